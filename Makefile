@@ -114,11 +114,11 @@ memory: $(RUN_STAMP) ## the peak memory of a twelve-hour shift through every est
 	$(BIN)/python -P benchmarks/memory.py
 
 decoding: $(TEST_STAMP) ## the columnar decoder against rosbags over 2500 random types in each encoding (ten minutes)
-	PAYSCOPE_RANDOM_TYPES=2500 $(BIN)/python -m pytest tests/replay/decoding/test_equality.py
-	PAYSCOPE_RANDOM_TYPES=250 $(BIN)/python -m pytest tests/replay/decoding/test_damage.py
+	PAYSCOPE_RANDOM_TYPES=2500 $(BIN)/python -m pytest tests/replay/logs/decoding/test_equality.py
+	PAYSCOPE_RANDOM_TYPES=250 $(BIN)/python -m pytest tests/replay/logs/decoding/test_damage.py
 
 fuzz: $(TEST_STAMP) ## 600 damaged logs of each of 21 containers: no crash, no hang, nothing lost in silence (ten minutes)
-	PAYSCOPE_FUZZ_FILES=600 $(BIN)/python -m pytest -s tests/replay/readers/fuzz
+	PAYSCOPE_FUZZ_FILES=600 $(BIN)/python -m pytest -s tests/replay/logs/fuzz
 
 writing: $(TEST_STAMP) ## simulated logs written by columns and message by message, into the documentation (ten minutes)
 	$(BIN)/python -P benchmarks/simulate.py --write

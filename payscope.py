@@ -71,7 +71,7 @@ def main() -> None:
 
 def importer() -> None:
     """Run the importer of the Rerun viewer, likewise."""
-    _run("replay.commands.importer")
+    _run("replay.commands.importer_command")
 
 
 def _shadowed() -> str:

@@ -4,7 +4,7 @@
 
 Changed is what differs from where this branch left the one it follows (`--since` names another
 commit), committed or not. Of the tests those run that are changed themselves, that mirror a changed
-file (`analysis/gate.py`: `tests/analysis/test_gate*.py`), or that import one, directly or through a
+file (`analysis/stages/gating/gate.py`: `tests/analysis/stages/gating/test_gate*.py`), or that import one, directly or through a
 helper of the tests; nearest first, and when the time is over the others are skipped. Types are
 checked of the changed files and of those that import them. `make test` runs everything.
 """
@@ -84,7 +84,7 @@ def changed_files(since: str | None) -> list[Path]:
 
 
 def module_of(path: Path) -> str:
-    """`analysis/gate.py` is `analysis.gate`."""
+    """`analysis/stages/gating/gate.py` is `analysis.stages.gating.gate`."""
     return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
 
 

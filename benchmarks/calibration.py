@@ -17,13 +17,13 @@ import numpy as np
 import typer
 from scipy.stats import t as student_t
 
-from analysis.calibration.fit import tested_line
-from analysis.calibration.inversion import Inversion
-from analysis.calibration.model import Points
-from analysis.calibration.straight_line import line_of_19
-from analysis.calibration.variance_components import Within
-from analysis.reproduction import paper
-from analysis.reproduction.torque_chain import TorqueChain
+from analysis.calibration.line.line_fit import tested_line
+from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_model import Points
+from analysis.calibration.line.straight_line import line_of_19
+from analysis.calibration.line.variance_components import Within
+from analysis.paper import printed_numbers
+from analysis.paper.torque_chain import TorqueChain
 from benchmarks.page import markdown, put
 from benchmarks.whole_campaigns import whole as whole_campaigns
 
@@ -212,10 +212,10 @@ def papers(dice: np.random.Generator) -> PaperRuns:
     loads, each = 6, 9
     # the front axle carries more with each drum than the drum: in m̂ a line of this slope
     c1 = chain.gain_1 * chain.load_lever_1
-    empty_kg = paper.MASS_KG
+    empty_kg = printed_numbers.MASS_KG
     at_empty_kg = chain.gain_1 * chain.empty_share_1 * empty_kg + chain.offset_N / EFFECTIVE_ACC
     c0 = at_empty_kg - c1 * empty_kg
-    reference_kg = empty_kg + np.linspace(0.0, paper.LOAD_RANGE_KG, loads)
+    reference_kg = empty_kg + np.linspace(0.0, printed_numbers.LOAD_RANGE_KG, loads)
     stated = np.zeros((loads, loads))
     drums = np.arange(1, loads)
     # drums on one scale: its error is in each, its reading noise in each alone

@@ -13,11 +13,11 @@ from typing import Annotated
 import polars as pl
 import typer
 
-from analysis.calibration.method_errors import rms_errors
+from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.simulation import Scenario
 from replay import load_machine
-from replay.demo import replay_campaign
-from replay.simulate import simulate
+from replay.demo.run_demo import replay_campaign
+from replay.simulation.simulate_logs import simulate
 
 
 def main(

@@ -16,12 +16,12 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.decode_log import CUSTOM_TYPE, store, value
-from replay.decoding.plan import Plan
-from replay.messages.batch import RawBatch, joined
-from replay.messages.fields import resolve
-from replay.messages.types import leaves
-from replay.readers.definitions import compile_type
-from replay.readers.storage.container import Connection
+from replay.logs.decoding.decode_plan import Plan
+from replay.logs.message_definitions import compile_type
+from replay.logs.messages.message_fields import resolve
+from replay.logs.messages.message_types import leaves
+from replay.logs.messages.raw_batch import RawBatch, joined
+from replay.logs.storage.container import Connection
 
 TOPICS: Final = (
     "sensor_msgs/msg/Imu",

@@ -35,7 +35,7 @@ os.environ.setdefault("POLARS_MAX_THREADS", "1")
 import polars as pl
 import typer
 
-from analysis.answer import answer
+from analysis.model.answer import answer
 from benchmarks.drawn_tables import DrawnTable, draw
 from recordings import read_recording
 from replay.commands.cli import main as payscope

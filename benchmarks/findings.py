@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from analysis.simulation.faults import FAULTS
+from analysis.simulation.logs.fault_injection import FAULTS
 from benchmarks.findings_rows import AXES, design, found, replayed
 from benchmarks.findings_tables import (
     of_clean,

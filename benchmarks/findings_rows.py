@@ -10,14 +10,14 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from analysis.machine import Channel, Machine
-from analysis.run import Run
-from analysis.schema import values
+from analysis.model.machine import Channel, Machine
+from analysis.model.run_record import Run
+from analysis.model.schema import values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from analysis.simulation.designs import Sections, drawn, joined, with_field_physics
-from analysis.simulation.faults import Fault, with_fault
+from analysis.simulation.logs.fault_injection import Fault, with_fault
+from analysis.simulation.scenario.drawn_designs import Sections, drawn, joined, with_field_physics
 from benchmarks.weighed import machine
-from replay.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 
 #: Axes that tell more causes apart than the loader's machine file needs.

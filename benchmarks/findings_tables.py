@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from analysis.findings import CAUSES
-from analysis.simulation.faults import FAULTS
+from analysis.simulation.logs.fault_injection import FAULTS
 from benchmarks.findings_trials import BY_NAME, SEVERITIES, DelayTrial, Trial
 from benchmarks.page import markdown
 

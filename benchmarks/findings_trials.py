@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulation.designs import Sections, joined
-from analysis.simulation.faults import FAULTS, Fault
+from analysis.simulation.logs.fault_injection import FAULTS, Fault
+from analysis.simulation.scenario.drawn_designs import Sections, joined
 from benchmarks.findings_rows import AXES, Found, design, found, needed, replayed
 from estimators.errors import PayscopeError
 

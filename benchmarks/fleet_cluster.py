@@ -24,10 +24,10 @@ os.environ["RAY_DEDUP_LOGS"] = "0"
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.fleet_file import load_fleet
+from replay.fleet.log_sources import FleetLog, fleet_logs
 from replay.fleet.ray_engine import ray_engine
-from replay.fleet.run import FleetRun, fleet_run
-from replay.fleet.sources import FleetLog, fleet_logs
-from replay.fleet.task import TaskOutcome
+from replay.fleet.recording_task import TaskOutcome
+from replay.fleet.run_fleet import FleetRun, fleet_run
 
 _WORKER = b"ray::replay_one"
 _WAIT_S = 60.0

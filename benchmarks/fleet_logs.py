@@ -5,12 +5,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.fleet.tables import TABLES
+from analysis.fleet.fleet_tables import TABLES
 from analysis.simulation import Scenario
-from replay.fleet.engine import Result, Task, Work
-from replay.fleet.gathered import FleetResults
-from replay.fleet.layout import MARK
-from replay.simulate import simulate
+from replay.fleet.gathered_tables import FleetResults
+from replay.fleet.results_layout import MARK
+from replay.fleet.task_engine import Result, Task, Work
+from replay.simulation.simulate_logs import simulate
 
 FLEET = """
 [fleet]
@@ -72,7 +72,7 @@ def same_results(a: Path, b: Path, apart: Sequence[str] = ()) -> tuple[int, list
                 differ.append(f"other row: {name}")
         elif (a / name).read_bytes() != (b / name).read_bytes():
             differ.append(f"other bytes: {name}")
-    from replay.fleet.store import Store
+    from replay.fleet.object_store import Store
 
     names = FleetResults(Store(str(b))).names
     return sum(map(len, names.values())), differ

@@ -20,12 +20,12 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from analysis.schema import QUALITY
+from analysis.model.schema import QUALITY
 from benchmarks.fleet_logs import told
-from replay.fleet.gathered import FleetResults
+from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.last_run import CurrentMachine, LastRun, NamedFiles
-from replay.fleet.layout import ResultName, write_result
-from replay.fleet.store import Store
+from replay.fleet.object_store import Store
+from replay.fleet.results_layout import ResultName, write_result
 
 _SEED: Final = 5
 _FIRST: Final = dt.datetime(2025, 1, 6, 6, tzinfo=dt.UTC)

@@ -23,10 +23,10 @@ from benchmarks.fleet_logs import recordings, told
 from benchmarks.page import markdown, put
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.last_run import TaskLimits
+from replay.fleet.log_sources import FleetLog, fleet_logs
 from replay.fleet.ray_engine import ray_engine
-from replay.fleet.run import fleet_run
-from replay.fleet.sources import FleetLog, fleet_logs
-from replay.fleet.task import TaskOutcome
+from replay.fleet.recording_task import TaskOutcome
+from replay.fleet.run_fleet import fleet_run
 
 #: A fleet to reckon with: recordings, nodes, and what a node has.
 _FLEET: Final = 100_000

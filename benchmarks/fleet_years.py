@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.fleet.drifts import MachineChart, machine_charts
+from analysis.fleet.machine_drifts import MachineChart, machine_charts
 from benchmarks.fleet_logs import told
 from benchmarks.page import markdown, put
 

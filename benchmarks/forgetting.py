@@ -11,17 +11,17 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.calibration.by_method import calibrate_methods
-from analysis.calibration.method_errors import rms_errors
-from analysis.calibration.trials import run_estimates
-from analysis.gate import gate
-from analysis.regressor import straight
-from analysis.run import Run
+from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.method_errors import rms_errors
+from analysis.model.axes import straight
+from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.trace import trace
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.gate import gate
 from benchmarks.page import markdown, put
 from benchmarks.simulated import excitation, joined, scenario
-from estimators import rls
+from estimators.methods import rls
 from replay import load_machine
 
 LAMBDAS = (0.99, 0.995, 0.997, 0.998, 0.999, 0.9995, 1.0)

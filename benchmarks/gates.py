@@ -12,17 +12,18 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.calibration.by_method import calibrate_methods
-from analysis.calibration.method_errors import rms_errors
-from analysis.calibration.trials import run_estimates
-from analysis.gate import gate
-from analysis.regressor import straight
-from analysis.run import Run
+from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.method_errors import rms_errors
+from analysis.model.axes import straight
+from analysis.model.run_record import Run
 from analysis.simulation import Scenario
-from analysis.trace import trace
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.gate import gate
 from benchmarks.page import markdown, put
 from benchmarks.simulated import joined, scenario
-from estimators import information, ls, neighbours
+from estimators.methods import ls
+from estimators.numerics import mutual_information, nearest_neighbours
 from replay import load_machine
 
 METHODS = ("ls", "rls", "pooled")
@@ -141,8 +142,8 @@ def cost() -> str:
     index = np.flatnonzero(complete > window - 0.5).astype(np.int64)
     acc = A[:, 0].copy()
     calls = {
-        "information": lambda: information.window_correlation(acc, f, window),
-        "ksg": lambda: neighbours.window_mutual_information(acc, f, window, index, 4),
+        "information": lambda: mutual_information.window_correlation(acc, f, window),
+        "ksg": lambda: nearest_neighbours.window_mutual_information(acc, f, window, index, 4),
         "variance": lambda: ls.window_statistics(A, f, window, index),
     }
     rows: list[list[str]] = []

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from analysis.settings import PriorSettings
-from analysis.simulation.designs import (
+from analysis.model.settings import PriorSettings
+from analysis.simulation.scenario.drawn_designs import (
     Sections,
     brought_to_size,
     drawn,
     joined,
     with_field_physics,
 )
-from analysis.simulation.situations import HARMLESS, INSTRUMENTS, MACHINE, WITHHELD
+from analysis.simulation.scenario.situations import HARMLESS, INSTRUMENTS, MACHINE, WITHHELD
 from benchmarks.weighed import DERIVED, Weighed, weighed
 from estimators.errors import ScenarioError
 

@@ -18,15 +18,15 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.calibration.apply import calibrated_loads
-from analysis.calibration.calibration import Calibration, CalibrationOptions
-from analysis.calibration.campaign import CampaignRun
-from analysis.calibration.fit import fit_calibration
-from analysis.calibration.later_log import later_log
-from analysis.calibration.learnt import as_later, learnt_terms, terms_of, with_learnt
-from analysis.calibration.readings import readings, run_responses
-from analysis.machine import Machine
-from analysis.run import Run
+from analysis.calibration.campaign.campaign_plan import CampaignRun
+from analysis.calibration.campaign.campaign_readings import readings, run_responses
+from analysis.calibration.line.calibration import Calibration, CalibrationOptions
+from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.use.apply_calibration import calibrated_loads
+from analysis.calibration.use.later_log import later_log
+from analysis.calibration.use.learnt_priors import as_later, learnt_terms, terms_of, with_learnt
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
 from benchmarks.independent.legs import DRIVE, STAND, WHOLE_LEG, Leg
 from benchmarks.independent.machine import Plant
 from benchmarks.independent.machine_file import Known, write_machine_file

@@ -35,7 +35,7 @@ from benchmarks.independent.mcap_log import write_mcap
 from benchmarks.independent.shift_logs import shift_log
 from benchmarks.page import markdown
 from estimators.errors import PayscopeError
-from replay.review import Reviewed, ReviewOptions, review
+from replay.review.review_shift import Reviewed, ReviewOptions, review
 
 #: Of an interval of 95 %.
 K: Final = 2.0

@@ -13,16 +13,16 @@ import polars as pl
 import typer
 
 from analysis import Machine
-from analysis.gate import gate
-from analysis.masses import masses
-from analysis.regressor import straight
-from analysis.segments import pooled_samples
+from analysis.model.axes import straight
 from analysis.simulation import simulate_campaign
-from analysis.smooth import trailing_mean
-from analysis.trace import trace
+from analysis.stages.estimation.masses import masses
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.gate import gate
+from analysis.stages.gating.segments import pooled_samples
+from analysis.stages.motion.smooth import trailing_mean
 from benchmarks.page import markdown, put
 from benchmarks.simulated import coloured, cut, excitation, scenario
-from estimators import pooled
+from estimators.methods import pooled
 from replay import load_machine
 
 NOISES = ((0.0, 0.1), (60.0, 0.1), (60.0, 0.3))

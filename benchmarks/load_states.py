@@ -17,14 +17,14 @@ import typer
 from scipy.stats import norm
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.designs import joined
-from analysis.weighing.states import States, found_states
+from analysis.simulation.scenario.drawn_designs import joined
+from analysis.weighing.load_states import States, found_states
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
-from estimators.autocorrelation import student_factor
-from estimators.units import Units
-from replay.memory_log import MemoryLog, reading_memory
+from estimators.joint.group_effects import Units
+from estimators.numerics.autocorrelation import student_factor
+from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 
 NOISE_KG: Final = 15.0

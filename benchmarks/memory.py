@@ -21,18 +21,18 @@ import polars as pl
 import typer
 
 from analysis.diagnosis import Evidence, verdict
-from analysis.forces import forces
-from analysis.gate import gate
-from analysis.machine import Machine
-from analysis.masses import masses
-from analysis.run import Provenance, Run
-from analysis.segments import segments
+from analysis.model.machine import Machine
+from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario
-from analysis.smooth import smooth
-from analysis.trace import trace
+from analysis.stages.estimation.masses import masses
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.gate import gate
+from analysis.stages.gating.segments import segments
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
 from recordings import write_recording
 from replay import load_machine, open_log, run
-from replay.simulate import simulate
+from replay.simulation.simulate_logs import simulate
 
 METHODS = ("ls", "rls", "fgls", "tls", "rtls", "huber", "pooled")
 GIB = 2**20  # in the kibibytes of getrusage

@@ -23,18 +23,18 @@ import numpy as np
 import typer
 
 from analysis.simulation import SimulatedLog
-from analysis.simulation.designs import Sections, joined
-from analysis.simulation.faults import Fault
+from analysis.simulation.logs.fault_injection import Fault
+from analysis.simulation.scenario.drawn_designs import Sections, joined
 from benchmarks.findings_rows import OPEN, POOLED, found, replayed, simulated
 from benchmarks.findings_trials import BY_NAME, base, errors, tried
 from benchmarks.page import markdown, put
 from estimators.errors import PayscopeError
-from replay.machine_file import load_machine, machine_path, time_axis
-from replay.mend import MachineText, mend
-from replay.mended_file import Proposal, mended
+from replay.explain.mended_file import Proposal, mended
+from replay.explain.try_proposals import MachineText, mend
+from replay.logs import open_log
+from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
-from replay.readers import open_log
-from replay.write_log import write_logs
+from replay.simulation.write_log import write_logs
 
 FAULTS: Final = (
     "force late",

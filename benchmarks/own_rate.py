@@ -23,8 +23,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.machine import Machine
-from analysis.settings import Settings
+from analysis.model.machine import Machine
+from analysis.model.settings import Settings
 from replay import open_log, run
 
 Floats = NDArray[np.float64]

@@ -21,11 +21,11 @@ from rosbags.rosbag1 import Reader, Writer
 
 from benchmarks.page import markdown, put
 from estimators.errors import DataError
-from recordings.finding_text import findings_of, name_of
-from replay.machine_file import load_machine, time_axis
-from replay.mend import MachineText, mend
+from recordings.report.finding_text import findings_of, name_of
+from replay.explain.try_proposals import MachineText, mend
+from replay.logs import open_log
+from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
-from replay.readers import open_log
 
 REPO: Final = Path(__file__).resolve().parent.parent
 _HZ: Final = 1000.0

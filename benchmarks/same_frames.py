@@ -280,7 +280,7 @@ def provenance_difference(mine: dict[str, Any], theirs: dict[str, Any]) -> str |
 def moved_settings() -> Mapping[str, str]:
     """The nested name of each setting that was flat once, as this checkout has it."""
     sys.path.insert(0, str(REPO))
-    from analysis.settings import MOVED
+    from analysis.model.settings import MOVED
 
     return dict(MOVED)
 

@@ -50,7 +50,7 @@ def main() -> None:
         write_mcap(asked.log, asked.hours * 60, CompressionType.ZSTD)
     import payscope
     from replay import open_log
-    from replay.readers.blocks import slabs
+    from replay.logs.blocks import slabs
 
     described = open_log(asked.log).topics().filter(pl.col("messages") > 0)
     row = described.sort("messages", "topic").row(-1, named=True)

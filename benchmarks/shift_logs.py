@@ -12,16 +12,21 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.machine import Machine
-from analysis.run import Run
-from analysis.settings import PriorSettings
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
+from analysis.model.settings import PriorSettings
 from analysis.simulation import Scenario
-from analysis.simulation.designs import LOADER_KG, Sections, joined, with_field_physics
-from analysis.simulation.shift_limits import check_shift
+from analysis.simulation.logs.shift_limits import check_shift
+from analysis.simulation.scenario.drawn_designs import (
+    LOADER_KG,
+    Sections,
+    joined,
+    with_field_physics,
+)
 from estimators.errors import ScenarioError
 from replay import load_machine, open_log
 from replay.pipeline import run
-from replay.simulate import shift_truth_path, simulate
+from replay.simulation.simulate_logs import shift_truth_path, simulate
 
 YARD: Final = Path(__file__).resolve().parent.parent / "examples" / "yard.toml"
 #: A dump is found when it is so near to a true one.

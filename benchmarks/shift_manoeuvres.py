@@ -12,19 +12,19 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.check import Verdict
 from analysis.cycles.cycles import cycles
-from analysis.cycles.passes import Passes, passes
-from analysis.cycles.shift import shift
-from analysis.schema import build
-from analysis.weighing.averages import EarlierRounds
-from analysis.weighing.growth import Filling
+from analysis.cycles.load_passes import Passes, passes
+from analysis.cycles.shift_totals import shift
+from analysis.model.schema import build
+from analysis.model.verdict import Verdict
+from analysis.weighing.fit_columns import EarlierRounds
+from analysis.weighing.growing_load import Filling
 from analysis.weighing.joint_result import JointFit, PriorMeans
+from analysis.weighing.load_states import States, found_states
 from analysis.weighing.nuisances import NUISANCES
-from analysis.weighing.states import States, found_states
 from analysis.weighing.weigh import Curvature, Weighing
-from estimators.prior_fit import PriorFit
-from estimators.units import Units
+from estimators.joint.group_effects import Units
+from estimators.joint.prior_fit import PriorFit
 from replay import load_machine
 
 Floats = NDArray[np.float64]

@@ -20,12 +20,12 @@ from typing import Any, Final, NamedTuple
 import typer
 
 from analysis.simulation import Scenario, SimulatedLog
-from analysis.simulation.shift_logs import ShiftSimulation
+from analysis.simulation.logs.shift_logs import ShiftSimulation
 from benchmarks import simulate_peers as peers
 from benchmarks.page import markdown, put
-from replay.writers.bag import write_bag
-from replay.writers.mcap import write_mcap
-from replay.writers.rosbag2 import write_db3, write_rosbag2
+from replay.logs.writers.bag_writer import write_bag
+from replay.logs.writers.mcap_writer import write_mcap
+from replay.logs.writers.rosbag2_writer import write_db3, write_rosbag2
 
 _ROUNDS: Final = 3
 _TARGET: Final = 20.0

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from analysis.simulation import SimulatedLog
-from replay.writers.ros_messages import TOPICS, message_columns
+from replay.logs.writers.ros_messages import TOPICS, message_columns
 
 
 def serialised(

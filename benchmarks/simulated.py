@@ -7,11 +7,11 @@ import polars as pl
 from scipy.signal import lfilter
 
 from analysis import Machine
-from analysis.align import align
-from analysis.forces import forces
-from analysis.run import Provenance, Run
+from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from analysis.smooth import smooth
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.signals.align import align
 
 
 def scenario(seed: int, **campaign: object) -> Scenario:

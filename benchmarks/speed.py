@@ -19,13 +19,13 @@ import numpy as np
 import typer
 from numba import njit
 
-from estimators import fgls, tls
 from estimators.estimate import Floats, Ints
-from estimators.information import correlated_sums
-from estimators.linear import pack
-from estimators.normal_equations import solve
-from estimators.recursive import chunks_of, fed_samples, feed_products, in_lanes
-from estimators.rolling import sum_windows
+from estimators.methods import fgls, tls
+from estimators.numerics.mutual_information import correlated_sums
+from estimators.numerics.normal_equations import solve
+from estimators.numerics.recursive import chunks_of, fed_samples, feed_products, in_lanes
+from estimators.numerics.rolling import sum_windows
+from estimators.numerics.small_systems import pack
 from estimators.threads import in_chunks
 
 #: One core each.

@@ -19,16 +19,16 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.align import align
-from analysis.channel_noise import channel_noise
-from analysis.check import Verdict
-from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, verdict
-from analysis.forces import forces
-from analysis.gate import gate
-from analysis.machine import Machine
-from analysis.smooth import smooth
-from analysis.turning.planar import planar
+from analysis.model.machine import Machine
+from analysis.model.verdict import Verdict
+from analysis.planar.centre_of_mass import planar
+from analysis.stages.gating.gate import gate
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.signals.align import align
+from analysis.stages.signals.derive import derive, measured
 from benchmarks.independent.turning_logs import FAULTS, TurnLog, turn_log
 from benchmarks.page import markdown
 

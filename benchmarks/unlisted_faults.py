@@ -17,7 +17,7 @@ from typing import Annotated, Final
 
 import typer
 
-from analysis.run import Run
+from analysis.model.run_record import Run
 from benchmarks.page import markdown
 from benchmarks.unlisted_more import MORE
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.simulation.waveforms import Floats
+from analysis.simulation.scenario.waveforms import Floats
 from benchmarks.unlisted_rows import (
     SPEEDS,
     TORQUES,

@@ -11,14 +11,14 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.machine import Channel, Machine
-from analysis.simulation.designs import joined
-from analysis.simulation.waveforms import Floats
+from analysis.model.machine import Channel, Machine
+from analysis.simulation.scenario.drawn_designs import joined
+from analysis.simulation.scenario.waveforms import Floats
 from benchmarks.findings_rows import AXES, design, simulated
 from benchmarks.independent.payload_plans import PayloadLog, Situation, payload_log
 from benchmarks.independent.sensors import Readings
 from benchmarks.weighed import machine as loader
-from replay.memory_log import MemoryLog
+from replay.inputs.memory_log import MemoryLog
 
 Frames = dict[str, pl.DataFrame]
 Body = Mapping[str, float]

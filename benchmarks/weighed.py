@@ -9,12 +9,12 @@ import numpy as np
 import polars as pl
 
 from analysis import Machine
-from analysis.run import Run
-from analysis.schema import values
+from analysis.model.run_record import Run
+from analysis.model.schema import values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from analysis.simulation.designs import Sections
+from analysis.simulation.scenario.drawn_designs import Sections
 from replay import load_machine
-from replay.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 
 #: Settings of an acceleration that is derived from the speed, where there is no accelerometer.

@@ -14,18 +14,18 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-from analysis.calibration.apply import calibrated_loads
-from analysis.calibration.calibration import CalibrationOptions
-from analysis.calibration.campaign import CampaignRun
-from analysis.calibration.fit import fit_calibration
-from analysis.calibration.later_log import later_log
-from analysis.calibration.learnt import learnt_terms, terms_of, with_learnt
-from analysis.calibration.readings import readings, run_responses
-from analysis.machine import Machine
-from analysis.run import Run
+from analysis.calibration.campaign.campaign_plan import CampaignRun
+from analysis.calibration.campaign.campaign_readings import readings, run_responses
+from analysis.calibration.line.calibration import CalibrationOptions
+from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.use.apply_calibration import calibrated_loads
+from analysis.calibration.use.later_log import later_log
+from analysis.calibration.use.learnt_priors import learnt_terms, terms_of, with_learnt
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from replay.machine_file import load_machine
-from replay.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, reading_memory
+from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 
 LOADS_KG: Final = (0.0, 50.0, 100.0, 150.0, 200.0, 250.0)

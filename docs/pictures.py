@@ -8,10 +8,10 @@ from pathlib import Path
 from PIL import Image
 
 from recordings import plot_run, write_recording
-from recordings.viewer import screenshots
+from recordings.rrd.viewer import screenshots
 from replay import load_machine, open_log, run
-from replay.scenario_file import load_scenario
-from replay.simulate import simulate
+from replay.simulation.scenario_file import load_scenario
+from replay.simulation.simulate_logs import simulate
 
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from analysis.calibration.campaign import (
+from analysis.calibration.campaign.campaign_plan import (
     About,
     AskedLimits,
     CalibratedMachine,
@@ -29,20 +29,24 @@ from analysis.calibration.campaign import (
     ReferenceMass,
     StatedComponent,
 )
-from analysis.settings import Settings
-from analysis.simulation.brakes import SimulatedBrakes
-from analysis.simulation.chassis import SimulatedChassis
-from analysis.simulation.defects import SimulatedDefects
-from analysis.simulation.drivetrain import SimulatedDrivetrain
-from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
-from analysis.simulation.loading import SimulatedLoading
-from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start, Travel
-from analysis.simulation.rolling import SimulatedRolling
-from analysis.simulation.sampling import SimulatedSampling
-from analysis.simulation.scenario import SimulatedCampaign, SimulatedMachine, SimulatedTerrain
-from analysis.simulation.shift import SimulatedShift
-from analysis.simulation.starts import SimulatedStarts
-from analysis.simulation.waveforms import ForceWave, TorqueWave
+from analysis.model.settings import Settings
+from analysis.simulation.scenario.brakes import SimulatedBrakes
+from analysis.simulation.scenario.chassis import SimulatedChassis
+from analysis.simulation.scenario.defects import SimulatedDefects
+from analysis.simulation.scenario.drivetrain import SimulatedDrivetrain
+from analysis.simulation.scenario.instruments import SimulatedRecorder, SimulatedSensors
+from analysis.simulation.scenario.loading import SimulatedLoading
+from analysis.simulation.scenario.manoeuvres import Arc, Excite, Rest, Spin, Start, Travel
+from analysis.simulation.scenario.rolling_resistance import SimulatedRolling
+from analysis.simulation.scenario.sampling import SimulatedSampling
+from analysis.simulation.scenario.scenario import (
+    SimulatedCampaign,
+    SimulatedMachine,
+    SimulatedTerrain,
+)
+from analysis.simulation.scenario.shift_plan import SimulatedShift
+from analysis.simulation.scenario.starts import SimulatedStarts
+from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from replay.fleet.fleet_file import AboutFleet, MachineRule
 from replay.fleet.last_run import TaskLimits
 

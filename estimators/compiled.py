@@ -2,7 +2,7 @@
 
 With numpy's error model a division by zero is infinite, without which no loop that divides is
 vectorised; the interpreter's lock is released, so that threads may share a log; what is compiled is
-kept for the next process (`estimators.cache`). Nothing may be reassociated or contracted: a loop
+kept for the next process (`estimators.compile_cache`). Nothing may be reassociated or contracted: a loop
 gives the same bits for one window as for many, and so on board as in replay.
 
 Processes may compile at once into one folder. Numba numbers the files of a function's compiled
@@ -22,7 +22,7 @@ from numba import njit
 from numba.core import config
 from numba.core.caching import IndexDataCacheFile
 
-from estimators.cache import folder_of
+from estimators.compile_cache import folder_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 

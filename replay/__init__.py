@@ -8,13 +8,13 @@ Names are resolved when first used, so that the command line starts before NumPy
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from replay.machine_file import load_machine
+    from replay.logs import Log, TimeAxis, open_log
+    from replay.machines.machine_file import load_machine
     from replay.pipeline import run
-    from replay.readers import Log, TimeAxis, open_log
 
 __all__ = ["Log", "TimeAxis", "load_machine", "open_log", "run"]
 
-_HOMES = {"load_machine": "replay.machine_file", "run": "replay.pipeline"}
+_HOMES = {"load_machine": "replay.machines.machine_file", "run": "replay.pipeline"}
 
 
 def __getattr__(name: str) -> Any:
@@ -22,4 +22,4 @@ def __getattr__(name: str) -> Any:
 
     if name not in __all__:
         raise AttributeError(f"module 'replay' has no attribute '{name}'")
-    return getattr(import_module(_HOMES.get(name, "replay.readers")), name)
+    return getattr(import_module(_HOMES.get(name, "replay.logs")), name)

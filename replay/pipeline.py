@@ -6,14 +6,8 @@ from typing import Final
 
 import polars as pl
 
-from analysis.align import align
-from analysis.align import notes as grid_notes
-from analysis.channel_noise import channel_noise
-from analysis.channel_noise import notes as noise_notes
-from analysis.check import Verdict
 from analysis.cycles.cycles import cycles
-from analysis.cycles.shift import shift
-from analysis.derive import derive, measured
+from analysis.cycles.shift_totals import shift
 from analysis.diagnosis import (
     Evidence,
     disagreements,
@@ -22,32 +16,38 @@ from analysis.diagnosis import (
     verdict,
     without_named,
 )
-from analysis.digging import digging, with_digs, without_digging
 from analysis.findings import Case, beginning, behind, findings
-from analysis.forces import forces
-from analysis.gate import gate
-from analysis.machine import Machine
-from analysis.masses import masses, withhold
-from analysis.mounting import Series
-from analysis.obstacles import obstacles
-from analysis.own_rate import at_own_rate
-from analysis.run import Loss, Run
-from analysis.segments import segments
-from analysis.smooth import smooth
-from analysis.stamps import place
-from analysis.trace import trace
-from analysis.turning.planar import planar
-from analysis.weighing.datum import ticket_notes
+from analysis.model.machine import Machine
+from analysis.model.run_record import Loss, Run
+from analysis.model.verdict import Verdict
+from analysis.planar.centre_of_mass import planar
+from analysis.stages.estimation.masses import masses, withhold
+from analysis.stages.estimation.obstacles import obstacles
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.digging import digging, with_digs, without_digging
+from analysis.stages.gating.gate import gate
+from analysis.stages.gating.segments import segments
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.noise.channel_noise import notes as noise_notes
+from analysis.stages.signals.align import align
+from analysis.stages.signals.align import notes as grid_notes
+from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.grid_rate import at_own_rate
+from analysis.stages.signals.mounting import Series
+from analysis.stages.signals.timestamps import place
+from analysis.weighing.empty_mass_datum import ticket_notes
 from analysis.weighing.learnt_means import responses
-from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_frame, nuisances
+from analysis.weighing.load_frames import budget_frame, changes, loads, manoeuvre_frame, nuisances
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
-from replay.inputs import channel_fields, named_by_topic, provenance, read_channels
-from replay.parallel_tables import side_by_side
-from replay.readers import Log
-from replay.time_line import note as order_note
-from replay.time_line import offsets_ns
+from replay.inputs.channel_inputs import channel_fields, named_by_topic, provenance, read_channels
+from replay.inputs.parallel_tables import side_by_side
+from replay.inputs.time_line import note as order_note
+from replay.inputs.time_line import offsets_ns
+from replay.logs import Log
 
 #: What `on_stage` is told, in order.
 STAGES: Final = (

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 import typer
 
-from analysis.settings import Settings
+from analysis.model.settings import Settings
 from analysis.simulation import Scenario
-from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
-from analysis.simulation.shift import SimulatedShift
-from analysis.simulation.waveforms import ForceWave, TorqueWave
+from analysis.simulation.scenario.manoeuvres import Arc, Excite, Rest, Spin, Start
+from analysis.simulation.scenario.shift_plan import SimulatedShift
+from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from replay.commands.cli import app
 
 REPO = Path(__file__).resolve().parent.parent
@@ -54,13 +54,13 @@ def test_every_key_of_a_scenario_is_documented_with_its_meaning() -> None:
 
 
 def test_every_key_of_a_campaign_file_is_documented_with_its_meaning() -> None:
-    from analysis.calibration import campaign
+    from analysis.calibration.campaign import campaign_plan
 
     page = (REPO / "docs/evidence.md").read_text(encoding="utf-8")
     for model in (
-        *(campaign.About, campaign.CalibratedMachine, campaign.ReferenceMass),
-        *(campaign.Conditions, campaign.CampaignRun, campaign.CampaignMethod),
-        *(campaign.StatedComponent, campaign.AskedLimits),
+        *(campaign_plan.About, campaign_plan.CalibratedMachine, campaign_plan.ReferenceMass),
+        *(campaign_plan.Conditions, campaign_plan.CampaignRun, campaign_plan.CampaignMethod),
+        *(campaign_plan.StatedComponent, campaign_plan.AskedLimits),
     ):
         for name, field in model.model_fields.items():
             assert f"| `{name}` |" in page
@@ -101,7 +101,7 @@ def test_every_command_in_the_documentation_gives_the_output_written_there(
 def test_the_library_example_of_the_readme_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from replay.simulate import simulate
+    from replay.simulation.simulate_logs import simulate
 
     short = Scenario()
     short = short.model_copy(
@@ -125,12 +125,12 @@ def test_links_within_the_repository_lead_somewhere(page: Path) -> None:
 
 
 def test_every_example_machine_file_is_valid() -> None:
-    from analysis.calibration.campaign import CalibrationCampaign
+    from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
     from estimators.errors import CampaignError
     from replay import load_machine
     from replay.fleet.fleet_file import load_fleet
-    from replay.scenario_file import load_scenario
-    from replay.toml_file import read_toml, validate
+    from replay.machines.toml_file import read_toml, validate
+    from replay.simulation.scenario_file import load_scenario
 
     for path in sorted((REPO / "examples").glob("*.toml")):
         if path.name in ("campaign.toml", "inertia.toml", "planar.toml", "shift.toml"):

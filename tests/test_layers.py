@@ -19,42 +19,71 @@ HOUSE = ("estimators", "analysis", "recordings", "replay")
 #: Folders import their own files and folders in lines above their own, none beside them.
 ORDER = (
     ("estimators",),
-    ("analysis/expressions",),
-    ("analysis",),
-    ("analysis/simulation", "analysis/weighing"),
-    ("analysis/turning",),
-    ("analysis/diagnosis",),
+    ("estimators/numerics",),
+    ("estimators/joint", "estimators/methods"),
+    ("estimators/planar",),
+    (
+        "analysis/calibration",
+        "analysis/expressions",
+        "analysis/simulation/scenario",
+        "analysis/stages",
+    ),
+    ("analysis/model", "analysis/simulation/motion"),
+    (
+        "analysis",
+        "analysis/calibration/line",
+        "analysis/compare",
+        "analysis/simulation/plant",
+        "analysis/simulation/sensors",
+        "analysis/stages/motion",
+        "analysis/stages/signals",
+    ),
+    (
+        "analysis/calibration/use",
+        "analysis/fleet",
+        "analysis/simulation/drive",
+        "analysis/simulation/trials",
+        "analysis/stages/noise",
+    ),
+    ("analysis/calibration/campaign", "analysis/simulation/logs", "analysis/stages/gating"),
+    ("analysis/online", "analysis/simulation", "analysis/stages/estimation", "analysis/weighing"),
+    (
+        "analysis/cycles",
+        "analysis/diagnosis",
+        "analysis/excitation",
+        "analysis/paper",
+        "analysis/planar",
+    ),
     ("analysis/findings",),
-    ("analysis/explaining",),
-    ("analysis/calibration", "analysis/experiment_design"),
-    ("analysis/cycles", "analysis/fleet", "analysis/reproduction"),
-    ("recordings",),
-    ("recordings/evidence", "recordings/reproduction"),
-    ("recordings/pages",),
-    ("recordings/fleet", "recordings/review"),
-    ("replay/messages",),
-    ("replay/decoding",),
-    ("replay/writers",),
-    ("replay/readers/storage",),
-    ("replay/readers/blocks", "replay/readers/tables"),
-    ("replay/readers/bag", "replay/readers/mcap", "replay/readers/sqlite"),
-    ("replay/readers/rosbag2",),
-    ("replay/readers",),
-    ("replay/frames", "replay/recognise"),
-    ("replay",),
-    ("replay/fleet",),
+    ("analysis/explain",),
+    ("recordings/report",),
+    ("recordings/fleet", "recordings/paper", "recordings/rrd"),
+    ("recordings/calibration", "recordings/compare", "recordings/plots", "recordings/review"),
+    ("recordings", "recordings/explain"),
+    ("replay/logs/messages",),
+    ("replay/logs/decoding", "replay/logs/storage", "replay/logs/tables"),
+    ("replay/logs/blocks", "replay/logs/sqlite", "replay/logs/writers"),
+    ("replay/logs/bag", "replay/logs/mcap"),
+    ("replay/logs/rosbag2",),
+    ("replay/logs",),
+    ("replay/frames", "replay/machines", "replay/recognise"),
+    ("replay/inputs", "replay/simulation"),
+    ("replay", "replay/excitation"),
+    ("replay/calibration", "replay/explain", "replay/init", "replay/paper"),
+    ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/run"),
+    ("replay/demo",),
     ("replay/commands",),
 )
 SHOWN = "\n".join(f"{number:4}  {', '.join(folders)}" for number, folders in enumerate(ORDER, 1))
 #: Folders of which files elsewhere import what `__init__` has, and no file.
 FACES = (
-    "replay/readers",
-    "replay/readers/storage",
-    "replay/readers/blocks",
-    "replay/readers/bag",
-    "replay/readers/mcap",
-    "replay/readers/sqlite",
-    "replay/readers/rosbag2",
+    "replay/logs",
+    "replay/logs/storage",
+    "replay/logs/blocks",
+    "replay/logs/bag",
+    "replay/logs/mcap",
+    "replay/logs/sqlite",
+    "replay/logs/rosbag2",
 )
 #: Libraries that one package alone may import.
 OWNERS = {
@@ -181,9 +210,12 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
     names = {
         name
         for path in FILES
-        if not folder_of(path).startswith("replay/readers")
+        if not folder_of(path).startswith("replay/logs")
         for module, name in _imported(path)
-        if module.startswith("replay.readers")
+        if module.startswith("replay.logs")
+        and not module.startswith(
+            tuple(f"replay.logs.{each}" for each in ("decoding", "messages", "writers"))
+        )
     }
     # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
     # a storage without folders, holds; `TABLE` is the one topic of a table
@@ -201,7 +233,7 @@ def test_a_library_has_one_importing_package(path: Path) -> None:
 
 
 def test_one_file_knows_the_engine_and_one_the_storage() -> None:
-    for library, file in (("ray", "ray_engine"), ("obstore", "store")):
+    for library, file in (("ray", "ray_engine"), ("obstore", "object_store")):
         knowing = [shown(path) for path in FILES if library in _packages(path)]
         assert knowing == [f"replay/fleet/{file}.py"]
 
@@ -231,7 +263,7 @@ def test_help_loads_none_of_the_heavy_libraries() -> None:
 def test_a_run_begins_without_what_it_may_not_need() -> None:
     late = ("scipy.signal", "scipy.stats", "rerun", "matplotlib", "pyarrow", "rosbags", "pint")
     code = (
-        "import sys, replay.commands.cli, replay.commands.progress, replay.replay_logs\n"
+        "import sys, replay.commands.cli, replay.commands.progress_bar, replay.run.run_logs\n"
         f"print([name for name in {late!r} if name in sys.modules])"
     )
     loaded = subprocess.run(

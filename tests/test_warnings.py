@@ -6,7 +6,8 @@ import pytest
 
 
 @pytest.mark.parametrize(
-    "module", ["recordings.evidence.report", "payscope", "/a/place/estimators/recursive"]
+    "module",
+    ["recordings.calibration.calibration_report", "payscope", "/a/place/estimators/recursive"],
 )
 def test_a_warning_about_our_own_code_is_an_error(module: str) -> None:
     with pytest.raises(DeprecationWarning):

@@ -15,7 +15,8 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.check import Verdict
+from analysis.cycles.boom_cycles import digging_contradicts, with_witnessed
+from analysis.cycles.cycle_parts import CycleParts, cycle_parts, dump_times
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
@@ -25,14 +26,13 @@ from analysis.cycles.empty_machine import (
     empty_machine,
     states_of_passes,
 )
-from analysis.cycles.parts import CycleParts, cycle_parts, dump_times
-from analysis.cycles.passes import NO_PASSES, Passes, passes
-from analysis.cycles.witnessed import digging_contradicts, with_witnessed
-from analysis.machine import Machine
-from analysis.schema import FRAMES, build
-from analysis.uncertainty import combined, unknown_scale
-from analysis.weighing.budget import budget
-from analysis.weighing.datum import Datum, EmptyMachine
+from analysis.cycles.load_passes import NO_PASSES, Passes, passes
+from analysis.model.machine import Machine
+from analysis.model.schema import FRAMES, build
+from analysis.model.uncertainty_sources import combined, unknown_scale
+from analysis.model.verdict import Verdict
+from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
+from analysis.weighing.mass_budget import budget
 from analysis.weighing.weigh import Weighing
 
 Floats = NDArray[np.float64]

@@ -4,11 +4,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.cycles.passes import Passes
-from analysis.machine import Machine
-from analysis.weighing.datum import EmptyMachine
-from analysis.weighing.equation import Floats
+from analysis.cycles.load_passes import Passes
+from analysis.model.machine import Machine
+from analysis.weighing.empty_mass_datum import EmptyMachine
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 
 #: The cleanest bucket is this quantile of the empty passes: the least of many is the noisiest.

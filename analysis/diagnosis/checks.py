@@ -11,18 +11,18 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis import fit_quality
-from analysis.check import About
-from analysis.column_noise import ColumnNoise
-from analysis.diagnosis.evidence import Evidence, Motion
+from analysis.diagnosis.check_inputs import Evidence, Motion
+from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.fit_checks import FIT_CHECKS
-from analysis.diagnosis.row import CheckRow
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
-from analysis.gate import accepted_samples
-from analysis.own_rate import FEWEST_READINGS, rows_in
-from analysis.phases import beside_speed_rate, span_rows
-from analysis.regressor import X
-from analysis.schema import build, values
+from analysis.model.axes import X
+from analysis.model.schema import build, values
+from analysis.model.verdict import About
+from analysis.stages.estimation import fit_quality
+from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.motion.phases import beside_speed_rate, span_rows
+from analysis.stages.noise.column_noise import ColumnNoise
+from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 
 _SCALE_REMEDY: Final = (
     "the scale and unit of the force, machine.wheel_radius_m, machine.force_share, "

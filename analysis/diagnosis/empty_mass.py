@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from analysis.machine import Machine
-from analysis.uncertainty import combined
-from analysis.weighing.budget import budget
-from analysis.weighing.datum import UNKNOWN_SCALE, unknown_factors
+from analysis.model.machine import Machine
+from analysis.model.uncertainty_sources import combined
+from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
+from analysis.weighing.mass_budget import budget
 from analysis.weighing.weigh import Weighing
 
 #: Above the empty mass lies a payload: without a state that is known to be empty a difference of up

@@ -5,14 +5,14 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.disagreement import disagreements
-from analysis.diagnosis.evidence import Evidence, Motion
-from analysis.diagnosis.row import CheckRow
-from analysis.schema import values
-from analysis.weighing.budget import relative_u
-from analysis.weighing.kinematics import Kinematics
+from analysis.diagnosis.check_inputs import Evidence, Motion
+from analysis.diagnosis.check_row import CheckRow
+from analysis.diagnosis.method_disagreement import disagreements
+from analysis.model.schema import values
+from analysis.weighing.mass_budget import relative_u
 from analysis.weighing.other_motion import disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
+from analysis.weighing.wheel_kinematics import Kinematics
 
 
 def _of_fit(number: Callable[[Weighing], float]) -> Callable[[Evidence, Motion], float]:

@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from analysis import fit_quality
-from analysis.diagnosis.evidence import Evidence, Floats, Motion
-from analysis.diagnosis.row import CheckRow
-from analysis.mounting_guess import gravity_tilt_deg
+from analysis.diagnosis.check_inputs import Evidence, Floats, Motion
+from analysis.diagnosis.check_row import CheckRow
+from analysis.stages.estimation import fit_quality
+from analysis.stages.signals.mounting_guess import gravity_tilt_deg
 
 
 def _raw_opposing_share(evidence: Evidence, motion: Motion) -> float:

@@ -4,8 +4,8 @@ from typing import Final
 
 import polars as pl
 
-from analysis.machine import Machine
-from analysis.schema import build
+from analysis.model.machine import Machine
+from analysis.model.schema import build
 
 _CHECK: Final = "causes"
 _MEANING: Final = "named causes under which a mass is worth nothing"

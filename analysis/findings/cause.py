@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from analysis.findings.case import Case
+from analysis.findings.finding_inputs import Case
 
 
 @dataclass(frozen=True, slots=True)

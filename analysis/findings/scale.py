@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from analysis.findings.case import Case
 from analysis.findings.cause import Sign
+from analysis.findings.finding_inputs import Case
 
 #: Standard uncertainties, with the scale's, that chance stays below.
 _SURELY_U: Final = 3.0

@@ -7,10 +7,10 @@ motion), `solve` with `driven` and `arc` (an exact trial: a `motion`), or, where
 kept), `campaign` (loads, trials, truth).
 """
 
-from analysis.simulation.campaign import SimulatedLog, simulate_campaign
-from analysis.simulation.motion import Channels, SolvedMotion
-from analysis.simulation.scenario import Scenario
-from analysis.simulation.solve import solve_motion
+from analysis.simulation.logs.simulated_campaign import SimulatedLog, simulate_campaign
+from analysis.simulation.motion.solved_motion import Channels, SolvedMotion
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.trials.solve_trial import solve_motion
 
 __all__ = [
     "Channels",

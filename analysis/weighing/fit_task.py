@@ -6,11 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from analysis.settings import LearntTerm, PriorSettings
-from analysis.weighing.averages import Averages, EarlierRounds, RelativeLoads, averages
-from analysis.weighing.effects import NARROW
-from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
-from analysis.weighing.ground import BY_GROUND
+from analysis.model.settings import LearntTerm, PriorSettings
+from analysis.weighing.fit_columns import Averages, EarlierRounds, RelativeLoads, averages
+from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (
     Estimated,
     JointFit,
@@ -18,7 +16,9 @@ from analysis.weighing.joint_result import (
     place_of,
     resistance_slope,
 )
-from analysis.weighing.kinematics import Kinematics
+from analysis.weighing.load_states import States, stretch_units
+from analysis.weighing.log_effects import NARROW
+from analysis.weighing.motion_samples import Equation, Floats, NoiseOfColumns
 from analysis.weighing.nuisances import (
     Nuisance,
     const_width,
@@ -26,11 +26,11 @@ from analysis.weighing.nuisances import (
     weight_in_const,
     weight_in_direction,
 )
-from analysis.weighing.route import Route
-from analysis.weighing.states import States, stretch_units
-from estimators import prior_fit
-from estimators.prior_fit import Grouping
-from estimators.units import Units, units_of
+from analysis.weighing.uneven_ground import BY_GROUND
+from analysis.weighing.wheel_kinematics import Kinematics
+from estimators.joint import prior_fit
+from estimators.joint.group_effects import Units, units_of
+from estimators.joint.prior_fit import Grouping
 
 #: A lag that changes by less is found.
 _LAG_FOUND_S: Final = 1e-4

@@ -5,9 +5,10 @@ from typing import Final, Self
 
 import numpy as np
 
-from analysis.own_rate import rows_in
-from analysis.settings import PriorSettings
-from analysis.weighing.averages import (
+from analysis.model.settings import PriorSettings
+from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.body_squat import find_squat
+from analysis.weighing.fit_columns import (
     Averages,
     EarlierRounds,
     FitColumns,
@@ -15,26 +16,19 @@ from analysis.weighing.averages import (
     averages,
     stride_of,
 )
-from analysis.weighing.effects import LikelyEffects
-from analysis.weighing.equation import (
-    Equation,
-    Floats,
-    Ints,
-    KeptNoise,
-    NoiseOfColumns,
-)
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.ground import FEWEST, GROUND
+from analysis.weighing.force_by_place import PLACE
 from analysis.weighing.joint_result import JointFit, MotionResponses
-from analysis.weighing.kinematics import Kinematics, kinematics
+from analysis.weighing.load_states import States, found_states, places, stretch_units, untold_states
+from analysis.weighing.log_effects import LikelyEffects
+from analysis.weighing.motion_samples import Equation, Floats, Ints, KeptNoise, NoiseOfColumns
 from analysis.weighing.nuisances import (
     NUISANCES,
     Nuisance,
 )
-from analysis.weighing.place import PLACE
-from analysis.weighing.squat import find_squat
-from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
-from estimators.autocorrelation import pooled_autocorrelation
+from analysis.weighing.uneven_ground import FEWEST, GROUND
+from analysis.weighing.wheel_kinematics import Kinematics, kinematics
+from estimators.numerics.autocorrelation import pooled_autocorrelation
 
 #: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
 #: taken.

@@ -6,15 +6,15 @@ from typing import Protocol
 
 import numpy as np
 
-from analysis.weighing.averages import EarlierRounds
-from analysis.weighing.effects import LikelyEffects
-from analysis.weighing.equation import Equation, Floats
-from analysis.weighing.kinematics import TERMS, Kinematics
+from analysis.weighing.body_squat import Squat
+from analysis.weighing.fit_columns import EarlierRounds
+from analysis.weighing.force_by_place import BY_PLACE, place_force
+from analysis.weighing.load_states import States
+from analysis.weighing.log_effects import LikelyEffects
+from analysis.weighing.motion_samples import Equation, Floats
 from analysis.weighing.nuisances import Nuisance
-from analysis.weighing.place import BY_PLACE, place_force
-from analysis.weighing.squat import Squat
-from analysis.weighing.states import States
-from estimators.prior_fit import PriorFit
+from analysis.weighing.wheel_kinematics import TERMS, Kinematics
+from estimators.joint.prior_fit import PriorFit
 
 
 class Estimated(Protocol):

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from analysis.machine import Machine
-from analysis.schema import MOVED, SCALE, build
-from analysis.uncertainty import combined
-from analysis.weighing.budget import budget
-from analysis.weighing.equation import Floats
-from analysis.weighing.kinematics import TERMS
-from analysis.weighing.loads import weights_against
+from analysis.model.machine import Machine
+from analysis.model.schema import MOVED, SCALE, build
+from analysis.model.uncertainty_sources import combined
+from analysis.weighing.load_frames import weights_against
+from analysis.weighing.mass_budget import budget
+from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
+from analysis.weighing.wheel_kinematics import TERMS
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Final, Self
 
 import numpy as np
 
-from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, Floats, Ints
+from analysis.model.settings import PriorSettings
+from analysis.weighing.motion_samples import Equation, Floats, Ints
 
 #: Mean square of the progress, which goes from -1/2 to 1/2.
 _MEAN_SQUARE: Final = 1.0 / 12.0

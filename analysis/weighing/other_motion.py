@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
+from analysis.model.settings import PriorSettings
 from analysis.weighing.joint_fit import Fitted, joint_fit
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.motion_samples import Equation, Floats, NoiseOfColumns
 
 #: One sample of a central difference has half of the variance of one sample of the speed, by the
 #: step squared; a longer mean is the difference of two samples.

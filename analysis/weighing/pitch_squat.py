@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.equation import Equation, Floats, Ints
+from analysis.weighing.motion_samples import Equation, Floats, Ints
 from analysis.weighing.stretch_means import EVERY, MEAN, means
-from estimators.fit_loss import group_rows
+from estimators.numerics.fit_loss import group_rows
 
 #: Metres from where a stretch begins over which the grade is a cubic: half the length of a hill.
 _REACH_M: Final = 8.0

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.equation import Floats
+from analysis.weighing.motion_samples import Floats
 from estimators.compiled import compiled
 
 #: Means of so many samples are compared; stretches shorter than ten of them are not.

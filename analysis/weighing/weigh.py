@@ -7,14 +7,13 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.column_noise import ColumnNoise
-from analysis.machine import Machine
-from analysis.own_rate import FEWEST_READINGS, rows_in
-from analysis.regressor import X
-from analysis.settings import LearntTerm, PriorSettings
-from analysis.weighing.averages import Averages
-from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
-from analysis.weighing.growth import Filling, Growth, filling, growing
+from analysis.model.axes import X
+from analysis.model.machine import Machine
+from analysis.model.settings import LearntTerm, PriorSettings
+from analysis.stages.noise.column_noise import ColumnNoise
+from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
+from analysis.weighing.fit_columns import Averages
+from analysis.weighing.growing_load import Filling, Growth, filling, growing
 from analysis.weighing.joint_fit import (
     Fitted,
     again,
@@ -26,9 +25,10 @@ from analysis.weighing.joint_fit import (
     with_states,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.kinematics import TERMS
+from analysis.weighing.motion_samples import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import OtherMotion, by_other_motion, disagreement
+from analysis.weighing.wheel_kinematics import TERMS
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
 _DISAGREES: Final = 3.0

@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, Final
 
-from replay.commands import printing
-from replay.commands.printing import plain_table, print_line, print_table
+from replay.commands import print_tables
+from replay.commands.print_tables import plain_table, print_line, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from analysis.answer import Answer, AnswerRow
-    from analysis.check import Check, Verdict
+    from analysis.model.answer import Answer, AnswerRow
+    from analysis.model.verdict import Check, Verdict
 
 #: Findings, losses and notes that are printed without -v; the others are counted.
 _MOST_LINES: Final = 3
@@ -36,7 +36,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
         goal: a standard uncertainty in kg; how many more starts would reach it is printed.
         verbose: 1 adds budget, methods and what was left out above; 2 every check.
     """
-    screen = printing.console()
+    screen = print_tables.console()
     if answer.verdict.can_weigh:
         _print_worth(screen, answer, verbose)
     else:
@@ -59,7 +59,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
 
 def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
-    from recordings.worth_text import advice, load_heads, load_rows, worth_lines
+    from recordings.report.worth_text import advice, load_heads, load_rows, worth_lines
 
     for line in worth_lines(answer, brief=not verbose):
         print_line(screen, line)
@@ -77,8 +77,8 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
 
 def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
     """What else bears on the answer, the most important first."""
-    from recordings.planar_text import planar_lines
-    from recordings.worth_text import goal_lines, shift_lines
+    from recordings.report.planar_text import planar_lines
+    from recordings.report.worth_text import goal_lines, shift_lines
 
     if goal is not None:
         yield from goal_lines(answer, goal)
@@ -93,7 +93,7 @@ def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator
 
 
 def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
-    from recordings.finding_text import affects_mass, finding_line, findings_from
+    from recordings.report.finding_text import affects_mass, finding_line, findings_from
 
     found = findings_from(answer.findings)
     shown = found if verbose else [each for each in found if affects_mass(each)][:_MOST_LINES]
@@ -113,7 +113,7 @@ def _first(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterat
 
 def _inertia(answer: "Answer") -> "Iterator[str]":
     """Yaw inertia in a line: of the joint fit, else of the first method that has one."""
-    from recordings.wording import plus_minus
+    from recordings.report.number_text import plus_minus
 
     for row in answer.rows:
         for method in row.methods:
@@ -126,7 +126,7 @@ def _inertia(answer: "Answer") -> "Iterator[str]":
 
 def _print_budget(screen: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.worth_text import budget_rows, main_load
+    from recordings.report.worth_text import budget_rows, main_load
 
     rows = budget_rows(answer) if answer.verdict.can_weigh else []
     if rows:
@@ -195,7 +195,7 @@ def _number(row: "AnswerRow", method: str, name: str, std_name: str | None) -> s
 
 def _checks(checks: "Sequence[Check]") -> "Table":
     """A row a check: its number, its limit, what it led to."""
-    from recordings.wording import outcome
+    from recordings.report.number_text import outcome
 
     table = plain_table("check", "value", "limit")
     table.add_column("")

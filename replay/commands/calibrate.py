@@ -8,7 +8,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from replay.calibrate import Calibrated
+    from replay.calibration.calibrate_campaign import Calibrated
 
 
 def command(
@@ -52,10 +52,10 @@ def command(
 
     Exit status 1 where there is no line, a limit is not kept, or a check finds drift.
     """
-    from replay.calibrate import calibrate
-    from replay.check_mass import Known, check_mass
-    from replay.commands.printing import console, print_json
-    from replay.commands.progress import Stages
+    from replay.calibration.calibrate_campaign import calibrate
+    from replay.calibration.check_mass import Known, check_mass
+    from replay.commands.print_tables import console, print_json
+    from replay.commands.progress_bar import Stages
 
     if check is None and (check_u or certificate or day):
         raise typer.BadParameter("--check-u, --certificate and --day are of --check")
@@ -87,9 +87,9 @@ def command(
 
 
 def _print(screen: "Console", made: "Calibrated") -> None:
-    from recordings.evidence.report import facts, kilograms
-    from recordings.evidence.words import in_words
-    from replay.commands.printing import plain_table, print_line, print_table
+    from recordings.calibration.calibration_report import facts, kilograms
+    from recordings.calibration.calibration_text import in_words
+    from replay.commands.print_tables import plain_table, print_line, print_table
 
     table = plain_table(
         *("run", "load", "reference kg", "readings", "estimate kg", "calibrated kg", "error kg"),

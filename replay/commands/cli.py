@@ -154,7 +154,7 @@ def _compiled_anew(error: Exception) -> str:
     """
     if not any("numba" in Path(frame.filename).parts for frame in extract_tb(error.__traceback__)):
         raise error
-    from estimators.cache import forget
+    from estimators.compile_cache import forget
 
     folders = ", ".join(map(str, forget()))
     return f"{folders}: compiled code kept there cannot be read and was removed; run it again"

@@ -6,18 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.options import (
-    Calibration,
-    RequireSigned,
-    SignerKey,
-    asked_calibration,
-)
+from replay.commands.common_options import Calibration, RequireSigned, SignerKey, asked_calibration
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from analysis.comparison import Changed, Comparison, EstimateChange
-    from analysis.stage_change import ColumnChange
+    from analysis.compare.run_comparison import Changed, Comparison, EstimateChange
+    from analysis.compare.stage_change import ColumnChange
 
 #: Tables as wide as this run over on a narrower screen, since a name that is cut is no name.
 _WIDEST: Final = 120
@@ -58,8 +53,8 @@ def command(
     begins where its counterpart of A does. Exit status 1 when anything differs
     but file names and versions.
     """
-    from replay.commands.printing import print_json
-    from replay.compare import OverlayTo, compare_recordings
+    from replay.commands.print_tables import print_json
+    from replay.compare.compare_recordings import OverlayTo, compare_recordings
 
     found = compare_recordings(
         a,
@@ -80,7 +75,7 @@ def command(
 def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
     """Print what differs, the answer before the details; nothing is printed of what is equal."""
     from estimators.errors import counted
-    from replay.commands.printing import console, print_line, print_table
+    from replay.commands.print_tables import console, print_line, print_table
 
     screen = console()
 
@@ -126,7 +121,7 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
 def _values(changes: Iterable["Changed"]) -> "Table":
     from rich.markup import escape
 
-    from replay.commands.printing import plain_table, value_text
+    from replay.commands.print_tables import plain_table, value_text
 
     table = plain_table("", "A", "B")
     for column in table.columns[1:]:
@@ -148,7 +143,7 @@ _UNITS: Final = {
 
 
 def _estimates(about: str, changes: Iterable["EstimateChange"]) -> "Table":
-    from replay.commands.printing import plain_table
+    from replay.commands.print_tables import plain_table
 
     table = plain_table(about, "", "A", "B", "change", "in std")
     table.columns[1].justify = "left"
@@ -180,7 +175,7 @@ def _columns(found: "Comparison") -> "Table":
     from rich.markup import escape
 
     from estimators.errors import counted
-    from replay.commands.printing import plain_table
+    from replay.commands.print_tables import plain_table
 
     table = plain_table("stage", "column", "rows that differ", "largest change", "relative", "at s")
     table.columns[1].justify = "left"

@@ -8,7 +8,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from replay.demo import Demo
+    from replay.demo.run_demo import Demo
 
 
 def command(
@@ -20,10 +20,10 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
     """Simulate six loads × nine starts as ROS bags, calibrate, verify; then review a shift."""
-    from replay.commands.printing import console, print_json
-    from replay.commands.progress import Stages
+    from replay.commands.print_tables import console, print_json
+    from replay.commands.progress_bar import Stages
     from replay.commands.review import print_review
-    from replay.demo import STEPS, demo
+    from replay.demo.run_demo import STEPS, demo
 
     with Stages(len(STEPS)) as stages:
         result = demo(output, seed=seed, force=force, on_stage=stages.begin)
@@ -41,8 +41,8 @@ def _render(result: "Demo") -> "RenderableType":
     import polars as pl
     from rich.console import Group
 
-    from analysis.answer import JOINT
-    from replay.commands.printing import plain_table
+    from analysis.model.answer import JOINT
+    from replay.commands.print_tables import plain_table
 
     loads = plain_table(
         "load kg",

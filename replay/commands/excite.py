@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from analysis.experiment_design import Design
+    from analysis.excitation import Design
 
 _TITLES: Final = {"mass_kg": "mass kg", "inertia_z_kg_m2": "Izz kg·m²", "com_x_m": "com x m"}
 _DIGITS: Final = {"mass_kg": 1, "inertia_z_kg_m2": 1, "com_x_m": 4}
@@ -54,11 +54,11 @@ def command(
     simulated machine; the table predicts the errors of least squares over the window that
     determines the parameters least. Exit status 1 when no waveform reaches the accuracy.
     """
-    from analysis.experiment_design import design
-    from recordings.output import check_output, keep_apart
-    from replay.commands.printing import console, print_json
-    from replay.excite import to_dict, write_design
-    from replay.scenario_file import load_scenario
+    from analysis.excitation import design
+    from recordings.report.atomic_output import check_output, keep_apart
+    from replay.commands.print_tables import console, print_json
+    from replay.excitation.write_excitation import to_dict, write_design
+    from replay.simulation.scenario_file import load_scenario
 
     wanted = _share(accuracy)
     if output:
@@ -93,7 +93,7 @@ def _render(design: Design) -> RenderableType:
     """Lay a design out for a terminal."""
     from rich.console import Group
 
-    from replay.commands.printing import plain_table
+    from replay.commands.print_tables import plain_table
 
     names = list(design.scores[0].predictions)
     titles = [text for name in names for text in (f"± {_TITLES[name]}", "bias")]

@@ -10,9 +10,9 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from analysis.answer import Answer
-    from analysis.explaining import Explanation
-    from replay.explain import Mended
+    from analysis.explain import Explanation
+    from analysis.model.answer import Answer
+    from replay.explain.explain_run import Mended
 
 
 #: Of a replay, for a bar: a recording is explained without the pipeline, which is slow to load.
@@ -52,9 +52,9 @@ def command(
     machine file is written with the proposals that pay, and the log is replayed with it. Exit
     status 1 if nothing pays.
     """
-    from replay.commands.printing import print_json
-    from replay.commands.progress import Stages
-    from replay.explain import Asked, explain_run
+    from replay.commands.print_tables import print_json
+    from replay.commands.progress_bar import Stages
+    from replay.explain.explain_run import Asked, explain_run
 
     picture, mended_file = _outputs(output or [], apply=apply)
     if overrides and machine is None:
@@ -105,14 +105,14 @@ def _mended_dict(mended: "Mended") -> dict[str, Any]:
 
 
 def _print(explained: "Explanation", mended: "Mended | None", picture: Path | None) -> None:
-    from recordings.explained_text import (
+    from recordings.explain.explanation_text import (
         determined_lines,
         finding_lines,
         gate_lines,
         manoeuvre_line,
         verdict_sentence,
     )
-    from replay.commands.printing import console, print_line
+    from replay.commands.print_tables import console, print_line
 
     screen = console()
 
@@ -141,8 +141,8 @@ def _print(explained: "Explanation", mended: "Mended | None", picture: Path | No
 
 
 def _print_mended(screen: "Console", mended: "Mended") -> None:
-    from recordings.finding_text import name_of
-    from replay.commands.printing import print_line, value_text
+    from recordings.report.finding_text import name_of
+    from replay.commands.print_tables import print_line, value_text
 
     screen.print("\nmended, each proposal tried by a replay:", markup=False)
     for each in mended.changes:
@@ -166,7 +166,7 @@ def _print_mended(screen: "Console", mended: "Mended") -> None:
 
 def _mass(answer: "Answer") -> str:
     """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
-    from recordings.wording import plus_minus
+    from recordings.report.number_text import plus_minus
 
     if not answer.verdict.can_weigh:
         return ""

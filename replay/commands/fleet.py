@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.options import FrameFormat
+from replay.commands.common_options import FrameFormat
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from contextlib import AbstractContextManager
 
-    from analysis.fleet.comparison import FleetComparison
-    from replay.fleet.compare import Days
-    from replay.fleet.engine import Engine
-    from replay.fleet.gathered import FleetResults
-    from replay.fleet.run import FleetRun
+    from analysis.fleet.results_comparison import FleetComparison
+    from replay.fleet.compare_results import Days
+    from replay.fleet.gathered_tables import FleetResults
+    from replay.fleet.run_fleet import FleetRun
+    from replay.fleet.task_engine import Engine
 
 app = typer.Typer(
     help="Replay a fleet's recordings on an engine; query, report and compare the results.",
@@ -85,10 +85,10 @@ def run_command(
     Exit status 1 if a recording has no result.
     """
     from replay.commands.fleet_progress import FleetProgress
-    from replay.commands.printing import print_json
+    from replay.commands.print_tables import print_json
     from replay.fleet.fleet_file import load_fleet
-    from replay.fleet.run import fleet_run
-    from replay.fleet.sources import fleet_logs
+    from replay.fleet.log_sources import fleet_logs
+    from replay.fleet.run_fleet import fleet_run
 
     fleet = load_fleet(machines, tuple(overrides or ()))
     with FleetProgress() as shown:
@@ -125,10 +125,10 @@ def query_command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Query all results by SQL; the rows are always in the same order."""
-    from recordings.output import check_output
+    from recordings.report.atomic_output import check_output
     from replay.commands.frame_output import format_of, frame_text, print_frame
-    from replay.fleet.gathered import fleet_results
-    from replay.fleet.query import fleet_query
+    from replay.fleet.gathered_tables import fleet_results
+    from replay.fleet.query_results import fleet_query
 
     chosen = format_of(output_format and output_format.value, output)
     if output is not None:
@@ -149,10 +149,10 @@ def report_command(
     as_json: AsJson = False,
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
-    from recordings.fleet.page import headline
-    from replay.commands.printing import console, print_json, print_line
-    from replay.fleet.gathered import fleet_results
-    from replay.fleet.report import fleet_report
+    from recordings.fleet.fleet_page import headline
+    from replay.commands.print_tables import console, print_json, print_line
+    from replay.fleet.gathered_tables import fleet_results
+    from replay.fleet.write_fleet_page import fleet_report
 
     results = fleet_results(destination)
     made = fleet_report(results, destination, results.current.fleet, output, force=force)
@@ -197,9 +197,9 @@ def compare_command(
 
     Exit status 1 if they would.
     """
-    from replay.commands.printing import print_json
-    from replay.fleet.compare import fleet_compare
-    from replay.fleet.gathered import fleet_results
+    from replay.commands.print_tables import print_json
+    from replay.fleet.compare_results import fleet_compare
+    from replay.fleet.gathered_tables import fleet_results
 
     if (b is None) == (not overrides):
         raise typer.BadParameter("name other results, B, or settings, --set: one of both")
@@ -242,10 +242,10 @@ def open_command(
     """Open a recording in the viewer; one that is not kept is made of its log."""
     import shutil
 
-    from recordings.output import whole_file
-    from replay.fleet.gathered import fleet_results
-    from replay.fleet.open import recording_of
-    from replay.view import view
+    from recordings.report.atomic_output import whole_file
+    from replay.fleet.gathered_tables import fleet_results
+    from replay.fleet.open_recording import recording_of
+    from replay.recording.open_viewer import view
 
     with recording_of(fleet_results(destination), key) as recording:
         if output is None:
@@ -267,7 +267,7 @@ def _engine(
 
 
 def _days(first: str | None, last: str | None) -> "Days":
-    from replay.fleet.compare import Days
+    from replay.fleet.compare_results import Days
 
     found: list[dt.date | None] = []
     for name, text in (("--from", first), ("--to", last)):
@@ -285,7 +285,7 @@ def _what_if(
     engine: "Callable[[], AbstractContextManager[Engine]]",
 ) -> "FleetResults":
     from replay.commands.fleet_progress import FleetProgress
-    from replay.fleet.compare import OnRun, what_if
+    from replay.fleet.compare_results import OnRun, what_if
 
     with FleetProgress() as shown:
         told = OnRun(shown.begin, shown.done, shown.on_engine)
@@ -299,7 +299,7 @@ def _what_if(
 
 def _print_run(did: "FleetRun") -> None:
     from estimators.errors import counted
-    from replay.commands.printing import console, print_line
+    from replay.commands.print_tables import console, print_line
 
     screen = console()
     total = did.made + did.there + len(did.refused) + len(did.failed)
@@ -316,7 +316,7 @@ def _print_run(did: "FleetRun") -> None:
 
 
 def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
-    from replay.commands.printing import console, plain_table, print_line, print_table
+    from replay.commands.print_tables import console, plain_table, print_line, print_table
 
     screen = console()
     whole = found.whole

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
-    from replay.fleet.engine import Engine
-    from replay.fleet.sources import FleetLog
-    from replay.fleet.task import TaskOutcome
+    from replay.fleet.log_sources import FleetLog
+    from replay.fleet.recording_task import TaskOutcome
+    from replay.fleet.task_engine import Engine
 
 
 class FleetProgress:

@@ -10,8 +10,8 @@ import polars as pl
 import typer
 
 from estimators.errors import OutputError
-from recordings.output import whole_file
-from replay.commands.printing import json_text
+from recordings.report.atomic_output import whole_file
+from replay.commands.print_tables import json_text
 
 #: What `-o` may end in.
 _WRITTEN = ("csv", "json", "parquet")

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.options import LogKeys, TimeColumn, TimeUnit
+from replay.commands.common_options import LogKeys, TimeColumn, TimeUnit
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from replay.info import LogInfo
+    from replay.init.describe_log import LogInfo
 
 _NO_CRC: Final = "no CRC to compare"
 
@@ -44,11 +44,11 @@ def command(
     from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
     from estimators.errors import LogError
-    from replay.commands.options import time_axis_of
-    from replay.commands.printing import console, print_json
-    from replay.commands.progress import Stages
-    from replay.info import describe
-    from replay.readers import open_log
+    from replay.commands.common_options import time_axis_of
+    from replay.commands.print_tables import console, print_json
+    from replay.commands.progress_bar import Stages
+    from replay.init.describe_log import describe
+    from replay.logs import open_log
 
     try:
         zone = ZoneInfo(timezone)
@@ -89,7 +89,7 @@ def command(
 
 def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
     """Print a log's description, its start in local time of `zone`."""
-    from replay.commands.printing import print_line, print_table
+    from replay.commands.print_tables import print_line, print_table
 
     for line in _head(info, zone):
         print_line(screen, line)
@@ -136,7 +136,7 @@ def _verdict(info: "LogInfo") -> Iterator[tuple[str, str]]:
 
 
 def _when(stamp_ns: int, zone: tzinfo) -> str:
-    from analysis.stamps import FIRST_DATE_NS
+    from analysis.stages.signals.timestamps import FIRST_DATE_NS
 
     seconds = f"{stamp_ns / 1e9:.3f} s"
     if stamp_ns < FIRST_DATE_NS:

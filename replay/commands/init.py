@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from replay.commands.options import LogKeys, TimeColumn, TimeUnit
+from replay.commands.common_options import LogKeys, TimeColumn, TimeUnit
 
 
 def command(
@@ -27,17 +27,17 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
-    from recordings.output import check_output, keep_apart, whole_file
-    from replay.commands.options import time_axis_of
-    from replay.guess import draft_machine_file
-    from replay.guess_replayed import BRAKING, replayed_lines
-    from replay.readers import open_log
+    from recordings.report.atomic_output import check_output, keep_apart, whole_file
+    from replay.commands.common_options import time_axis_of
+    from replay.init.guess_by_replay import BRAKING, replayed_lines
+    from replay.init.guess_machine import draft_machine_file
+    from replay.logs import open_log
 
     if (log is None) == (campaign is None):
         raise typer.BadParameter("name a LOG for a machine file, or --campaign DIR")
     axis = time_axis_of(time, time_unit, keys)
     if campaign is not None:
-        from replay.campaign_draft import draft_campaign
+        from replay.init.campaign_draft import draft_campaign
 
         check_output(output, force=force)
         text, lacking = draft_campaign(campaign, output, machine)

@@ -8,7 +8,7 @@ import typer
 
 
 class Question(StrEnum):
-    """The figures, one a question (`recordings.plot.FIGURES`)."""
+    """The figures, one a question (`recordings.plots.run_plots.FIGURES`)."""
 
     page = "page"
     force_acceleration = "force-acceleration"
@@ -40,7 +40,7 @@ def command(
     Or one figure a question: --figure force-acceleration, convergence, gate or loads. Long runs are
     drawn by envelopes, medians and shares of time; --from and --to show the detail.
     """
-    from replay.plot import plot
+    from replay.recording.plot_recording import plot
 
     picture = plot(
         recording, output, figure.value, at_s=at_s, from_s=from_s, to_s=to_s, force=force

@@ -48,10 +48,10 @@ def command(
     differ from the paper's, and why.
     """
     from estimators.errors import OutputError, nearest
-    from recordings.reproduction.items import ITEMS
-    from recordings.reproduction.page import check_reproduction, write_reproduction
-    from replay.commands.progress import Stages
-    from replay.reproduce import Reproduction
+    from recordings.paper.paper_items import ITEMS
+    from recordings.paper.paper_page import check_reproduction, write_reproduction
+    from replay.commands.progress_bar import Stages
+    from replay.paper.reproduce_paper import Reproduction
 
     names = [item.name for item in ITEMS]
     for name in items or []:

@@ -5,17 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from replay.commands.options import (
-    Calibration,
-    RequireSigned,
-    SignerKey,
-    asked_calibration,
-)
+from replay.commands.common_options import Calibration, RequireSigned, SignerKey, asked_calibration
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from replay.review import Reviewed
+    from replay.review.review_shift import Reviewed
 
 
 def command(
@@ -46,11 +41,11 @@ def command(
     Exit status 1 if no cycle counts; stderr and the page say why.
     """
     from estimators.errors import one_line
-    from recordings.review.page import headline
-    from replay.commands.printing import console, print_json
-    from replay.commands.progress import Stages
+    from recordings.review.review_page import headline
+    from replay.commands.print_tables import console, print_json
+    from replay.commands.progress_bar import Stages
     from replay.pipeline import STAGES
-    from replay.review import ReviewOptions, review
+    from replay.review.review_shift import ReviewOptions, review
 
     asked = asked_calibration(calibration, key, signed=require_signed)
     options = ReviewOptions(overrides or [], asked, target, full)
@@ -70,7 +65,7 @@ def print_review(screen: "Console", made: "Reviewed") -> None:
 
     Why there are no tonnes is a message, which the command prints on stderr.
     """
-    from recordings.review.page import (
+    from recordings.review.review_page import (
         NOT_CALIBRATED,
         PAGE,
         breakdown,
@@ -78,7 +73,7 @@ def print_review(screen: "Console", made: "Reviewed") -> None:
         headline,
         missing_loads,
     )
-    from replay.commands.printing import print_line
+    from replay.commands.print_tables import print_line
 
     if not made.no_tonnes:
         print_line(screen, headline(made.shift, ""))

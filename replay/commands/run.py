@@ -7,19 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from replay.commands.options import (
-    Calibration,
-    RequireSigned,
-    SignerKey,
-    asked_calibration,
-)
+from replay.commands.common_options import Calibration, RequireSigned, SignerKey, asked_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from analysis.answer import Answer
-    from analysis.comparison import Changed
-    from replay.replay_logs import RecordTo
+    from analysis.compare.run_comparison import Changed
+    from analysis.model.answer import Answer
+    from replay.run.run_logs import RecordTo
 
 
 def command(
@@ -72,9 +67,9 @@ def command(
     in the file is one line, and ctrl-C ends with status 0.
     """
     from replay.commands.answer_text import print_answer
-    from replay.commands.printing import print_json
-    from replay.commands.progress import Stages
-    from replay.replay_logs import STEPS, RecordTo, replay_logs
+    from replay.commands.print_tables import print_json
+    from replay.commands.progress_bar import Stages
+    from replay.run.run_logs import STEPS, RecordTo, replay_logs
 
     if live and output is None:
         raise typer.BadParameter("--live shows a recording: name it with -o")
@@ -120,8 +115,8 @@ def _watch(
 ) -> None:
     """Replay after each change, with a line of what changed, until interrupted."""
     from estimators.errors import PayscopeError, one_line
-    from replay.commands.printing import value_text
-    from replay.watch import watch
+    from replay.commands.print_tables import value_text
+    from replay.run.watch_machine_file import watch
 
     def on_answer(answer: "Answer", changed: "list[Changed]") -> None:
         if changed:

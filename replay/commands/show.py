@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.options import (
+from replay.commands.common_options import (
     Calibration,
     FrameFormat,
     RequireSigned,
@@ -14,7 +14,7 @@ from replay.commands.options import (
 )
 
 if TYPE_CHECKING:
-    from replay.calibrated import AskedCalibration
+    from replay.calibration.apply_evidence import AskedCalibration
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
 _ROWS_SHOWN: Final = 40
@@ -70,7 +70,13 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
     from rich.markup import escape
 
     from recordings import read_provenance, stages
-    from replay.commands.printing import console, plain_table, print_json, print_line, print_table
+    from replay.commands.print_tables import (
+        console,
+        plain_table,
+        print_json,
+        print_line,
+        print_table,
+    )
 
     held = stages(recording)
     if as_json:
@@ -99,9 +105,9 @@ def _show_stage(
     force: bool,
 ) -> None:
     """Print the rows of one stage from one second to another, or at one, or write them."""
-    from recordings.output import check_output, keep_apart
+    from recordings.report.atomic_output import check_output, keep_apart
     from replay.commands.frame_output import format_of, frame_text, print_frame
-    from replay.show import Stage
+    from replay.recording.read_stage import Stage
 
     recording, name, calibration = asked
     output_format = format_of(output_format, output)

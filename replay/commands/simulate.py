@@ -23,8 +23,8 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace existing logs.")] = False,
 ) -> None:
     """Simulate a scenario as logs, one for each load, with its truth in LOG.truth.json."""
-    from replay.scenario_file import load_scenario
-    from replay.simulate import simulate
+    from replay.simulation.scenario_file import load_scenario
+    from replay.simulation.simulate_logs import simulate
 
     for path in simulate(load_scenario(scenario, overrides or []), output, force=force):
         typer.echo(str(path))

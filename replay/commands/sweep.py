@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from replay.commands.options import (
+from replay.commands.common_options import (
     Calibration,
     FrameFormat,
     RequireSigned,
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from recordings.sweep_figure import SweptRow
-    from replay.calibrated import AskedCalibration
-    from replay.sweep import Row
+    from recordings.plots.sweep_figure import SweptRow
+    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.run.sweep_settings import Row
 
 #: Whoever reads a file can scroll.
 _FILE_WIDTH: Final = 400
@@ -125,13 +125,13 @@ def _print_sweep(
         Whether any combination can weigh.
     """
     from estimators.errors import OutputError
-    from recordings.output import check_output, keep_apart
-    from recordings.picture import check_picture
+    from recordings.report.atomic_output import check_output, keep_apart
+    from recordings.report.picture import check_picture
     from replay.commands.frame_output import format_of, print_frame
-    from replay.commands.printing import console
-    from replay.commands.progress import Stages
-    from replay.grid import combinations
-    from replay.sweep import sweep
+    from replay.commands.print_tables import console
+    from replay.commands.progress_bar import Stages
+    from replay.run.setting_grid import combinations
+    from replay.run.sweep_settings import sweep
 
     logs, machine_file, overrides, over = asked
     output, figure = outputs
@@ -167,7 +167,7 @@ def _print_sweep(
             records=[_nested(row) for row in rows],
         )
     if figure is not None:
-        from recordings.sweep_figure import plot_sweep
+        from recordings.plots.sweep_figure import plot_sweep
 
         drawn = plot_sweep(
             [_swept(row) for row in rows], figure, reference_kg=reference_kg, force=force
@@ -178,7 +178,7 @@ def _print_sweep(
 
 def _swept(row: Row) -> SweptRow:
     """A row as its figure has it."""
-    from recordings.sweep_figure import SweptRow
+    from recordings.plots.sweep_figure import SweptRow
 
     names = _names(row.over)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
@@ -257,7 +257,7 @@ def _table(
     rest: Callable[[Row], Sequence[str]] = lambda _: (),
 ) -> Table:
     """A row a combination: what was varied, a cell a method, and more columns."""
-    from replay.commands.printing import plain_table
+    from replay.commands.print_tables import plain_table
 
     methods = list(dict.fromkeys(method for row in rows for method in _by_method(row, "mass_kg")))
     table = plain_table(*_names(rows[0].over).values(), *methods, *more)
@@ -271,7 +271,7 @@ def _table(
 
 def _of_calibration(rows: Sequence[Row]) -> Table:
     """A row a combination: the calibrated mass, or why there is none."""
-    from replay.commands.printing import plain_table
+    from replay.commands.print_tables import plain_table
 
     table = plain_table(*_names(rows[0].over).values(), "calibrated", "from", "to")
     table.add_column("", overflow="fold")
@@ -314,7 +314,7 @@ def _by_method(row: Row, quantity: str) -> Mapping[str, float | None]:
 
 
 def _typed(row: Row) -> dict[str, Any]:
-    from replay.toml_file import read_value
+    from replay.machines.toml_file import read_value
 
     return {key: read_value(text) for key, text in row.over.items()}
 

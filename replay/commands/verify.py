@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from replay.verify import Verified
+    from replay.calibration.verify_bundle import Verified
 
 
 def command(
@@ -43,8 +43,8 @@ def command(
     7 expired, 8 made by another version: the first of these that is found. Nothing in the folder is
     run.
     """
-    from replay.commands.printing import print_json
-    from replay.verify import verify
+    from replay.calibration.verify_bundle import verify
+    from replay.commands.print_tables import print_json
 
     found = verify(
         folder,
@@ -64,7 +64,7 @@ def command(
 
 
 def _print(found: "Verified") -> None:
-    from replay.commands.printing import console, print_line
+    from replay.commands.print_tables import console, print_line
 
     screen = console()
     for finding in found.findings:

@@ -25,7 +25,7 @@ def command(
     ] = None,
 ) -> None:
     """Open a recording in the Rerun viewer (listens on 127.0.0.1 only), or photograph it."""
-    from replay.view import view
+    from replay.recording.open_viewer import view
 
     for each in view(recording, from_s, to_s, at_s=at_s, screenshot=screenshot, tab=tab):
         typer.echo(str(each))

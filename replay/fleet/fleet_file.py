@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from estimators.errors import FleetError
 from replay.fleet.last_run import NamedFiles, TaskLimits
-from replay.fleet.setups import MachineSetup, machine_setups
-from replay.toml_file import read_toml, validate
+from replay.fleet.machine_setups import MachineSetup, machine_setups
+from replay.machines.toml_file import read_toml, validate
 
 _STRICT: Final = ConfigDict(extra="forbid", frozen=True)
 #: Stands for the machine's name in a rule.

@@ -14,7 +14,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any, Final
 
 from estimators.errors import FleetError
-from replay.fleet.engine import Lost, Result, Task, Work
+from replay.fleet.task_engine import Lost, Result, Task, Work
 
 #: Ray starts a task of a lost worker or node anew so many times.
 _RETRIES: Final = 3

@@ -5,7 +5,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Final
 
-from replay.readers import Log, TimeAxis, open_log
+from replay.logs import Log, TimeAxis, open_log
 
 #: Each holds a file open and the log times of its messages.
 _MOST_OPEN: Final = 8

@@ -7,7 +7,7 @@ from typing import Any, Final, Literal, cast
 import numpy as np
 import polars as pl
 
-from replay.messages.types import LeafField, ValueNames
+from replay.logs.messages.message_types import LeafField, ValueNames
 
 LOG_TIME_NS: Final = "log_time_ns"
 STAMP_NS: Final = "header_stamp_ns"

@@ -9,13 +9,13 @@ from typing import Final
 
 import polars as pl
 
-from analysis.run import Loss
+from analysis.model.run_record import Loss
 from estimators.errors import LogError, PayscopeError, nearest
 from replay.frames.logs import opened_log
 from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range
 from replay.frames.shape import FrameOptions, TopicShape
-from replay.messages.types import LeafField
-from replay.readers import Log, TimeAxis
+from replay.logs import Log, TimeAxis
+from replay.logs.messages.message_types import LeafField
 
 #: Which log a row is of, where there are several.
 SOURCE: Final = "source"

@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from estimators.errors import LogError
-from replay.readers import Log
+from replay.logs import Log
 
 Floats = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.derive import unit_of
-from analysis.schema import CHANNEL_COLUMNS
-from analysis.units import to_si
+from analysis.model.physical_units import to_si
+from analysis.model.schema import CHANNEL_COLUMNS
+from analysis.stages.signals.derive import unit_of
 from estimators.errors import LogError, MachineError
-from replay.readers import Log
+from replay.logs import Log
 from replay.recognise.words import Meaning, meaning
 
 Floats = NDArray[np.float64]
@@ -122,7 +122,7 @@ def _columns(log: Log) -> list[_Column]:
 
 
 def _bare(name: str) -> str:
-    from analysis.units import unit_behind
+    from analysis.model.physical_units import unit_behind
 
     cut = name
     for opening in "[(":

@@ -6,12 +6,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.align import align
-from analysis.derive import derive, measured
-from analysis.forces import forces
-from analysis.machine import Machine
-from analysis.smooth import smooth
-from analysis.stamps import place
+from analysis.model.machine import Machine
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.signals.align import align
+from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.timestamps import place
 from tests.analysis.settings_by_name import staged
 
 T0_NS = 1_700_000_000_000_000_000

@@ -1,6 +1,6 @@
 """A machine file of a table that holds nothing but force and speed."""
 
-from analysis.machine import Machine
+from analysis.model.machine import Machine
 
 
 def kinematic_machine(name: str, empty_mass_kg: float, cutoff_hz: float) -> Machine:

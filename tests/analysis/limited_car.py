@@ -7,9 +7,9 @@ from typing import Any, Self
 import numpy as np
 import polars as pl
 
-from analysis.check import Check, Verdict
-from analysis.machine import Machine
-from analysis.run import Run
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
+from analysis.model.verdict import Check, Verdict
 from replay import open_log, run
 
 Floats = np.ndarray

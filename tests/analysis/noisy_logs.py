@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis import filters
-from analysis.forces import forces
-from analysis.smooth import smooth
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.signals import filters
 from tests.analysis.conftest import make_machine
 
 RATE_HZ = 100

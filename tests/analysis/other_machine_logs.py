@@ -6,10 +6,10 @@ from pathlib import Path
 
 import polars as pl
 
-from analysis.run import Run
+from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from replay import open_log, run
-from replay.readers import TimeAxis
+from replay.logs import TimeAxis
 from tests.analysis.kinematic_machine import kinematic_machine
 
 

@@ -5,17 +5,17 @@ from functools import cache
 import numpy as np
 import polars as pl
 
-from analysis.align import align
-from analysis.check import Verdict
-from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, verdict
-from analysis.forces import forces
-from analysis.gate import gate
-from analysis.masses import masses, withhold
+from analysis.model.verdict import Verdict
 from analysis.simulation import Scenario, solve_motion
-from analysis.smooth import smooth
-from analysis.stamps import place
-from analysis.trace import trace
+from analysis.stages.estimation.masses import masses, withhold
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.gate import gate
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.signals.align import align
+from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.timestamps import place
 
 STARTS = 9
 TRUE_KG = 3614.0

@@ -1,27 +1,27 @@
 """Drives in the plane as sensors say them: starts, spins, arcs and joint motion, with noise.
 
 Speeds are prescribed or pushed through first-order friction; force and yaw torque are what Newton
-and Euler ask for (`estimators.planar_rows.regressor` times the loader's parameters).
+and Euler ask for (`estimators.planar.planar_rows.regressor` times the loader's parameters).
 """
 
 import numpy as np
 import polars as pl
 
-from analysis.align import align
-from analysis.channel_noise import channel_noise
-from analysis.check import Verdict
-from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, verdict
-from analysis.forces import forces
-from analysis.gate import gate
-from analysis.machine import Machine
-from analysis.masses import masses, withhold
-from analysis.mounting import rotation
-from analysis.segments import segments
-from analysis.smooth import smooth
-from analysis.trace import trace
-from analysis.turning.planar import planar
-from estimators import planar_rows as model
+from analysis.model.machine import Machine
+from analysis.model.verdict import Verdict
+from analysis.planar.centre_of_mass import planar
+from analysis.stages.estimation.masses import masses, withhold
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.gate import gate
+from analysis.stages.gating.segments import segments
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.signals.align import align
+from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.mounting import rotation
+from estimators.planar import planar_rows as model
 from tests.analysis.settings_by_name import staged
 
 RATE_HZ = 100

@@ -1,6 +1,6 @@
 """Settings by their last names alone, which no two stages share."""
 
-from analysis.settings import Settings
+from analysis.model.settings import Settings
 
 STAGE_OF = {name: stage for stage, model in Settings.parts().items() for name in model.model_fields}
 

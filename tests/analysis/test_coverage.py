@@ -5,13 +5,13 @@ import polars as pl
 import pytest
 from scipy.signal import lfilter
 
-from analysis.align import align
-from analysis.forces import forces
-from analysis.gate import gate
-from analysis.regressor import straight
-from analysis.segments import pooled_samples, segments
+from analysis.model.axes import straight
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.smooth import smooth
+from analysis.stages.gating.gate import gate
+from analysis.stages.gating.segments import pooled_samples, segments
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.signals.align import align
 
 TRUE_KG = 3614.0
 

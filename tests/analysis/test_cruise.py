@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.gate import gate
-from analysis.regressor import straight
-from estimators import rls
+from analysis.model.axes import straight
+from analysis.stages.gating.gate import gate
+from estimators.methods import rls
 
 TRUE_KG = 3614.0
 SEEDS = range(10)

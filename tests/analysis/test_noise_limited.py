@@ -4,15 +4,15 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.align import align
-from analysis.channel_noise import channel_noise
-from analysis.derive import derive, measured
-from analysis.forces import forces
-from analysis.gate import gate
-from analysis.masses import masses
-from analysis.smooth import smooth
-from analysis.stamps import place
-from analysis.trace import trace
+from analysis.stages.estimation.masses import masses
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.gate import gate
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.noise.channel_noise import channel_noise
+from analysis.stages.signals.align import align
+from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.timestamps import place
 from tests.analysis.conftest import T0_NS, make_machine, topic
 from tests.analysis.noisy_logs import KINEMATIC
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.simulation.other_machines import OTHER_MACHINES, bus, electric_car
+from analysis.simulation.scenario.other_machines import OTHER_MACHINES, bus, electric_car
 from tests.analysis.other_machine_logs import replayed
 
 #: Masses on board, in kg, a file each.

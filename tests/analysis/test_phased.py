@@ -4,9 +4,9 @@ from functools import cache
 
 import pytest
 
-from analysis.align import notes
-from analysis.derive import derive, measured
-from analysis.stamps import place
+from analysis.stages.signals.align import notes
+from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.timestamps import place
 from tests.analysis import phased
 from tests.analysis.conftest import make_machine
 

@@ -6,8 +6,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.schema import FRAMES
-from estimators.planar_rows import PARAMETERS
+from analysis.model.schema import FRAMES
+from estimators.planar.planar_rows import PARAMETERS
 from tests.analysis.plane_drives import (
     LOADER,
     arc,

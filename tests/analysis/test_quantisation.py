@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.noise_spectra import quantum
+from analysis.stages.noise.noise_spectra import quantum
 
 GRID_HZ = 100.0
 

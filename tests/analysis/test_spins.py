@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.machine import ImuMounting
-from analysis.obstacles import obstacles
-from analysis.windows import samples_of
+from analysis.model.machine import ImuMounting
+from analysis.model.windows import samples_of
+from analysis.stages.estimation.obstacles import obstacles
 from tests.analysis.plane_drives import (
     LOADER,
     braked,

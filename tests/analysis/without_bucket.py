@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.machine import Machine
+from analysis.model.machine import Machine
 from tests.analysis.kinematic_machine import kinematic_machine
 
 Floats = np.ndarray

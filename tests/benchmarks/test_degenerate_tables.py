@@ -32,9 +32,9 @@ TABLES, MANY_TABLES = 2, 60
 @pytest.fixture(autouse=True)
 def whatever_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether loops are compiled already, and that is said, depends on the tests before."""
-    from replay.commands import progress
+    from replay.commands import progress_bar
 
-    monkeypatch.setattr(progress, "LONG_S", float("inf"))
+    monkeypatch.setattr(progress_bar, "LONG_S", float("inf"))
 
 
 def examples(count: int) -> settings:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.machine import Machine
+from analysis.model.machine import Machine
 from benchmarks.independent.turning_logs import FAULTS, turn_log
 from benchmarks.turning import planar_of, turned
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators import planar_rows, rigid_body
+from estimators.planar import planar_rows, rigid_body
 
 #: A loader, in the order of planar_rows.PARAMETERS.
 LOADER = np.array([3614.0, 4200.0, 500.0, -60.0, 2891.0, 1500.0])

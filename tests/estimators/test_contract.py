@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from analysis.methods import METHODS, AxisNoise, Feed, MethodOptions
-from estimators import fgls, ls, rls, rtls, tls
-from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from analysis.model.methods import METHODS, AxisNoise, Feed, MethodOptions
 from estimators.estimate import Trace
-from estimators.linear import condition_number
+from estimators.methods import fgls, ls, rls, rtls, tls
+from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.numerics.small_systems import condition_number
 
 WINDOW = 40
 #: Accepted window ends: two stretches that share samples, one alone, one far away.

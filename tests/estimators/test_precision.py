@@ -9,8 +9,8 @@ import math
 import numpy as np
 import pytest
 
-from estimators import fgls, ls, rls, tls
-from estimators.information import window_correlation
+from estimators.methods import fgls, ls, rls, tls
+from estimators.numerics.mutual_information import window_correlation
 
 W = 320
 TWELVE_HOURS = 4_320_000

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from estimators import ls, pooled, rls, rtls
-from estimators.autocorrelation import pooled_autocorrelation, student_factor, window_residuals
-from estimators.sandwich import deviations, meat
-from estimators.tls import TlsOptions
-from estimators.window_mean import mean_estimate
+from estimators.methods import ls, pooled, rls, rtls
+from estimators.methods.tls import TlsOptions
+from estimators.methods.window_mean import mean_estimate
+from estimators.numerics.autocorrelation import (
+    pooled_autocorrelation,
+    student_factor,
+    window_residuals,
+)
+from estimators.numerics.sandwich import deviations, meat
 
 TRUTH = np.array([3614.0, 2891.0])
 RUNS, SAMPLES, MEAN = 9, 320, 10

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators import ls
+from estimators.methods import ls
 
 WINDOW = 60
 COVARIANCE = np.array([[0.04, 0.01, 0.5], [0.01, 0.03, 0.0], [0.5, 0.0, 25.0]])

@@ -164,9 +164,9 @@ def margin(replayed: Run) -> float:
 
 def make_logs() -> None:
     """Make the logs anew: two by the simulator, and a table of position and force."""
-    from replay.scenario_file import load_scenario
-    from replay.simulate import simulate
-    from replay.truth import truth_path
+    from replay.simulation.log_truth import truth_path
+    from replay.simulation.scenario_file import load_scenario
+    from replay.simulation.simulate_logs import simulate
 
     for name in ("straight", "planar"):
         scenario = load_scenario(FOLDER / f"{name}.scenario.toml")

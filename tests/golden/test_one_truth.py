@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.degenerate_tables import Driven, disagreements
-from replay.commands import progress
+from replay.commands import progress_bar
 from tests.golden.golden import FOLDER, LOGS
 
 #: What is set beside a golden log, which may leave it without a mass.
@@ -25,7 +25,7 @@ TOLD = {
 def test_a_golden_log_is_weighed_or_not_by_text_json_exit_status_and_recording_alike(
     log: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress, "LONG_S", float("inf"))
+    monkeypatch.setattr(progress_bar, "LONG_S", float("inf"))
     payscope, recording = Driven(tmp_path), tmp_path / "golden.rrd"
     machine, overrides = LOGS[log]
     words = ["run", FOLDER / log, "-m", machine]

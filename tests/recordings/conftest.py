@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from analysis import InputFile, Loss, Provenance, Run, Settings
-from analysis.schema import FRAMES, PHASE, REASON, conform
+from analysis.model.schema import FRAMES, PHASE, REASON, conform
 
 MASS_KG, FRICTION_N_S_M = 3500.0, 420.0
 METHODS = ("ls", "rls", "fgls", "tls", "pooled")

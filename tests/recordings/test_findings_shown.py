@@ -5,19 +5,15 @@ from pathlib import Path
 import polars as pl
 
 from analysis import Run
-from analysis.explaining import explain
+from analysis.explain import explain
 from recordings import write_recording
-from recordings.blueprint import blueprint
-from recordings.display import display_frames
-from recordings.explained_picture import draw_explanation, plot_explanation
-from recordings.explained_text import (
-    finding_lines,
-    gate_lines,
-    verdict_sentence,
-)
-from recordings.finding_text import findings_text
-from recordings.table import STATE
-from recordings.texts import answer_text
+from recordings.explain.explanation_picture import draw_explanation, plot_explanation
+from recordings.explain.explanation_text import finding_lines, gate_lines, verdict_sentence
+from recordings.report.finding_text import findings_text
+from recordings.rrd.blueprint import blueprint
+from recordings.rrd.display_frames import display_frames
+from recordings.rrd.recording_table import STATE
+from recordings.rrd.recording_texts import answer_text
 
 S = 10**9
 LANE = "display/states/finding"

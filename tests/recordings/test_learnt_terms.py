@@ -2,9 +2,9 @@
 
 from typing import get_args
 
-from analysis.calibration.learnt import LearntPriors, TermOfLog, learnt_terms
-from analysis.settings import LearnableTerm
-from recordings.evidence.learnt_terms import TERMS, learnt_rows
+from analysis.calibration.use.learnt_priors import LearntPriors, TermOfLog, learnt_terms
+from analysis.model.settings import LearnableTerm
+from recordings.calibration.learnt_terms_text import TERMS, learnt_rows
 
 
 def test_every_term_that_can_be_learnt_has_a_meaning_and_a_unit() -> None:

@@ -1,9 +1,9 @@
 """An answer that is read back from a recording, of today and of before the joint fit."""
 
 from analysis import Run, Settings
-from analysis.answer import answer
+from analysis.model.answer import answer
 from recordings import read_recording, write_recording
-from recordings.texts import texts
+from recordings.rrd.recording_texts import texts
 
 
 def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_path):

@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from analysis import Loss, Provenance, Run
-from analysis.schema import PHASE
+from analysis.model.schema import PHASE
 from estimators.errors import OutputError, RecordingError
 from recordings import read_frame, read_provenance, read_recording, stages, write_recording
-from recordings.stored import BLOCK_ROWS, StoredFrame
-from recordings.viewer import executable
+from recordings.rrd.stored_frames import BLOCK_ROWS, StoredFrame
+from recordings.rrd.viewer import executable
 from tests.one_line import assert_one_line
 
 if TYPE_CHECKING:

@@ -18,21 +18,21 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from replay.decoding.plan import Plan
-from replay.decoding.unaligned import load64
-from replay.messages.batch import RawBatch
-from replay.messages.fields import resolve
-from replay.messages.types import RecordType, Scalar
-from replay.readers.bag import grammar as bag_grammar
-from replay.readers.blocks.slabs import Grammar, SlabIndex
-from replay.readers.mcap import grammar as mcap_grammar
-from replay.readers.sqlite.leaves import _children
-from replay.readers.sqlite.pages import LEAF, RowFilter, page_layout
-from replay.readers.sqlite.scan import Tables, scan_leaves
-from replay.readers.storage.file_bytes import FileBytes
-from tests.replay.decoding.random_types import Sample, Types, types
-from tests.replay.decoding.test_equality import fields_of
+from replay.logs.bag import bag_grammar as bag_grammar
+from replay.logs.blocks.slabs import Grammar, SlabIndex
+from replay.logs.decoding.decode_plan import Plan
+from replay.logs.decoding.unaligned import load64
+from replay.logs.mcap import mcap_grammar as mcap_grammar
+from replay.logs.messages.message_fields import resolve
+from replay.logs.messages.message_types import RecordType, Scalar
+from replay.logs.messages.raw_batch import RawBatch
+from replay.logs.sqlite.database_pages import LEAF, RowFilter, page_layout
+from replay.logs.sqlite.leaf_pages import _children
+from replay.logs.sqlite.leaf_scan import Tables, scan_leaves
+from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.guarded import Guarded
+from tests.replay.logs.decoding.random_types import Sample, Types, types
+from tests.replay.logs.decoding.test_equality import fields_of
 
 GUARDED = Guarded(2**18)
 #: Lengths that lead astray.

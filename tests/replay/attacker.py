@@ -13,9 +13,7 @@ import polars as pl
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from estimators.errors import EvidenceError
-from recordings.evidence.canonical import canonical
-from recordings.evidence.document import EvidenceDocument, document_of
-from recordings.evidence.folder import (
+from recordings.calibration.bundle_folder import (
     EVIDENCE,
     POINTS,
     READINGS,
@@ -26,15 +24,17 @@ from recordings.evidence.folder import (
     read_file,
     sums_text,
 )
-from recordings.evidence.report import report_html
-from recordings.evidence.signing import (
+from recordings.calibration.bundle_tables import write_table
+from recordings.calibration.calibration_report import report_html
+from recordings.calibration.canonical_json import canonical
+from recordings.calibration.evidence_document import EvidenceDocument, document_of
+from recordings.calibration.signing import (
     PAYLOAD_TYPE,
     SigningKey,
     envelope,
     new_key_pair,
     statement,
 )
-from recordings.evidence.tables import write_table
 
 
 def key_files(folder: Path, name: str = "key") -> tuple[Path, Path]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from replay.commands import progress
+from replay.commands import progress_bar
 from replay.commands.cli import main
 from tests.replay.made_evidence import Made
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
@@ -30,7 +30,7 @@ def payscope(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setitem(main.__globals__, "app", noted)
     # whether the loops are compiled already depends on the tests before
-    monkeypatch.setattr(progress, "LONG_S", float("inf"))
+    monkeypatch.setattr(progress_bar, "LONG_S", float("inf"))
 
     def call(*words: object) -> Said:
         raised.clear()

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from replay.calibrate import calibrate
-from replay.verify import Verified, verify
+from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.verify_bundle import Verified, verify
 from tests.replay.attacker import key_files
 from tests.replay.sledge_campaign import campaign_folder
 

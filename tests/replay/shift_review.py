@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.simulation import Scenario
-from replay.simulate import log_paths, shift_truth_path, simulate
+from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
 
 SCENARIO = Scenario.model_validate(
     {

@@ -7,12 +7,12 @@ from typing import Any
 
 import polars as pl
 
-from analysis.calibration.learnt import learnt_terms
-from recordings.evidence.canonical import canonical
-from recordings.evidence.derived import estimator_of
-from recordings.evidence.document import document_of
-from recordings.evidence.findings import BundleOutcome
-from recordings.evidence.folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
+from analysis.calibration.use.learnt_priors import learnt_terms
+from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
+from recordings.calibration.canonical_json import canonical
+from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.derived_values import estimator_of
+from recordings.calibration.evidence_document import document_of
 from tests.replay.attacker import Bundle, Tamper
 
 TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.machine import Machine
+from analysis.model.machine import Machine
 from replay import open_log, run
 from tests.replay.sledge import MACHINE, Payscope
 

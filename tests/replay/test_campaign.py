@@ -6,13 +6,13 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.answer import answer
-from analysis.calibration.method_errors import rms_errors
-from analysis.run import Run
+from analysis.calibration.campaign.method_errors import rms_errors
+from analysis.model.answer import answer
+from analysis.model.run_record import Run
 from analysis.simulation import Scenario
 from replay import load_machine
-from replay.demo import replay_campaign
-from replay.simulate import simulate
+from replay.demo.run_demo import replay_campaign
+from replay.simulation.simulate_logs import simulate
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import pytest
 
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.machine_file import time_axis
-from tests.replay.readers.damaged import chunks, overwrite
-from tests.replay.readers.written_logs import Joints, write_mcap
+from replay.machines.machine_file import time_axis
+from tests.replay.logs.damaged import chunks, overwrite
+from tests.replay.logs.written_logs import Joints, write_mcap
 from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
 
 

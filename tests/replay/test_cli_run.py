@@ -11,12 +11,12 @@ import polars as pl
 import pytest
 from rich.console import Console
 
-from analysis.answer import Answer, AnswerRow
-from analysis.check import Check, Verdict
+from analysis.model.answer import Answer, AnswerRow
+from analysis.model.verdict import Check, Verdict
 from recordings import read_recording
-from replay.commands import printing
+from replay.commands import print_tables
 from replay.commands.answer_text import print_answer
-from replay.replay_logs import STEPS
+from replay.run.run_logs import STEPS
 from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
 from tests.replay.sledge import Payscope, one_line, sledge
 
@@ -112,7 +112,7 @@ class TestRun:
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         screen = Console(highlight=False, width=width, force_terminal=False)
-        monkeypatch.setattr(printing, "console", lambda: screen)
+        monkeypatch.setattr(print_tables, "console", lambda: screen)
         said = payscope("run", log, "-m", machine_file, "-vv")
         sentences = (
             "± excludes scale error: ",

@@ -8,7 +8,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.settings import MOVED
+from analysis.model.settings import MOVED
 from recordings import read_recording
 from tests.conftest import REPO
 from tests.replay.fewer_rights import obeying_modes

@@ -14,7 +14,7 @@ COMMAND = Path(sys.executable).with_name("payscope")
 ONE_LOOP = """
 from replay.commands.cli import _compiled_anew
 import numpy as np
-from estimators.window_mean import _weights
+from estimators.methods.window_mean import _weights
 try:
     _weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import CampaignError, EvidenceError
-from recordings.evidence.findings import BundleOutcome
-from recordings.evidence.folder import STATEMENT, TIMESTAMP
-from recordings.evidence.keyring import KnownKey, add_key, load_keyring
-from recordings.evidence.signing import public_key
-from recordings.evidence.timestamp import timestamp_request
-from replay.calibrate import calibrate
-from replay.verify import Verified, verify
+from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP
+from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.keyring import KnownKey, add_key, load_keyring
+from recordings.calibration.signing import public_key
+from recordings.calibration.timestamp import timestamp_request
+from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.verify_bundle import Verified, verify
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge import Payscope, one_line

@@ -8,11 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.evidence.checked import CheckedBundle
-from recordings.evidence.checks import check_files
-from recordings.evidence.document import document_of
-from recordings.evidence.findings import BundleOutcome, worst
-from recordings.evidence.folder import (
+from recordings.calibration.bundle_checks import check_files
+from recordings.calibration.bundle_folder import (
     EVIDENCE,
     POINTS,
     READINGS,
@@ -23,8 +20,11 @@ from recordings.evidence.folder import (
     UNLISTED,
     listing,
 )
-from recordings.evidence.signature_check import check_signature
-from recordings.evidence.signing import public_key
+from recordings.calibration.check_outcomes import BundleOutcome, worst
+from recordings.calibration.checked_bundle import CheckedBundle
+from recordings.calibration.evidence_document import document_of
+from recordings.calibration.signature_check import check_signature
+from recordings.calibration.signing import public_key
 from tests.replay.made_evidence import Made
 
 TAMPERED = BundleOutcome.TAMPERED

@@ -5,13 +5,13 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.run import Run
-from analysis.schema import FRAMES, frame_schema
+from analysis.model.run_record import Run
+from analysis.model.schema import FRAMES, frame_schema
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.demo import replay_campaign
-from replay.scenario_file import load_scenario
-from replay.simulate import simulate
+from replay.demo.run_demo import replay_campaign
+from replay.simulation.scenario_file import load_scenario
+from replay.simulation.simulate_logs import simulate
 
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
 METHODS = ("ls", "rls", "fgls", "tls", "huber", "rtls")

@@ -9,11 +9,18 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import EvidenceError
-from recordings.evidence.findings import BundleOutcome
-from recordings.evidence.folder import EVIDENCE, READINGS, REPORT, STATEMENT, SUMS, sums_text
-from recordings.evidence.tables import StrangeTable, read_tables
-from replay.calibrate import calibrate
-from replay.verify import Verified, verify
+from recordings.calibration.bundle_folder import (
+    EVIDENCE,
+    READINGS,
+    REPORT,
+    STATEMENT,
+    SUMS,
+    sums_text,
+)
+from recordings.calibration.bundle_tables import StrangeTable, read_tables
+from recordings.calibration.check_outcomes import BundleOutcome
+from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.verify_bundle import Verified, verify
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
@@ -144,8 +151,8 @@ def test_tables_are_read_by_another_process_that_may_die() -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from analysis.calibration.readings import READINGS as COLUMNS
-    from recordings.evidence.tables import write_table
+    from analysis.calibration.campaign.campaign_readings import READINGS as COLUMNS
+    from recordings.calibration.bundle_tables import write_table
 
     row = dict.fromkeys(COLUMNS, None) | {"run_id": "a", "reading": 1, "used": False}
     frame = pl.DataFrame([row], schema=COLUMNS)
@@ -171,7 +178,7 @@ def test_tables_are_read_by_another_process_that_may_die() -> None:
 
 @pytest.mark.slow
 def test_no_flipped_byte_of_a_table_ends_the_check(genuine: Path) -> None:
-    from analysis.calibration.readings import READINGS as COLUMNS
+    from analysis.calibration.campaign.campaign_readings import READINGS as COLUMNS
 
     whole = (genuine / READINGS).read_bytes()
     for first in range(0, len(whole), 64):
@@ -213,7 +220,7 @@ def test_numbers_that_break_a_step_are_findings_and_no_traceback(
     evidence = json.loads((folder / EVIDENCE).read_bytes())
     bundle = Bundle(folder, evidence, None, None)  # pyright: ignore
     tamper(bundle)
-    from recordings.evidence.canonical import canonical
+    from recordings.calibration.canonical_json import canonical
 
     (folder / EVIDENCE).write_bytes(canonical(evidence))
     found = verify(folder)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from replay import load_machine, open_log, run
-from replay.scenario_file import load_scenario
-from replay.simulate import simulate
+from replay.simulation.scenario_file import load_scenario
+from replay.simulation.simulate_logs import simulate
 
 SCENARIO = Path(__file__).parents[2] / "examples" / "inertia.toml"
 DERIVED = "channels.yaw_acc_rad_s2.derive=d/dt yaw_rate_rad_s"

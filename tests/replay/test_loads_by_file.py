@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from replay import open_log, run
-from replay.readers import TimeAxis
+from replay.logs import TimeAxis
 from tests.analysis.kinematic_machine import kinematic_machine
 
 MACHINE = kinematic_machine("bus", 13_000.0, 0.4)

@@ -8,8 +8,8 @@ import polars as pl
 
 from analysis.simulation import simulate_campaign
 from replay import load_machine, open_log, run
-from replay.scenario_file import load_scenario
-from replay.simulate import simulate
+from replay.simulation.scenario_file import load_scenario
+from replay.simulation.simulate_logs import simulate
 
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from replay.commands import progress
+from replay.commands import progress_bar
 
 
 def compile_something() -> None:
@@ -20,8 +20,8 @@ def compile_something() -> None:
 def test_long_compiling_is_told_in_one_line_on_stderr(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], long_s: float
 ) -> None:
-    monkeypatch.setattr(progress, "LONG_S", long_s)
-    with progress.Stages(1):
+    monkeypatch.setattr(progress_bar, "LONG_S", long_s)
+    with progress_bar.Stages(1):
         compile_something()
     said = capsys.readouterr()
     assert said.out == ""
@@ -32,8 +32,8 @@ def test_long_compiling_is_told_in_one_line_on_stderr(
 def test_nothing_is_told_after_the_work(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(progress, "LONG_S", 0.0)
-    with progress.Stages(1):
+    monkeypatch.setattr(progress_bar, "LONG_S", 0.0)
+    with progress_bar.Stages(1):
         pass
     compile_something()
     assert capsys.readouterr().err == ""

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.real_faults import FAULTS, trial
 from replay import load_machine, open_log, run
-from replay.machine_file import time_axis
+from replay.machines.machine_file import time_axis
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

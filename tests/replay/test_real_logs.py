@@ -6,12 +6,12 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.answer import answer
-from analysis.machine import Machine
-from analysis.masses import masses
-from analysis.run import Run
+from analysis.model.answer import answer
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
+from analysis.stages.estimation.masses import masses
 from replay import load_machine, open_log, run
-from replay.machine_file import time_axis
+from replay.machines.machine_file import time_axis
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 REFERENCE_KG = 95.11

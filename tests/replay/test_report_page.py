@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from recordings.evidence.folder import REPORT
-from replay.calibrate import calibrate
+from recordings.calibration.bundle_folder import REPORT
+from replay.calibration.calibrate_campaign import calibrate
 from tests.replay.sledge_campaign import campaign_folder
 
 PHONE, DESK = 380, 1280

@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from estimators.errors import LogError, ReviewError
-from recordings.review.page import UsedCalibration
-from recordings.review.state import RECORDING, FailedCheck
-from replay.calibrate import Calibrated, calibrate
-from replay.calibrated import AskedCalibration
+from recordings.review.review_page import UsedCalibration
+from recordings.review.review_state import RECORDING, FailedCheck
+from replay.calibration.apply_evidence import AskedCalibration
+from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.commands.review import print_review
-from replay.readers import logs_in
-from replay.review import Reviewed, ReviewOptions, review
+from replay.logs import logs_in
+from replay.review.review_shift import Reviewed, ReviewOptions, review
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder

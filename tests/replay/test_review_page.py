@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from replay.review import ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, review
 from tests.replay.shift_review import HOSTILE, shift_folder
 
 PHONE, DESK = 380, 1280

@@ -6,9 +6,9 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from recordings.review.ledger import PARQUET, ledger
-from recordings.review.page import PAGE
-from recordings.review.verdicts import VERDICTS
+from recordings.review.review_page import PAGE
+from recordings.review.reviewer_verdicts import VERDICTS
+from recordings.review.shift_ledger import PARQUET, ledger
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
 from tests.replay.shift_review import verdict

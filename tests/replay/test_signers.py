@@ -20,15 +20,15 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from estimators.errors import EvidenceError
-from recordings.evidence.canonical import canonical
-from recordings.evidence.findings import BundleOutcome
-from recordings.evidence.keyring import KnownKey, add_key, load_keyring
-from recordings.evidence.signing import PublicKey, public_key, signing_key
-from recordings.evidence.weak_keys import weakness
-from replay.calibrate import before_of
-from replay.calibrated import AskedCalibration, load_calibration
-from replay.fleet.setups import NamedFiles, machine_setups
-from replay.verify import verify
+from recordings.calibration.canonical_json import canonical
+from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.keyring import KnownKey, add_key, load_keyring
+from recordings.calibration.signing import PublicKey, public_key, signing_key
+from recordings.calibration.weak_keys import weakness
+from replay.calibration.apply_evidence import AskedCalibration, load_calibration
+from replay.calibration.calibrate_campaign import before_of
+from replay.calibration.verify_bundle import verify
+from replay.fleet.machine_setups import NamedFiles, machine_setups
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, key_files, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
@@ -113,8 +113,8 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     """Test: the owner typed at a terminal. Expected Result: kept, and not asked again."""
     code = (
         "from pathlib import Path\n"
-        "from replay.commands.options import asked_calibration\n"
-        "from replay.calibrated import load_calibration\n"
+        "from replay.commands.common_options import asked_calibration\n"
+        "from replay.calibration.apply_evidence import load_calibration\n"
         f"asked = asked_calibration(Path({str(made.bundle)!r}), None, signed=True)\n"
         "print('FOUND', load_calibration(asked).signed_by)\n"
     )

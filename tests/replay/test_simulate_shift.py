@@ -11,9 +11,9 @@ from rosbags.highlevel import AnyReader
 
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
-from replay.scenario_file import load_scenario, scenario_text
-from replay.simulate import log_paths, shift_truth_path, simulate
-from replay.truth import has_truth
+from replay.simulation.log_truth import has_truth
+from replay.simulation.scenario_file import load_scenario, scenario_text
+from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from replay.verify import verify
+from replay.calibration.verify_bundle import verify
 from tests.replay.attacker import tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.tamperings import TAMPERED, TAMPERINGS

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from estimators.errors import EvidenceError
-from recordings.evidence.findings import BundleOutcome
-from recordings.evidence.folder import REPORT
-from replay.calibrated import AskedCalibration, load_calibration
-from replay.verify import Verified, verify
+from recordings.calibration.bundle_folder import REPORT
+from recordings.calibration.check_outcomes import BundleOutcome
+from replay.calibration.apply_evidence import AskedCalibration, load_calibration
+from replay.calibration.verify_bundle import Verified, verify
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.released_evidence import FORMAT_2, unpacked

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from analysis.schema import build
+from analysis.model.schema import build
 
 NS = 10**9
 PERIOD_S = 100.0

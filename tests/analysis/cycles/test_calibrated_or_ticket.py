@@ -4,9 +4,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.calibration.calibration import CalibrationOptions
-from analysis.calibration.fit import fit_calibration
-from analysis.cycles.calibrated import calibrated_cycles
+from analysis.calibration.line.calibration import CalibrationOptions
+from analysis.calibration.line.line_fit import fit_calibration
+from analysis.cycles.calibrated_payloads import calibrated_cycles
 from tests.analysis.calibration.campaigns import readings, references
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found

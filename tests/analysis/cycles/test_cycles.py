@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.check import Verdict
 from analysis.cycles.cycles import cycles
-from analysis.cycles.lost import holes, lost_cycles
-from analysis.cycles.shift import recounted, shift
-from analysis.cycles.target import check_target
-from analysis.schema import FRAMES
+from analysis.cycles.lost_cycles import holes, lost_cycles
+from analysis.cycles.payload_target import check_target
+from analysis.cycles.shift_totals import recounted, shift
+from analysis.model.schema import FRAMES
+from analysis.model.verdict import Verdict
 from replay import load_machine
 from tests.analysis.cycles.drawn import NS, drawn_shift
 

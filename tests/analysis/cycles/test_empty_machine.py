@@ -11,13 +11,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from analysis.machine import Body
-from analysis.run import Run
-from analysis.weighing.datum import ticket_notes
+from analysis.model.machine import Body
+from analysis.model.run_record import Run
+from analysis.weighing.empty_mass_datum import ticket_notes
 from replay import load_machine
-from replay.machine_file import time_axis
+from replay.logs.log_formats import open_log
+from replay.machines.machine_file import time_axis
 from replay.pipeline import run
-from replay.readers.formats import open_log
 from tests.replay.sledge import MACHINE
 from tests.replay.sledge_shift import EMPTY_KG, PAYLOADS_KG, sledge_shift
 

@@ -6,10 +6,10 @@ import polars as pl
 import pytest
 
 from analysis.diagnosis import judged_with_causes
-from analysis.machine import Machine
+from analysis.model.machine import Machine
 from analysis.simulation import Scenario, simulate_campaign
 from replay import load_machine
-from replay.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 from tests.analysis.weighing.weighed import Weighed
 

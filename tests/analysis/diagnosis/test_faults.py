@@ -7,10 +7,10 @@ import polars as pl
 import pytest
 
 from analysis.diagnosis import CHECKS, Evidence, verdict
-from analysis.diagnosis.disagreement import disagreements
-from analysis.diagnosis.signals import Signals
-from analysis.masses import masses
-from analysis.simulation.situations import SITUATIONS
+from analysis.diagnosis.measured_channels import Signals
+from analysis.diagnosis.method_disagreement import disagreements
+from analysis.simulation.scenario.situations import SITUATIONS
+from analysis.stages.estimation.masses import masses
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
 
 BRAKING_AS_DRIVING = "settings.gate.exclude_braking=false"

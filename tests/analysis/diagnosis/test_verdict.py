@@ -4,13 +4,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.check import Verdict
 from analysis.diagnosis import Evidence, verdict
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
-from analysis.gate import gate
-from analysis.phases import speed_rate
-from analysis.schema import build
+from analysis.model.schema import build
+from analysis.model.verdict import Verdict
+from analysis.stages.gating.gate import gate
+from analysis.stages.motion.phases import speed_rate
 
 TRIP = ("standstill", "start", "brake", "standstill")
 

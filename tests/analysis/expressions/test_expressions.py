@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from analysis.expressions.dimensions import in_si, shown
 from analysis.expressions.parse import Call, Expression, ExpressionError, Name, Number, parse
 from analysis.expressions.values import evaluate
-from analysis.units import registry
+from analysis.model.physical_units import registry
 
 UNITS = {
     "torque_N_m": "N*m",

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
-from analysis.simulation.faults import FAULTS
+from analysis.simulation.logs.fault_injection import FAULTS
 from benchmarks.findings_rows import AXES, design, needed, replayed
 
 Named = Callable[..., pl.DataFrame]

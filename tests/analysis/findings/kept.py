@@ -13,8 +13,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from analysis.simulation.designs import joined
-from analysis.simulation.faults import FAULTS, Fault
+from analysis.simulation.logs.fault_injection import FAULTS, Fault
+from analysis.simulation.scenario.drawn_designs import joined
 from benchmarks.findings_rows import design, needed, replayed
 
 PATH: Final = Path(__file__).with_suffix(".json")

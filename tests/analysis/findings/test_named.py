@@ -4,8 +4,8 @@ import polars as pl
 import pytest
 
 from analysis.findings import CAUSES
-from analysis.simulation.designs import joined
-from analysis.simulation.faults import FAULTS
+from analysis.simulation.logs.fault_injection import FAULTS
+from analysis.simulation.scenario.drawn_designs import joined
 from benchmarks.findings_rows import AXES, design, needed, replayed
 from tests.analysis.findings.conftest import BY_NAME, Named
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.findings.case import _places
+from analysis.findings.finding_inputs import _places
 
 stamps = st.lists(st.integers(0, 50), max_size=30).map(lambda each: np.array(each, np.int64))
 

@@ -5,7 +5,7 @@
 
 import pytest
 
-from analysis.fleet.drifts import machine_charts
+from analysis.fleet.machine_drifts import machine_charts
 from benchmarks.fleet_years import alarms, flagged, year
 
 

@@ -1,7 +1,7 @@
 """Logs without noise, all topics sampled at the same instants."""
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.log_drive import integrate_log
+from analysis.simulation.drive.log_drive import integrate_log
 
 NO_NOISE = {
     "force_noise_N": 0.0,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario
-from analysis.simulation.shift_logs import ShiftSimulation
+from analysis.simulation.logs.shift_logs import ShiftSimulation
 from tests.analysis.simulation.quiet import FRICTION_N_S_M, MASS_KG, G, drive, log
 
 GENTLE = {"gentle_m_s2": 0.1, "gentle_lead_s": 0.6}

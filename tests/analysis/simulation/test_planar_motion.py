@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.simulation import Scenario, solve_motion
-from estimators import planar_rows
-from estimators.identifiability import identify
+from estimators.planar import planar_rows
+from estimators.planar.identifiability import identify
 
 MACHINE = {
     "com_x_m": -0.2,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario
-from analysis.simulation.shift_logs import ShiftSimulation
+from analysis.simulation.logs.shift_logs import ShiftSimulation
 from tests.analysis.simulation.quiet import MASS_KG, log
 
 SMOOTH = {"friction_N_s_m": 0.0}

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.simulation import Scenario
-from analysis.simulation.shift_logs import ShiftSimulation
+from analysis.simulation.logs.shift_logs import ShiftSimulation
 from tests.analysis.simulation.quiet import MASS_KG, G, drive, log
 
 SAG_DEG_KG, SQUAT_DEG_KG = 0.002, 0.001

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.shift_logs import ShiftSimulation
+from analysis.simulation.logs.shift_logs import ShiftSimulation
 from estimators.errors import ScenarioError
 from tests.analysis.simulation.quiet import FRICTION_N_S_M, MASS_KG, drive, log, scenario
 

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.settings import PriorSettings
-from analysis.simulation.situations import SITUATIONS
+from analysis.model.settings import PriorSettings
+from analysis.simulation.scenario.situations import SITUATIONS
 from tests.analysis.weighing.weighed import FRICTION_N_S_M, RICH, Weighed, merged, weighed
 
 BRAKING_AS_DRIVING = "settings.gate.exclude_braking=false"

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.column_noise import ColumnNoise
-from analysis.regressor import X
-from analysis.weighing.averages import EarlierRounds, averages
-from analysis.weighing.equation import KeptNoise
-from analysis.weighing.kinematics import kinematics
+from analysis.model.axes import X
+from analysis.stages.noise.column_noise import ColumnNoise
+from analysis.weighing.fit_columns import EarlierRounds, averages
+from analysis.weighing.motion_samples import KeptNoise
+from analysis.weighing.wheel_kinematics import kinematics
 from tests.analysis.weighing.weighed import RICH, weighed
 
 REACH_S = 0.4

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from analysis.simulation.other_machines import electric_car, rack
+from analysis.simulation.scenario.other_machines import electric_car, rack
 from replay import open_log, run
-from replay.readers import TimeAxis
+from replay.logs import TimeAxis
 from tests.analysis.other_machine_logs import replayed
 from tests.analysis.without_bucket import arm
 

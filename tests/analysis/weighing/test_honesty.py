@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.designs import brought_to_size, drawn, joined
-from analysis.simulation.situations import SITUATIONS, sections
+from analysis.simulation.scenario.drawn_designs import brought_to_size, drawn, joined
+from analysis.simulation.scenario.situations import SITUATIONS, sections
 from replay import load_machine
-from replay.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 
 SEEDS = (11, 12)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from replay import open_log, run
-from replay.readers import TimeAxis
+from replay.logs import TimeAxis
 from tests.analysis.without_bucket import WITHOUT_BUCKET
 
 

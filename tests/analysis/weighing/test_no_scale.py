@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.states import found_states
-from estimators.units import Units, units_of
+from analysis.weighing.load_states import found_states
+from estimators.joint.group_effects import Units, units_of
 
 
 def units(*levels_kg: float, std_kg: float = 1.0) -> Units:

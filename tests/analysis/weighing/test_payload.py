@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.designs import joined
-from analysis.weighing.averages import RelativeLoads
+from analysis.simulation.scenario.drawn_designs import joined
+from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.nuisances import WeightShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
-from replay.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 
 LOAD_KG = 250.0

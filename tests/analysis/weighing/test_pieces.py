@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.weighing import equation
-from analysis.weighing.averages import EarlierRounds, averages
+from analysis.weighing import motion_samples
+from analysis.weighing.fit_columns import EarlierRounds, averages
 from tests.analysis.weighing.weighed import RICH, weighed
 
 #: Of what earlier rounds find, everything reaches to other samples or other columns.
@@ -28,7 +28,7 @@ def test_columns_of_pieces_are_those_of_the_whole(found, samples, monkeypatch):
     fit = log.weighing.fit
     noise = _White()
     of_whole = averages(fit.motion, noise, fit.terms, samples, found)
-    monkeypatch.setattr(equation, "_PIECE", 200)
+    monkeypatch.setattr(motion_samples, "_PIECE", 200)
     motion = replace(fit.motion)  # which has not been cut yet
     assert len(motion.pieces) > 5
     of_pieces = averages(motion, noise, fit.terms, samples, found)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.weighing.equation import Equation, Floats
+from analysis.weighing.motion_samples import Equation, Floats
 from analysis.weighing.pitch_squat import pitch_squat
 
 RATE_HZ = 100.0

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.equation import Equation
-from analysis.weighing.states import places, stretch_units
-from estimators.units import FILLED, HINTED
+from analysis.weighing.load_states import places, stretch_units
+from analysis.weighing.motion_samples import Equation
+from estimators.joint.group_effects import FILLED, HINTED
 
 #: Samples of a manoeuvre, of one too short to tell a mass, and of the stand between.
 LONG, SHORT, STAND = 200, 20, 100

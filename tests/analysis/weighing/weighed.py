@@ -7,13 +7,13 @@ from typing import Any
 
 import polars as pl
 
-from analysis.check import Check, Verdict
-from analysis.machine import Machine
-from analysis.run import Run
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
+from analysis.model.verdict import Check, Verdict
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing.weigh import Weighing, weigh
 from replay import load_machine
-from replay.memory_log import MemoryLog, reading_memory
+from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 
 TRUE_KG = 3614.0

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fleet_logs import SerialEngine, recordings
-from replay.fleet.engine import Engine
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.run import FleetRun, fleet_run
-from replay.fleet.sources import fleet_logs
+from replay.fleet.log_sources import fleet_logs
+from replay.fleet.run_fleet import FleetRun, fleet_run
+from replay.fleet.task_engine import Engine
 
 COUNT = 6
 Run = Callable[..., FleetRun]

@@ -7,15 +7,15 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.fleet.lines import FleetCalibration
+from analysis.fleet.calibration_steps import FleetCalibration
 from benchmarks.fleet_logs import SerialEngine
-from replay.calibrate import calibrate
+from replay.calibration.calibrate_campaign import calibrate
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.gathered import fleet_results
-from replay.fleet.report import report_page
-from replay.fleet.run import FleetRun, fleet_run
-from replay.fleet.setups import setup_on
-from replay.fleet.sources import fleet_logs
+from replay.fleet.gathered_tables import fleet_results
+from replay.fleet.log_sources import fleet_logs
+from replay.fleet.machine_setups import setup_on
+from replay.fleet.run_fleet import FleetRun, fleet_run
+from replay.fleet.write_fleet_page import report_page
 from tests.replay.sledge_campaign import campaign_folder
 
 RULE = """
@@ -87,7 +87,7 @@ def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Pat
 def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_what_if(
     folder: Path, tmp_path: Path
 ) -> None:
-    from replay.fleet.setups import NamedFiles, machine_setups
+    from replay.fleet.machine_setups import NamedFiles, machine_setups
 
     override = "settings.gate.threshold_nat=0.9"
     did = run(folder, tmp_path / "results", override)

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from benchmarks.fleet_size import make
-from replay.fleet.gathered import fleet_results
-from replay.fleet.report import FleetReport, fleet_report
+from replay.fleet.gathered_tables import fleet_results
+from replay.fleet.write_fleet_page import FleetReport, fleet_report
 from tests.replay.shift_review import HOSTILE
 
 PHONE, DESK = 380, 1280

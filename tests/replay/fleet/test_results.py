@@ -9,12 +9,12 @@ from typing import Any
 import polars as pl
 import pytest
 
-from analysis.fleet.tables import TABLES
+from analysis.fleet.fleet_tables import TABLES
 from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
-from replay.fleet.engine import Lost
-from replay.fleet.gathered import fleet_results
-from replay.fleet.store import Store
+from replay.fleet.gathered_tables import fleet_results
+from replay.fleet.object_store import Store
+from replay.fleet.task_engine import Lost
 
 Run = Callable[..., Any]
 

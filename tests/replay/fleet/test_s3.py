@@ -8,8 +8,8 @@ import pytest
 from benchmarks.fleet_logs import SerialEngine
 from benchmarks.fleet_s3 import Server, checked
 from estimators.errors import PayscopeError
-from replay.fleet.sources import fleet_logs
-from replay.fleet.store import Store
+from replay.fleet.log_sources import fleet_logs
+from replay.fleet.object_store import Store
 from tests.one_line import assert_one_line
 
 AWS = ("AWS_ENDPOINT_URL", "AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_REGION")

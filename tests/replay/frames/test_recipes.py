@@ -8,7 +8,7 @@ import pytest
 
 from analysis.simulation import Scenario
 from replay import open_log
-from replay.simulate import simulate
+from replay.simulation.simulate_logs import simulate
 
 PAGE = Path(__file__).resolve().parents[3] / "docs/logs-as-frames.md"
 

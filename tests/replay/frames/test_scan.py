@@ -14,10 +14,10 @@ import payscope
 from estimators.errors import LogError
 from replay import open_log
 from replay.frames.scan import log_paths
-from replay.readers.blocks.block import Block
+from replay.logs.blocks.block import Block
 from tests.own_logs import make
-from tests.replay.readers.conftest import write_log  # noqa: F401 - a fixture
-from tests.replay.readers.written_logs import Joints, write_bag, write_mcap
+from tests.replay.logs.conftest import write_log  # noqa: F401 - a fixture
+from tests.replay.logs.written_logs import Joints, write_bag, write_mcap
 
 AS_READ: dict[str, Any] = {"enums": "number", "times": "ns"}
 START_NS = 1_700_000_000_000_000_000
@@ -103,7 +103,7 @@ def test_a_time_range_a_projection_and_a_limit_are_as_read(
 def test_a_time_range_unpacks_the_chunks_that_hold_it_and_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import replay.readers.blocks.slabs as slabs
+    import replay.logs.blocks.slabs as slabs
 
     path = tmp_path / "shift.bag"
     write_bag(path, joints(2000), chunk_bytes=4000)

@@ -9,13 +9,13 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.run import Loss
+from analysis.model.run_record import Loss
 from estimators.errors import LogError
 from payscope import LossWarning, scan_log
 from replay import open_log
-from replay.readers import Log
-from tests.replay.readers.fuzz.campaign import make_case
-from tests.replay.readers.fuzz.sources import SOURCES, Source
+from replay.logs import Log
+from tests.replay.logs.fuzz.campaign import make_case
+from tests.replay.logs.fuzz.sources import SOURCES, Source
 
 FILES = int(os.environ.get("PAYSCOPE_FUZZ_FILES", "4"))
 FIRST = int(os.environ.get("PAYSCOPE_FUZZ_FIRST", "0"))

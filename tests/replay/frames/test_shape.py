@@ -11,7 +11,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 import payscope
-from tests.replay.readers.written_logs import ROS2
+from tests.replay.logs.written_logs import ROS2
 
 T0_NS = 1_700_000_000_123_456_789
 T = ROS2.types

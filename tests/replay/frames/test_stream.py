@@ -13,7 +13,7 @@ import pytest
 import payscope
 from estimators.errors import LogError
 from tests.replay.frames.test_scan import START_NS, STEP_NS, joints, time
-from tests.replay.readers.written_logs import write_mcap
+from tests.replay.logs.written_logs import write_mcap
 
 REPO = Path(__file__).resolve().parents[3]
 

@@ -1,0 +1,1 @@
+"""A calibration campaign: its loads, runs and readings, and its fit."""

@@ -1,0 +1,119 @@
+"""The frame `calibration`: a line for each method, by the same fit as evidence."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.campaign.campaign_fit import unfitted_points
+from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point
+from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.variance_components import Floats
+from analysis.model.schema import conform
+from estimators.errors import DataError
+
+#: Of a point, the columns of the frame.
+_COLUMNS = {
+    "reference_kg": "reference_kg",
+    "readings": "runs",
+    "mean_kg": "estimate_kg",
+    "std_kg": "estimate_std_kg",
+    "calibrated_kg": "calibrated_kg",
+    "error_kg": "error_kg",
+    "error_left_out_kg": "error_left_out_kg",
+}
+
+
+def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
+    """Fit a line to the starts of each method; a load is a point, its masses are known.
+
+    Args:
+        estimates: a row a method and start: `method`, `load_kg`, `reference_kg`, `mass_kg` (null
+            where it gave none).
+
+    Returns:
+        The frame `calibration`: a row a method and load, null from `alpha_1` on where the loads
+        determine no line.
+    """
+    rows: list[dict[str, Any]] = []
+    for method, found in by_method(estimates):
+        known, exact = found.references, found.covariance_kg2
+        try:
+            line = fit_calibration(found.readings, known, exact, CalibrationOptions(method))
+        except DataError:
+            line, points = None, unfitted_points(found.readings, known)
+        else:
+            points = line.points
+        rows += point_rows(method, points, line, lambda point: float(point.load_id))
+    return calibration_frame(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class MethodReadings:
+    """The starts of one method as readings; a load is a run, its mass is known.
+
+    Attributes:
+        readings: run_id, load_id, day, mass_kg, used.
+        references: load_id, reference_kg.
+        covariance_kg2: (loads, loads) of these: none.
+    """
+
+    readings: pl.DataFrame
+    references: pl.DataFrame
+    covariance_kg2: Floats
+
+
+def by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodReadings]]:
+    """The readings of each method, in their order of appearance.
+
+    Args:
+        estimates: as `calibrate_methods` takes them.
+    """
+    for (method,), found in estimates.group_by("method", maintain_order=True):
+        load_id = found["load_kg"].cast(pl.String)
+        mass = pl.col("mass_kg").cast(pl.Float64)
+        mass = pl.when(mass.is_finite()).then(mass)
+        readings = found.select(
+            run_id=load_id, load_id=load_id, day=pl.lit(""), mass_kg=mass, used=True
+        )
+        known = found.select(load_id=load_id, reference_kg="reference_kg").unique(
+            "load_id", maintain_order=True
+        )
+        exact = np.zeros((known.height, known.height))
+        yield str(method), MethodReadings(readings, known, exact)
+
+
+def point_rows(
+    method: str,
+    points: Iterable[Point],
+    line: Calibration | None,
+    load_kg: Callable[[Point], float],
+) -> list[dict[str, Any]]:
+    """The rows of a method, loads ascending.
+
+    Args:
+        method: its name.
+        points: a point a load.
+        line: through them; None where there is none.
+        load_kg: of a point, without the machine.
+    """
+    ordered = sorted(points, key=lambda point: point.reference_kg)
+    return [
+        {
+            "method": method,
+            "load_kg": load_kg(point),
+            **{name: getattr(point, own) for own, name in _COLUMNS.items()},
+            "alpha_1": None if line is None else line.alpha_1,
+            "beta_kg": None if line is None else line.beta_kg,
+        }
+        for point in ordered
+    ]
+
+
+def calibration_frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
+    """The frame of such rows."""
+    texts = {"method": pl.String, "load_kg": pl.Float64, "runs": pl.Int64}
+    numbers = dict.fromkeys((*_COLUMNS.values(), "alpha_1", "beta_kg"), pl.Float64)
+    return conform("calibration", pl.DataFrame(rows, schema={**numbers, **texts}, orient="row"))

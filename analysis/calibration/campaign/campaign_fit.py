@@ -1,0 +1,194 @@
+"""From a campaign and its readings to the calibration, as it is made and as it is checked."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import polars as pl
+
+from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, CalibrationCampaign
+from analysis.calibration.campaign.reference_masses import references
+from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, Stated
+from analysis.calibration.line.line_fit import fit_calibration
+from analysis.calibration.line.unlike_driving import RunResponse
+from analysis.calibration.use.error_limits import DecisionRule, ErrorLimits, error_limits, limit_kg
+from analysis.model.machine import Body
+from estimators.errors import DataError
+
+#: How the budget of a calibration calls the factors that a machine file states.
+_SCALES: Final = {
+    "force_gain": "force gain",
+    "force_share": "force share",
+    "wheel_radius": "wheel radius",
+    "rotating_mass": "rotating mass",
+}
+_FROM_FILE: Final = "from the machine file"
+_POINT_TYPES: Final[dict[str, type[pl.DataType]]] = {
+    "run_id": pl.String,
+    "load_id": pl.String,
+    "day": pl.String,
+    "reference_kg": pl.Float64,
+    "readings": pl.Int64,
+    "rejected": pl.Int64,
+    "mean_kg": pl.Float64,
+    "std_kg": pl.Float64,
+    "calibrated_kg": pl.Float64,
+    "error_kg": pl.Float64,
+    "error_left_out_kg": pl.Float64,
+    "studentised_1": pl.Float64,
+}
+#: Columns of the frame of points.
+POINTS: Final = _POINT_TYPES
+
+
+@dataclass(frozen=True, slots=True)
+class CampaignFit:
+    """What a campaign comes to.
+
+    Attributes:
+        calibration: the line; None where the readings determine none.
+        no_fit: why there is none, else empty.
+        points: a row a run, also where there is no line.
+        limits: whether it is within the error limits that the campaign asks for; None where it
+            asks for none, or there is no line.
+    """
+
+    calibration: Calibration | None
+    no_fit: str
+    points: tuple[Point, ...]
+    limits: ErrorLimits | None
+
+    @property
+    def frame(self) -> pl.DataFrame:
+        """The points as a frame."""
+        return pl.DataFrame([asdict(point) for point in self.points], schema=POINTS, orient="row")
+
+
+def fit_campaign(
+    campaign: CalibrationCampaign,
+    body: Body,
+    readings: pl.DataFrame,
+    options: CalibrationOptions,
+    responses: Sequence[RunResponse] = (),
+) -> CampaignFit:
+    """Fit the line of a campaign; where its readings determine none, say why.
+
+    Args:
+        campaign: references.
+        body: the machine, whose empty mass is part of them.
+        readings: frame `readings`.
+        options: of the fit.
+        responses: of runs to the errors of learnt means.
+    """
+    known, covariance_kg2 = references(campaign, body)
+    rule = rule_of(campaign, known)
+    try:
+        fitted = fit_calibration(readings, known, covariance_kg2, options, responses)
+    except DataError as fault:
+        no_fit = str(fault).removeprefix("calibration: ")
+        return CampaignFit(None, no_fit, unfitted_points(readings, known), None)
+    limits = None if rule is None else error_limits(fitted, rule)
+    return CampaignFit(fitted, "", fitted.points, limits)
+
+
+def rule_of(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule | None:
+    """The decision rule that a campaign file asks for.
+
+    Args:
+        campaign: its decision.
+        known: `reference_kg` of its loads.
+
+    Raises:
+        DataError: no such class, one that needs a scale interval, or one without such a load.
+    """
+    asked = campaign.decision
+    if asked is None:
+        return None
+    rule = DecisionRule(**asked.model_dump())
+    for reference_kg in known["reference_kg"]:
+        limit_kg(rule, reference_kg - rule.tare_kg)
+    return rule
+
+
+def options_of(campaign: CalibrationCampaign, stated: Iterable[Stated]) -> CalibrationOptions:
+    """The options of the fit that a campaign file asks for.
+
+    Args:
+        campaign: its method.
+        stated: components that the replays know; one that the file states too is the file's.
+    """
+    method = campaign.method
+    own = tuple(
+        Stated(each.component, each.u_kg, each.absorbed, each.known) for each in method.stated
+    )
+    named = {each.component for each in own}
+    return CalibrationOptions(
+        method=method.estimator,
+        confidence_1=method.confidence_1,
+        day_known_kg=method.day_known_kg,
+        margin_1=method.margin_1,
+        stated=(*own, *(each for each in stated if each.component not in named)),
+    )
+
+
+def stated_scale(
+    campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
+) -> tuple[Stated, ...]:
+    """The factors of the force that no log tells, from the budgets of the replays.
+
+    They are constants of the machine, which the line takes with it.
+
+    Args:
+        campaign: which estimator; those of the paper have no budget.
+        budgets: frame `budget` of each replay.
+    """
+    if campaign.method.estimator not in JOINT_ESTIMATORS:
+        return ()
+    found: dict[str, float | None] = {}
+    for budget in budgets:
+        for row in budget.filter(pl.col("kind") == "scale").iter_rows(named=True):
+            before, u_kg = found.get(row["cause"]), row["u_kg"]
+            known = [each for each in (before, u_kg) if each is not None]
+            found[row["cause"]] = max(known) if known else None
+    return tuple(
+        Stated(_SCALES[cause], u_kg, absorbed=True, known=_FROM_FILE)
+        for cause, u_kg in sorted(found.items())
+        if u_kg is not None
+    )
+
+
+def unfitted_points(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point, ...]:
+    """Means of runs, without a line.
+
+    Args:
+        readings: frame `readings`.
+        known: `load_id`, `reference_kg`.
+
+    Raises:
+        DataError: a load without a reference.
+    """
+    unknown = set(readings["load_id"]) - set(known["load_id"])
+    if unknown:
+        raise DataError(f"calibration: no reference for load '{min(unknown)}'")
+    used = pl.col("used") & pl.col("mass_kg").is_not_null()
+    rows = (
+        readings.group_by("run_id", maintain_order=True)
+        .agg(
+            pl.col("load_id", "day").first(),
+            readings=used.sum().cast(pl.Int64),
+            rejected=(~used).sum().cast(pl.Int64),
+            mean_kg=pl.col("mass_kg").filter(used).mean(),
+            std_kg=pl.col("mass_kg").filter(used).std(),
+        )
+        .join(known, "load_id", "left", maintain_order="left")
+    )
+    return tuple(
+        Point(
+            **row,
+            calibrated_kg=None,
+            error_kg=None,
+            error_left_out_kg=None,
+            studentised_1=None,
+        )
+        for row in rows.to_dicts()
+    )

@@ -1,0 +1,211 @@
+"""What each manoeuvre of a replay says, for the runs of a campaign that lie in its log."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.campaign.campaign_plan import (
+    EMPTY,
+    JOINT_ESTIMATORS,
+    CampaignRun,
+    Estimator,
+)
+from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.model.run_record import Run
+
+#: A row a manoeuvre; a run of which nothing could be read has one row without a mass.
+READINGS: Final[dict[str, type[pl.DataType]]] = {
+    "run_id": pl.String,
+    "load_id": pl.String,
+    "day": pl.String,
+    "log": pl.String,
+    "reading": pl.Int64,
+    "start_s": pl.Float64,
+    "end_s": pl.Float64,
+    "mass_kg": pl.Float64,
+    "std_kg": pl.Float64,
+    "common_u_kg": pl.Float64,
+    "used": pl.Boolean,
+    "reason": pl.String,
+}
+_NS: Final = 1e9
+_NOTHING: Final = "no manoeuvre of this stretch was informative enough"
+_IS_ZERO: Final = "without load: the zero that payloads are counted from"
+_NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
+
+
+def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -> pl.DataFrame:
+    """Read the runs of one log.
+
+    Args:
+        replayed: the replay of that log.
+        runs: the campaign's runs in it, in order.
+        estimator: which mass.
+
+    Returns:
+        Frame `readings`, seconds from the log's first aligned sample; all that is not used has a
+        reason.
+    """
+    joint = estimator in JOINT_ESTIMATORS
+    said = _manoeuvres(replayed) if joint else _of_method(replayed, estimator)
+    rows: list[dict[str, Any]] = []
+    for run in runs:
+        inside = [each for each in said if run.holds(each["start_s"], each["end_s"])]
+        about = {
+            "run_id": run.id,
+            "load_id": run.load_id,
+            "day": run.day.isoformat(),
+            "log": run.log,
+        }
+        for number, each in enumerate(inside, start=1):
+            row = {**about, "reading": number, **each}
+            if run.excluded:
+                row |= {"used": False, "reason": f"excluded: {run.excluded}"}
+            rows.append(row)
+        if not inside:
+            why = f"excluded: {run.excluded}" if run.excluded else _NOTHING
+            rows.append({**about, "reading": 1, "used": False, "reason": why})
+    found = pl.DataFrame(rows, schema=READINGS, orient="row")
+    return _differences(found) if estimator == "joint_payload" else found
+
+
+def run_responses(
+    replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
+) -> tuple[RunResponse, ...]:
+    """What errors of learnt means move the runs of one log by; nothing where none were learnt.
+
+    Args:
+        replayed: the replay of that log, under learnt priors.
+        runs: the campaign's runs in it, in order.
+        estimator: which mass.
+    """
+    shared = Unlike.of(replayed.frames)
+    if shared is None or estimator not in JOINT_ESTIMATORS:
+        return ()
+    said = replayed.frames["manoeuvres"].to_dicts()
+    moved = {
+        run.id: np.mean([shared.moved_kg["mass", each["load_id"]] for each in inside], axis=0)
+        for run in runs
+        if not run.excluded
+        and (inside := [e for e in said if run.holds(e["start_t_ns"] / _NS, e["end_t_ns"] / _NS)])
+    }
+    if estimator == "joint_payload":
+        zero = [moved[run.id] for run in runs if run.id in moved and run.load_id == EMPTY]
+        moved = {name: each - np.mean(zero, axis=0) for name, each in moved.items() if zero}
+    return tuple(
+        RunResponse(run_id=name, term=term, response_kg=value)
+        for name, each in moved.items()
+        for term, value in zip(shared.terms, each.tolist(), strict=True)
+    )
+
+
+def _manoeuvres(replayed: Run) -> list[dict[str, Any]]:
+    """What the joint fit says, manoeuvre by manoeuvre."""
+    loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
+    own = replayed.frames["budget"].filter(pl.col("cause").is_in(_no_common_causes(replayed)))
+    own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
+    found: list[dict[str, Any]] = []
+    for row in replayed.frames["manoeuvres"].to_dicts():
+        load = loads[row["load_id"]]
+        withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
+        common_kg = _without(load["u_common_kg"], own_kg.get(row["load_id"]))
+        found.append(_said(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
+    return found
+
+
+def _no_common_causes(replayed: Run) -> list[str]:
+    """What a log's budget has as common that is not common to the campaign's masses.
+
+    What the means of learnt priors have wrong the line takes with it. Their widths are what differs
+    from log to log: anew in every log, so that it scatters the runs about the line.
+    """
+    nuisances = replayed.frames["nuisances"]
+    if "prior_mean_u" not in nuisances.columns:
+        return []
+    learnt = nuisances.filter(pl.col("prior_mean_u") > 0.0)["term"]
+    return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
+
+
+def _without(u_kg: float | None, part_kg: float | None) -> float | None:
+    """A standard uncertainty less a part of it."""
+    if u_kg is None or not part_kg:
+        return u_kg
+    return float(np.sqrt(max(u_kg**2 - part_kg**2, 0.0)))
+
+
+def _of_method(replayed: Run, method: str) -> list[dict[str, Any]]:
+    """What a method of the paper says of each manoeuvre; its ± is statistical alone."""
+    about = replayed.provenance
+    segments = replayed.frames["segments"]
+    if f"estimates/{method}" not in replayed.frames or segments.is_empty():
+        return []
+    t0_ns = about.t0_unix_ns
+    trials = segments.select(
+        start_ns=pl.col("start_t_ns") + t0_ns,
+        end_ns=pl.col("end_t_ns") + t0_ns,
+        load_kg=0.0,
+        mass_kg=0.0,
+    )
+    masses = run_estimates(replayed, trials).filter(pl.col("method") == method)["mass_kg"]
+    verdict = [row for row in replayed.frames["loads"].to_dicts() if row["withheld"]]
+    withheld = f"this log cannot weigh: {verdict[0]['withheld_for']}" if verdict else ""
+    stated = replayed.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
+    found: list[dict[str, Any]] = []
+    for row, mass_kg in zip(segments.to_dicts(), masses, strict=True):
+        if mass_kg is None:
+            continue  # braking, a turn, or too little in it: no start
+        inside = stated.filter(pl.col("t_ns").is_between(row["start_t_ns"], row["end_t_ns"]))
+        # windows overlap: together they say no more than one of them
+        std_kg = inside["mass_std_kg"].mean() if inside.height else None
+        found.append(_said(row, mass_kg, std_kg, 0.0, withheld))
+    return found
+
+
+def _said(
+    row: dict[str, Any],
+    mass_kg: float | None,
+    std_kg: Any,
+    common_u_kg: float | None,
+    withheld: str,
+) -> dict[str, Any]:
+    known = mass_kg is not None and bool(np.isfinite(mass_kg))
+    reason = withheld or ("" if known else _NOTHING)
+    return {
+        "start_s": row["start_t_ns"] / _NS,
+        "end_s": row["end_t_ns"] / _NS,
+        "mass_kg": mass_kg if known else None,
+        "std_kg": std_kg if known else None,
+        "common_u_kg": common_u_kg if known else None,
+        "used": not reason,
+        "reason": reason,
+    }
+
+
+def _differences(found: pl.DataFrame) -> pl.DataFrame:
+    """Masses less the mean of the log's readings without load, whose error they share."""
+    parts: list[pl.DataFrame] = []
+    for log in found.partition_by("log", maintain_order=True):
+        zero = log.filter((pl.col("load_id") == EMPTY) & pl.col("used"))
+        level_kg = zero["mass_kg"].mean() if zero.height else None
+        spread_kg = zero["mass_kg"].std() if zero.height > 1 else None
+        shared_kg = (
+            float(spread_kg) / np.sqrt(zero.height)  # pyright: ignore[reportArgumentType]
+            if spread_kg is not None
+            else (zero["std_kg"][0] if zero.height else None)
+        )
+        why = pl.lit(_NO_ZERO if level_kg is None else _IS_ZERO)
+        out = (pl.col("load_id") == EMPTY) | pl.lit(level_kg is None)
+        parts.append(
+            log.with_columns(
+                mass_kg=pl.col("mass_kg") - pl.lit(level_kg, pl.Float64),
+                common_u_kg=pl.when(pl.col("mass_kg").is_not_null()).then(
+                    pl.lit(shared_kg, pl.Float64)
+                ),
+                reason=pl.when(pl.col("used") & out).then(why).otherwise("reason"),
+                used=pl.col("used") & ~out,
+            )
+        )
+    return pl.concat(parts)

@@ -1,0 +1,83 @@
+"""What calibrated masses of the methods err by: load by load, and start by start."""
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.campaign.by_method import MethodReadings, by_method
+from analysis.calibration.line.calibration_points import campaign_of
+from analysis.calibration.line.line_fit import tested_line
+from analysis.calibration.line.point_errors import lines_left_out
+from analysis.calibration.line.variance_components import Floats
+from estimators.errors import DataError
+
+
+def rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
+    """Sum up a calibration: root mean square errors over its loads, a row a method.
+
+    Args:
+        calibration: the frame `calibration`.
+
+    Returns:
+        `method`, `loads` (that have an estimate), `rmse_kg` (of the fit on its own loads),
+        `rmse_left_out_kg` (each load predicted by the fit on the others), `rmse_constant_kg` (what
+        a prediction that ignores the estimates scores: the mean reference) and `load_range_kg`, to
+        judge them by. Null where there is none.
+    """
+    estimated = pl.col("estimate_kg").is_not_null()
+    reference = pl.col("reference_kg").filter(estimated)
+
+    def rms(column: str) -> pl.Expr:
+        return (pl.col(column) ** 2).mean().sqrt()
+
+    return calibration.group_by("method", maintain_order=True).agg(
+        loads=estimated.sum().cast(pl.Int64),
+        rmse_kg=rms("error_kg"),
+        rmse_left_out_kg=rms("error_left_out_kg"),
+        rmse_constant_kg=reference.std(ddof=0),
+        load_range_kg=reference.max() - reference.min(),
+    )
+
+
+def run_errors(estimates: pl.DataFrame) -> pl.DataFrame:
+    """Errors of single starts on the line through all loads, and through the others.
+
+    Args:
+        estimates: as `calibrate_methods` takes them; the line is the same.
+
+    Returns:
+        The estimates' rows with `error_kg` and `error_left_out_kg`: the calibrated mass less the
+        reference. Null where the start gave no mass, or the loads determine no line.
+    """
+    columns = {"error_kg": pl.Float64, "error_left_out_kg": pl.Float64}
+    numbered = estimates.with_row_index("row")
+    rows = numbered.group_by("method", maintain_order=True).agg("row")["row"].to_list()
+    frames = [
+        pl.DataFrame({"row": of, "error_kg": within, "error_left_out_kg": without}).with_columns(
+            pl.col("row").cast(pl.UInt32), pl.col(*columns).fill_nan(None)
+        )
+        for of, (_, found) in zip(rows, by_method(estimates), strict=True)
+        for within, without in (_errors(found),)
+    ]
+    empty = pl.DataFrame(schema={"row": pl.UInt32, **columns})
+    return numbered.join(pl.concat([empty, *frames]), "row", "left", maintain_order="left").select(
+        *estimates.columns, *columns
+    )
+
+
+def _errors(found: MethodReadings) -> tuple[Floats, Floats]:
+    """(starts,) errors on the line, and with the start's load left out; NaN where there is none."""
+    mass = found.readings["mass_kg"].to_numpy().astype(np.float64)
+    loads = {load: k for k, load in enumerate(found.references["load_id"])}
+    load = np.array([loads[each] for each in found.readings["load_id"]], np.int64)
+    reference = found.references["reference_kg"].to_numpy().astype(np.float64)[load]
+    within, without = np.full(mass.size, np.nan), np.full(mass.size, np.nan)
+    try:
+        points = campaign_of(found.readings, found.references, found.covariance_kg2).points
+        line, _ = tested_line(points, None)
+    except DataError:
+        return within, without
+    within = (mass - line.level_kg) / line.slope_1 + line.centre_kg - reference
+    for number, other in lines_left_out(points, line).items():
+        left = load == number
+        without[left] = other.at(mass[left]) - reference[left]
+    return within, without

@@ -1,0 +1,133 @@
+"""Which load to run next: the one that makes the line surest (D-optimal), and by how much."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.calibration.line.calibration import Calibration, Point
+from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_model import DAY, DAYS_ENOUGH, Points, scatter_of
+from analysis.calibration.line.variance_components import (
+    Floats,
+    Variances,
+    Within,
+    expected_information,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class NextLoad:
+    """A run that could be added, on a day of its own.
+
+    Attributes:
+        load_id: on board.
+        reference_kg: of it.
+        determinant_1: of the covariance of level and slope, over what it is now.
+        half_width_kg: largest half of the interval of a later mass at the references, after it.
+        half_width_now_kg: the same now.
+    """
+
+    load_id: str
+    reference_kg: float
+    determinant_1: float
+    half_width_kg: float
+    half_width_now_kg: float
+
+
+def next_load(calibration: Calibration, *, same_day: bool = False) -> tuple[NextLoad, ...]:
+    """Rank the campaign's loads by what one more run with each is worth, the best first.
+
+    Variances stay as they were found; the run has as many readings as the middle one of the
+    campaign, and the degrees of freedom that it adds count.
+
+    Args:
+        calibration: of the campaign so far.
+        same_day: whether the run is on the campaign's last day; else on a new one.
+
+    Source:
+        D-optimality: Atkinson, Donev and Tobias, Optimum Experimental Designs, 10.
+    """
+    used = [point for point in calibration.points if point.mean_kg is not None]
+    ends = [reference.reference_kg for reference in calibration.references]
+    now = _with(calibration, used)
+    now_kg = _widest_kg(calibration, now, ends)
+    found: list[NextLoad] = []
+    for reference in calibration.references:
+        more = replace(
+            used[-1],
+            load_id=reference.load_id,
+            day=used[-1].day if same_day else _new_day(used),
+            reference_kg=reference.reference_kg,
+            readings=calibration.budget_at[1],
+        )
+        then = _with(calibration, [*used, more])
+        found.append(
+            NextLoad(
+                load_id=reference.load_id,
+                reference_kg=reference.reference_kg,
+                # equal ones stay equal: by rounding alone one would be better
+                determinant_1=round(_determinant(then) / _determinant(now), 9),
+                half_width_kg=_widest_kg(calibration, then, ends),
+                half_width_now_kg=now_kg,
+            )
+        )
+    return tuple(sorted(found, key=lambda one: (one.determinant_1, one.load_id)))
+
+
+def _new_day(used: list[Point]) -> str:
+    """A label that no run has."""
+    return max((point.day for point in used), key=len) + "+"
+
+
+def _determinant(inversion: Inversion) -> float:
+    covariance = np.tensordot(inversion.variance_kg2, inversion.on_line, 1)
+    return float(np.linalg.det(covariance))
+
+
+def _widest_kg(calibration: Calibration, inversion: Inversion, at_kg: list[float]) -> float:
+    confidence_1, readings = calibration.confidence_1, float(calibration.budget_at[1])
+    return max(inversion.half_kg(mass_kg, confidence_1, readings) for mass_kg in at_kg)
+
+
+def _with(calibration: Calibration, points: list[Point]) -> Inversion:
+    """The calibration's line with its variances, as if it had been fitted to these points."""
+    loads = {one.load_id: k for k, one in enumerate(calibration.references)}
+    days = list(dict.fromkeys(point.day for point in points))
+    reference_kg = np.array([one.reference_kg for one in calibration.references])
+    load = np.array([loads[point.load_id] for point in points], np.int64)
+    design = np.column_stack([np.ones(load.size), reference_kg[load] - calibration.centre_kg])
+    readings = np.array([point.readings for point in points], np.int64)
+    as_points = Points(
+        y_kg=design @ np.array([calibration.level_kg, calibration.c1_1]),
+        readings=readings,
+        load=load,
+        day=np.array([days.index(point.day) for point in points], np.int64),
+        reference_kg=reference_kg,
+        covariance_kg2=np.array(calibration.references_covariance_kg2),
+        within=Within(0.0, int((readings - 1).sum())),
+    )
+    components = calibration.components
+    value = np.array([one.variance_kg2 for one in components if one.estimated])
+    names = tuple(one.name for one in components if one.estimated)
+    known_days = (one.std_kg for one in components if one.name == DAY and not one.estimated)
+    scatter = scatter_of(as_points, names, next(known_days, None))
+    slope, x_cov = calibration.c1_1, as_points.x_cov_kg2
+    mean_squares: Floats = np.linalg.solve(scatter.squares, value).astype(np.float64)
+    information = expected_information(
+        design,
+        scatter.by_squares,
+        scatter.known + slope**2 * x_cov,
+        as_points.within,
+        mean_squares,
+    )
+    covariance = np.asarray(np.linalg.pinv(information, hermitian=True), np.float64)
+    variances = Variances(mean_squares, covariance).transformed(scatter.squares)
+    effects = scatter.on_line(variances, design, slope, x_cov)
+    several_days = DAY in names and len(days) < DAYS_ENOUGH
+    return replace(
+        calibration.inversion,
+        on_line=np.array([effect.on_line for effect in effects]),
+        covariance=variances.covariance,
+        apart={DAY: len(days) - 1} if several_days else {},
+        most_readings=int(readings.max()),
+    )

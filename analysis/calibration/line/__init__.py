@@ -1,0 +1,1 @@
+"""The line of a calibration: its model, fit, inversion and budget."""

@@ -1,0 +1,116 @@
+"""From the readings of a campaign to its points, a point a run."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.line.line_model import Points
+from analysis.calibration.line.variance_components import Floats, Within
+from estimators.errors import DataError, counted
+
+#: A line that is to show whether it is one needs a load more than it has parameters.
+LOADS_MIN: Final = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Readings by run, and the points of those runs that have any.
+
+    Attributes:
+        runs: a row a run: run_id, load_id, day, reference_kg, readings, rejected, mean_kg, std_kg.
+        fitted: (points,) which rows those are that have a point.
+        points: for the fit.
+        readings: the readings in use.
+        references: load_id and reference_kg of every load.
+    """
+
+    runs: pl.DataFrame
+    fitted: np.ndarray
+    points: Points
+    readings: pl.DataFrame
+    references: pl.DataFrame
+
+
+def campaign_of(
+    readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats
+) -> Campaign:
+    """Take the mean of the used readings of each run.
+
+    Args:
+        readings: a row a reading: run_id, load_id, day, mass_kg, used (others are not looked at).
+        references: a row a load: load_id, reference_kg.
+        covariance_kg2: (loads, loads) of the references, in their order.
+
+    Raises:
+        DataError: what no line can be fitted to.
+    """
+    _check(readings, references, covariance_kg2)
+    references = references.select("load_id", pl.col("reference_kg").cast(pl.Float64))
+    mass = pl.col("mass_kg").cast(pl.Float64)
+    used = pl.col("used") & mass.is_finite().fill_null(value=False)
+    known = mass.filter(used)
+    runs = (
+        readings.group_by("run_id", maintain_order=True)
+        .agg(
+            pl.col("load_id").first(),
+            pl.col("day").first(),
+            readings=used.sum().cast(pl.Int64),
+            rejected=(~used).sum().cast(pl.Int64),
+            mean_kg=known.mean(),
+            std_kg=known.std(),
+            squares=((known - known.mean()) ** 2).sum(),
+            loads=pl.col("load_id").n_unique(),
+            days=pl.col("day").n_unique(),
+        )
+        .join(references, "load_id", "left", maintain_order="left")
+    )
+    for run_id in runs.filter((pl.col("loads") > 1) | (pl.col("days") > 1))["run_id"]:
+        raise DataError(f"calibration: run '{run_id}' has several loads or days: make it several")
+    fitted = np.flatnonzero(runs["readings"].to_numpy() > 0)
+    part = runs[fitted.tolist()]
+    order = {load: k for k, load in enumerate(references["load_id"])}
+    days = {day: k for k, day in enumerate(part["day"].unique(maintain_order=True))}
+    points = Points(
+        y_kg=part["mean_kg"].to_numpy().astype(np.float64),
+        readings=part["readings"].to_numpy().astype(np.int64),
+        load=np.array([order[load] for load in part["load_id"]], np.int64),
+        day=np.array([days[day] for day in part["day"]], np.int64),
+        reference_kg=references["reference_kg"].to_numpy().astype(np.float64),
+        covariance_kg2=covariance_kg2,
+        within=Within(float(part["squares"].sum()), int((part["readings"] - 1).sum())),
+    )
+    _check_points(points)
+    return Campaign(
+        runs.drop("loads", "days", "squares"), fitted, points, readings.filter(used), references
+    )
+
+
+def _check(readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats) -> None:
+    loads = references.height
+    if references["load_id"].n_unique() != loads:
+        raise DataError("calibration: two references have one load_id")
+    if covariance_kg2.shape != (loads, loads) or not np.isfinite(covariance_kg2).all():
+        raise DataError(
+            f"calibration: the references' covariance is not {loads} by {loads} numbers"
+        )
+    largest = float(np.abs(covariance_kg2).max(initial=0.0))
+    if not np.allclose(covariance_kg2, covariance_kg2.T, rtol=0.0, atol=1e-9 * largest):
+        raise DataError("calibration: the references' covariance is not symmetric")
+    if loads and np.linalg.eigvalsh(covariance_kg2).min() < -1e-9 * largest:
+        raise DataError("calibration: the references' covariance has a negative variance")
+    unknown = set(readings["load_id"]) - set(references["load_id"])
+    if unknown:
+        raise DataError(f"calibration: no reference for load '{min(unknown)}'")
+
+
+def _check_points(points: Points) -> None:
+    loads = np.unique(points.x_kg).size
+    if loads < LOADS_MIN:
+        raise DataError(
+            f"calibration: readings of {counted(loads, 'different load')}; a line that shows "
+            f"whether it is one needs {LOADS_MIN}"
+        )
+    if np.ptp(points.y_kg) <= 1e-9 * np.abs(points.y_kg).max():
+        raise DataError("calibration: the estimates do not differ from load to load")

@@ -1,0 +1,213 @@
+"""Fit a calibration to the readings of a campaign."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.line.calibration import (
+    Calibration,
+    CalibrationOptions,
+    Component,
+    LackOfFit,
+    Reference,
+    extra_kg2,
+)
+from analysis.calibration.line.calibration_budget import budget
+from analysis.calibration.line.calibration_notes import sentences
+from analysis.calibration.line.calibration_points import Campaign, campaign_of
+from analysis.calibration.line.lack_of_fit import LEVEL, lack_of_fit
+from analysis.calibration.line.line_inversion import Inversion
+from analysis.calibration.line.line_model import (
+    DAY,
+    REPEATABILITY,
+    RUN,
+    FittedLine,
+    Points,
+    fit_line,
+)
+from analysis.calibration.line.outliers import outliers
+from analysis.calibration.line.point_errors import attenuation, point_rows, rms, stated_ratio
+from analysis.calibration.line.unlike_driving import RunResponse, line_responses
+from analysis.calibration.line.variance_components import Floats
+from estimators.errors import DataError
+
+_NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
+
+
+def fit_calibration(
+    readings: pl.DataFrame,
+    references: pl.DataFrame,
+    covariance_kg2: Floats,
+    options: CalibrationOptions,
+    responses: Sequence[RunResponse] = (),
+) -> Calibration:
+    """Fit m̂ = c0 + c1 m to the means of runs, and everything that a later mass needs of it.
+
+    The references' errors, shared sources included, and the scatter of readings, runs and days are
+    in the line's covariance. An error that all points share shifts the line and none of its
+    residuals; it is not noise of a point.
+
+    Args:
+        readings: a row a reading: run_id, load_id, day, mass_kg, used; std_kg, common_u_kg and
+            reading where they are known. Readings that are not used stay listed.
+        references: a row a load: load_id, reference_kg.
+        covariance_kg2: (loads, loads) of the references, in their order.
+        options: method, confidence, what is known besides.
+        responses: of runs to the errors of learnt means.
+
+    Raises:
+        DataError: fewer than three loads, no slope, references that do not match.
+
+    Source:
+        ISO/TS 28037:2010 (line), Patterson and Thompson (1971) (variances), Fieller (1954)
+        (intervals), JCGM 100:2008 (budget).
+    """
+    missing = [name for name in _NEEDED if name not in readings.columns]
+    if missing:
+        raise DataError(f"calibration: the readings have no column '{missing[0]}'")
+    campaign = campaign_of(readings, references, covariance_kg2)
+    points = campaign.points
+    line, test = tested_line(points, options.day_known_kg)
+    day_unknown = options.day_known_kg is None and points.days == 1
+    common_kg = _common_kg(campaign.readings)
+    counted_kg = common_kg if day_unknown else 0.0
+    inversion = Inversion.of(line, extra_kg2(options.stated, counted_kg))
+    components = _components(line, campaign)
+    low, high = float(points.x_kg.min()), float(points.x_kg.max())
+    margin = options.margin_1 * (high - low)
+    at = (high + margin, int(np.median(points.readings)))
+    u_kg = inversion.u_kg(*at)
+    half_kg = inversion.half_kg(at[0], options.confidence_1, at[1])
+    rows = point_rows(campaign, line)
+    left_out = [row.error_left_out_kg for row in rows]
+    c0 = line.level_kg - line.slope_1 * line.centre_kg
+    shift = np.array([[1.0, -line.centre_kg], [0.0, 1.0]])
+    covariance = shift @ np.tensordot(inversion.variance_kg2, inversion.on_line, 1) @ shift.T
+    by_name = {component.name: component for component in components}
+    day = by_name.get(DAY)
+    calibration = Calibration(
+        method=options.method,
+        confidence_1=options.confidence_1,
+        alpha_1=1.0 / line.slope_1,
+        alpha_interval_1=_alpha_interval(inversion, options.confidence_1),
+        beta_kg=-c0 / line.slope_1,
+        beta_interval_kg=_beta_interval(inversion, options.confidence_1),
+        c0_kg=c0,
+        c1_1=line.slope_1,
+        covariance=_three(covariance),
+        centre_kg=line.centre_kg,
+        level_kg=line.level_kg,
+        chi2_1=line.chi2,
+        freedom=line.freedom,
+        repeatability_kg=by_name[REPEATABILITY].std_kg if REPEATABILITY in by_name else None,
+        repeatability_freedom=points.within.freedom,
+        run_kg=by_name[RUN].std_kg if RUN in by_name else None,
+        run_freedom=line.freedom - (points.days - 1 if day and day.estimated else 0),
+        day_kg=day.std_kg if day else None,
+        day_freedom=points.days - 1 if day and day.estimated else None,
+        components=components,
+        few_days=line.few_days,
+        most_readings=line.most_readings,
+        variance_covariance=tuple(tuple(map(float, row)) for row in line.variances.covariance),
+        stated=options.stated,
+        common_kg=common_kg,
+        common_counts=day_unknown,
+        lack_of_fit=test,
+        references=tuple(Reference(*row) for row in campaign.references.iter_rows()),
+        references_covariance_kg2=tuple(tuple(map(float, row)) for row in points.covariance_kg2),
+        points=rows,
+        outliers=outliers(campaign, line),
+        rms_error_kg=rms([row.error_kg for row in rows]) or 0.0,
+        rms_error_left_out_kg=rms(left_out),
+        attenuation_1=attenuation(campaign),
+        stated_ratio_1=stated_ratio(campaign),
+        range_kg=(low - margin, high + margin),
+        budget=budget(
+            inversion, components, options.stated, at, common_kg if day_unknown else None
+        ),
+        budget_at=at,
+        coverage_k_1=half_kg / u_kg,
+        u_kg=u_kg,
+        says=(),
+        responses=line_responses(
+            responses,
+            {row.run_id: row.reference_kg for row in rows if row.readings},
+            line.centre_kg,
+        ),
+    )
+    return replace(calibration, says=sentences(calibration))
+
+
+def tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
+    """Fit the line, with a deviation of each load from it where the points show one.
+
+    Args:
+        points: means of runs.
+        day_known_kg: deviation from day to day where it is known, in kg of m̂.
+    """
+    test = lack_of_fit(points, day_known_kg)
+    lacking = test.separate and test.p_1 is not None and test.p_1 < LEVEL
+    line = fit_line(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
+    if line.slope_1 == 0.0:
+        raise DataError("calibration: the estimates do not follow the loads")
+    return line, test
+
+
+def _components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
+    """The effects as plain numbers."""
+    found: list[Component] = []
+    place = 0
+    for effect in line.effects:
+        freedom: float | None = None
+        if effect.estimated:
+            freedom = _freedom(effect.name, effect.variance_kg2, line, campaign, place)
+            place += 1
+        found.append(
+            Component(
+                name=effect.name,
+                variance_kg2=effect.variance_kg2,
+                freedom=freedom,
+                on_line=_three(effect.on_line),
+                estimated=effect.estimated,
+                scatters=effect.scatters,
+            )
+        )
+    return tuple(found)
+
+
+def _freedom(
+    name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, place: int
+) -> float:
+    """Degrees of freedom of an estimated variance; those of the readings are counted."""
+    if name == REPEATABILITY:
+        return float(campaign.points.within.freedom)
+    uncertain = float(line.variances.covariance[place, place])
+    return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0
+
+
+def _three(covariance: Floats) -> tuple[float, float, float]:
+    return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
+
+
+def _common_kg(used: pl.DataFrame) -> float:
+    """The largest common uncertainty of a run, 0 where none is stated."""
+    if "common_u_kg" not in used.columns:
+        return 0.0
+    largest = used["common_u_kg"].cast(pl.Float64).max()
+    return float(largest) if isinstance(largest, float) and np.isfinite(largest) else 0.0
+
+
+def _alpha_interval(inversion: Inversion, confidence_1: float) -> tuple[float | None, float | None]:
+    """Interval of 1/c1, none where that of c1 holds 0."""
+    low, high = inversion.slope_interval(confidence_1)
+    return (1.0 / high, 1.0 / low) if low * high > 0.0 else (None, None)
+
+
+def _beta_interval(inversion: Inversion, confidence_1: float) -> tuple[float | None, float | None]:
+    """Interval of the mass at which the line is 0."""
+    found = inversion.exact(0.0, confidence_1)
+    low, high = float(found.low_kg[0]), float(found.high_kg[0])
+    return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)

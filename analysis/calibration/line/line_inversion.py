@@ -1,0 +1,253 @@
+"""From a later m̂ back to its mass: classical calibration inverted, with Fieller's interval."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtri, stdtrit
+
+from analysis.calibration.line.line_model import DAY, REPEATABILITY, RUN, FittedLine, Ints
+from analysis.calibration.line.variance_components import Floats, Variances
+
+#: Rarer events are not told apart.
+_TAIL_MIN: Final = 1e-9
+_UNBOUNDED: Final = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Inverted:
+    """Masses: each (n,), NaN limits where the slope cannot be told from 0."""
+
+    mass_kg: Floats
+    u_kg: Floats
+    low_kg: Floats
+    high_kg: Floats
+    factor_1: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Inversion:
+    """A line y = level + slope (x - centre) with what scatters later values of y.
+
+    Attributes:
+        centre_kg: where the line has its level.
+        level_kg: of the line.
+        slope_1: of the line.
+        effects: index of each effect by name.
+        variance_kg2: (effects,) of one draw.
+        on_line: (effects, 2, 2) what a variance of 1 gives level and slope.
+        scatters: (effects,) whether a later value has it anew.
+        estimated: (estimated,) which effects' variances are estimated.
+        covariance: (estimated, estimated) of these variances.
+        extra_kg2: variance of every later value that the points do not show.
+        apart: effects that few degrees of freedom tell, by name, with these: each has its own
+            Student factor. Welch and Satterthwaite's single one trusts an estimate of one or two
+            degrees of freedom when it happens to be small.
+        most_readings: of a run of the campaign.
+    """
+
+    centre_kg: float
+    level_kg: float
+    slope_1: float
+    effects: Mapping[str, int]
+    variance_kg2: Floats
+    on_line: Floats
+    scatters: Floats
+    estimated: Ints
+    covariance: Floats
+    extra_kg2: float
+    apart: Mapping[str, int]
+    most_readings: int
+
+    @classmethod
+    def of(cls, line: FittedLine, extra_kg2: float = 0.0) -> "Inversion":
+        """The inverse of a fitted line."""
+        effects = line.effects
+        return cls(
+            centre_kg=line.centre_kg,
+            level_kg=line.level_kg,
+            slope_1=line.slope_1,
+            effects={effect.name: k for k, effect in enumerate(effects)},
+            variance_kg2=np.array([effect.variance_kg2 for effect in effects]),
+            on_line=np.array([effect.on_line for effect in effects]),
+            scatters=np.array([float(effect.scatters) for effect in effects]),
+            estimated=np.flatnonzero([effect.estimated for effect in effects]).astype(np.int64),
+            covariance=line.variances.covariance,
+            extra_kg2=extra_kg2,
+            apart={} if line.few_days is None else {DAY: line.few_days},
+            most_readings=line.most_readings,
+        )
+
+    def inverted(
+        self, y_kg: Floats, readings: Floats, u_random_kg: Floats, confidence_1: float
+    ) -> Inverted:
+        """The mass of each later m̂.
+
+        Its random part is that of the campaign, for so many readings, and what its own standard
+        uncertainty says beyond that. The Student factor is that of Welch and Satterthwaite.
+
+        Args:
+            y_kg: (n,) m̂.
+            readings: (n,) whose mean each is.
+            u_random_kg: (n,) its own random standard uncertainty; NaN where it has none.
+            confidence_1: of the intervals.
+
+        Source:
+            Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
+        """
+        new = self._new(readings)
+        beyond = self._beyond_kg2(new, u_random_kg)
+        return self._solved(y_kg, new, beyond + self.extra_kg2, confidence_1)
+
+    def exact(self, y_kg: float, confidence_1: float) -> Inverted:
+        """Where the line itself has the value `y_kg`: nothing scatters it."""
+        none = np.zeros((1, self.variance_kg2.size))
+        return self._solved(np.array([y_kg]), none, np.zeros(1), confidence_1)
+
+    def slope_interval(self, confidence_1: float) -> tuple[float, float]:
+        """Interval of the slope."""
+        gradient = self.on_line[None, :, 1, 1]
+        squared, _ = self._squared_factors(gradient, np.zeros(1), confidence_1)
+        half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
+        return self.slope_1 - half, self.slope_1 + half
+
+    def parts_kg2(self, readings: float) -> Floats:
+        """(effects,) what each gives anew to the variance of a later mass, in kg² of mass."""
+        return self._new(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
+
+    def with_more(self, u_kg: float) -> "Inversion":
+        """The same with an uncertainty of later masses besides, in kg of mass."""
+        return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
+
+    def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
+        """Standard uncertainty of a later mass."""
+        return self._half_kg(mass_kg, None, readings, u_random_kg)
+
+    def half_kg(
+        self, mass_kg: float, confidence_1: float, readings: float, u_random_kg: float = 0.0
+    ) -> float:
+        """Half of the interval of a later mass, without what the slope's doubt skews it by.
+
+        Args:
+            mass_kg: of it.
+            confidence_1: of the interval.
+            readings: whose mean it is.
+            u_random_kg: its own random standard uncertainty in kg of m̂, 0 where it has none.
+        """
+        return self._half_kg(mass_kg, confidence_1, readings, u_random_kg)
+
+    def beyond(
+        self, distance_kg: float, mass_kg: float, readings: float, u_random_kg: float = 0.0
+    ) -> float:
+        """Probability that a later mass errs to one side by more than a distance, 0.5 at 0."""
+        if distance_kg < 0.0:
+            return 1.0 - self.beyond(-distance_kg, mass_kg, readings, u_random_kg)
+
+        def missing_kg(tail: float) -> float:
+            confidence_1 = 1.0 - 2.0 * tail
+            return self.half_kg(mass_kg, confidence_1, readings, u_random_kg) - distance_kg
+
+        if missing_kg(_TAIL_MIN) <= 0.0:
+            return _TAIL_MIN
+        return float(brentq(missing_kg, _TAIL_MIN, 0.5, xtol=1e-12)) if distance_kg else 0.5
+
+    def _half_kg(
+        self, mass_kg: float, confidence_1: float | None, readings: float, u_random_kg: float
+    ) -> float:
+        """Half of an interval; one standard uncertainty where it has no confidence."""
+        away = np.array([1.0, mass_kg - self.centre_kg])
+        new = self._new(np.array([readings]))
+        gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
+        more_kg2 = self._beyond_kg2(new, np.array([u_random_kg])) + self.extra_kg2
+        scaled, of_more = gradient, 1.0
+        if confidence_1 is not None:
+            squared, of_rest = self._squared_factors(gradient, more_kg2, confidence_1)
+            scaled, of_more = squared * gradient, float(of_rest[0])
+        variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
+        return float(np.sqrt(variance)) / abs(self.slope_1)
+
+    def _beyond_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
+        """(n,) what a random uncertainty has beyond that of the campaign's readings."""
+        random = new[:, self._random()] * self.variance_kg2[self._random()]
+        return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
+
+    def _random(self) -> int:
+        """The effect that readings average out, or else the one that has it in it."""
+        return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
+
+    def _new(self, readings: Floats) -> Floats:
+        """(n, effects) of each variance in a later value."""
+        new = np.tile(self.scatters, (readings.size, 1))
+        if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
+            # more readings than any run had would count on the runs' luck
+            readings = np.minimum(readings, self.most_readings)
+        if REPEATABILITY in self.effects:
+            new[:, self.effects[REPEATABILITY]] /= readings
+        return new
+
+    def _solved(self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float) -> Inverted:
+        """Mass, uncertainty and interval of values with the given share of each effect anew."""
+        away = (y_kg - self.level_kg) / self.slope_1
+        at = np.stack([np.ones_like(away), away], -1)
+        gradient = new + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
+        u_kg = np.sqrt(gradient @ self.variance_kg2 + more_kg2) / abs(self.slope_1)
+        squared, of_more = self._squared_factors(gradient, more_kg2, confidence_1)
+        # (d - s h)² = Σ t² (own + v00 + 2 h v01 + h² v11), for h from the centre
+        scaled = squared * self.variance_kg2
+        line = np.einsum("nk,kij->nij", scaled, self.on_line)
+        own = (scaled * new).sum(axis=1) + of_more * more_kg2
+        d = y_kg - self.level_kg
+        a = self.slope_1**2 - line[:, 1, 1]
+        b = d * self.slope_1 + line[:, 0, 1]
+        c = d**2 - own - line[:, 0, 0]
+        bounded = a > 0.0
+        a = np.where(bounded, a, 1.0)
+        half = np.sqrt(np.maximum(b**2 - a * c, 0.0)) / a
+        return Inverted(
+            mass_kg=self.centre_kg + away,
+            u_kg=u_kg,
+            low_kg=np.where(bounded, self.centre_kg + b / a - half, _UNBOUNDED),
+            high_kg=np.where(bounded, self.centre_kg + b / a + half, _UNBOUNDED),
+            factor_1=np.where(bounded, half / u_kg, _UNBOUNDED),
+        )
+
+    def _squared_factors(
+        self, gradient: Floats, more_kg2: Floats, confidence_1: float
+    ) -> tuple[Floats, Floats]:
+        """(n, effects) squared Student factor of each effect's part of variances, (n,) of the rest.
+
+        Args:
+            gradient: (n, effects) of the variances.
+            more_kg2: (n,) in them, and known.
+            confidence_1: of the intervals.
+        """
+        rest = gradient.copy()
+        squared = np.zeros_like(gradient)
+        for name, freedom in self.apart.items():
+            k = self.effects[name]
+            if self.variance_kg2[k] > 0.0:
+                rest[:, k] = 0.0
+                squared[:, k] = student(confidence_1, np.array([float(freedom)]))[0] ** 2
+        common = student(confidence_1, self._freedom(rest, rest @ self.variance_kg2 + more_kg2))
+        return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
+
+    def _freedom(self, gradient: Floats, total: Floats) -> Floats:
+        """(n,) degrees of freedom of variances (n,) with gradients (n, effects)."""
+        if self.covariance.size == 0:
+            return np.full(total.size, np.inf)
+        variances = Variances(self.variance_kg2[self.estimated], self.covariance)
+        return np.array(
+            [
+                variances.freedom(row[self.estimated], float(all_kg2))
+                for row, all_kg2 in zip(gradient, total, strict=True)
+            ]
+        )
+
+
+def student(confidence_1: float, freedom: Floats) -> Floats:
+    """Student's factor of a two-sided interval; the normal one where the freedom is infinite."""
+    level = 0.5 + 0.5 * confidence_1
+    finite = np.isfinite(freedom)
+    return np.where(finite, stdtrit(np.where(finite, freedom, 1.0), level), ndtri(level))

@@ -1,0 +1,258 @@
+"""The line of a calibration with every effect that scatters its points."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.calibration.line.distance_regression import distance_regression
+from analysis.calibration.line.variance_components import (
+    Floats,
+    Variances,
+    Within,
+    restricted_likelihood,
+)
+
+Ints = NDArray[np.int64]
+
+_ROUNDS: Final = 20
+#: A slope that moves by less than this share of its own deviation has settled.
+_SETTLED: Final = 1e-4
+#: Variance of rounding, as a share of the largest mass: keeps exact points from having none.
+_ROUNDING: Final = 1e-10
+
+#: With fewer days their scatter has a Student factor of its own.
+DAYS_ENOUGH: Final = 5
+#: The effects that scatter points, in their order.
+REPEATABILITY: Final = "repeatability"
+RUN: Final = "run to run"
+DAY: Final = "day to day"
+LACK_OF_FIT: Final = "lack of fit"
+#: What the references are not known to, which scatters nothing later.
+REFERENCES: Final = "references"
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Means of runs.
+
+    Attributes:
+        y_kg: (points,) mean of a run's readings.
+        readings: (points,) how many they are.
+        load: (points,) index of the load on board.
+        day: (points,) index of the day.
+        reference_kg: (loads,) references.
+        covariance_kg2: (loads, loads) of the references.
+        within: the readings about their means.
+    """
+
+    y_kg: Floats
+    readings: Ints
+    load: Ints
+    day: Ints
+    reference_kg: Floats
+    covariance_kg2: Floats
+    within: Within
+
+    @property
+    def x_kg(self) -> Floats:
+        """(points,) reference of each."""
+        return self.reference_kg[self.load]
+
+    @property
+    def x_cov_kg2(self) -> Floats:
+        """(points, points) covariance of these: runs with one load share its error."""
+        return self.covariance_kg2[np.ix_(self.load, self.load)]
+
+    @property
+    def days(self) -> int:
+        """How many days there are."""
+        return np.unique(self.day).size
+
+    def effect(self, name: str) -> Floats:
+        """(points, points) covariance of the points for a variance of 1 of an effect."""
+        if name == REPEATABILITY:
+            return np.diag(1.0 / self.readings)
+        if name == RUN:
+            return np.eye(self.y_kg.size)
+        of = self.day if name == DAY else self.load
+        return (of[:, None] == of[None, :]).astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """One effect that scatters points.
+
+    Attributes:
+        name: of the effect.
+        variance_kg2: of one draw of it; negative where its mean square is below what is in it of
+            others.
+        on_line: (2, 2) what a variance of 1 gives the covariance of level and slope.
+        estimated: whether its variance is one of `FittedLine.variances`, in their order.
+        scatters: whether a later run draws it anew: all but the references and the common error.
+    """
+
+    name: str
+    variance_kg2: float
+    on_line: Floats
+    estimated: bool
+    scatters: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class FittedLine:
+    """y = level + slope (x - centre), and where its uncertainty comes from."""
+
+    centre_kg: float
+    level_kg: float
+    slope_1: float
+    effects: tuple[Effect, ...]
+    variances: Variances
+    chi2: float
+    freedom: int
+    residual_kg: Floats
+    point_covariance_kg2: Floats
+    adjusted_kg: Floats
+    few_days: int | None
+    most_readings: int
+
+
+def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tuple[str, ...]:
+    """The effects whose variance the points can tell, with so many parameters fitted to them.
+
+    Days are told apart from runs where there are several, several runs in one of them, and
+    points enough for both; else the scatter of runs has that of days in it.
+    """
+    names: list[str] = []
+    count, days = points.y_kg.size, points.days
+    if points.within.freedom:
+        names.append(REPEATABILITY)
+    if count > parameters:
+        names.append(RUN)
+        if 1 < days < count and not day_known and count - parameters - (days - 1) > 0:
+            names.append(DAY)
+    return tuple(names)
+
+
+def mean_squares(points: Points, names: tuple[str, ...]) -> Floats:
+    """(effects, effects) that makes variances of mean squares, which are what cannot be negative.
+
+    Runs whose means scatter by chance less than their readings let expect have a negative variance
+    of their own; cut off at 0, it would widen every interval by the factor of few degrees of
+    freedom. What a run's mean scatters by, with as many readings as any has, stays positive, and
+    so does what a day's mean scatters by.
+    """
+    of = np.eye(len(names))
+    if REPEATABILITY in names and RUN in names:
+        of[names.index(RUN), names.index(REPEATABILITY)] = -1.0 / points.readings.max()
+    if DAY in names:
+        most = np.bincount(points.day).max()
+        of[names.index(DAY), names.index(RUN)] = -1.0 / most
+    return of
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """How the effects scatter the points of a campaign.
+
+    Attributes:
+        names: (effects,) those whose variance is estimated.
+        each: (effects, points, points) covariance for a variance of 1 of each.
+        squares: (effects, effects) that makes variances of mean squares (`mean_squares`).
+        day: (points, points) likewise of the day.
+        day_known_kg: deviation from day to day where it is known.
+        known: (points, points) covariance that is known.
+    """
+
+    names: tuple[str, ...]
+    each: Floats
+    squares: Floats
+    day: Floats
+    day_known_kg: float | None
+    known: Floats
+
+    @property
+    def by_squares(self) -> Floats:
+        """(effects, points, points) covariance for a mean square of 1 of each."""
+        return np.asarray(np.tensordot(self.squares.T, self.each, 1), np.float64)
+
+    def covariance(self, value: Floats) -> Floats:
+        """(points, points) covariance for such variances."""
+        return np.asarray(np.tensordot(value, self.each, 1) + self.known, np.float64)
+
+    def on_line(
+        self, variances: Variances, design: Floats, slope: float, x_cov: Floats
+    ) -> tuple[Effect, ...]:
+        """Each effect, and what it does to a line that is fitted by generalised least squares."""
+        covariance = self.covariance(variances.value) + slope**2 * x_cov
+        weighted = np.linalg.solve(covariance, design).T
+        # (2, points): how level and slope follow each point
+        gain = np.linalg.solve(weighted @ design, weighted)
+        effects = [
+            Effect(name, float(variance), gain @ one @ gain.T, estimated=True)
+            for name, variance, one in zip(self.names, variances.value, self.each, strict=True)
+        ]
+        if self.day_known_kg is not None:
+            through = gain @ self.day @ gain.T
+            effects.append(Effect(DAY, self.day_known_kg**2, through, estimated=False))
+        through = slope**2 * gain @ x_cov @ gain.T
+        return (*effects, Effect(REFERENCES, 1.0, through, estimated=False, scatters=False))
+
+
+def scatter_of(points: Points, names: tuple[str, ...], day_known_kg: float | None) -> Scatter:
+    """The scatter of points by these effects."""
+    day = points.effect(DAY)
+    known = np.eye(points.y_kg.size) * (_ROUNDING * np.abs(points.y_kg).max()) ** 2
+    if day_known_kg is not None:
+        known = known + day_known_kg**2 * day
+    each = np.array([points.effect(name) for name in names])
+    return Scatter(names, each, mean_squares(points, names), day, day_known_kg, known)
+
+
+def fit_line(
+    points: Points, *, day_known_kg: float | None = None, lack_of_fit: bool = False
+) -> FittedLine:
+    """Fit line and variances together.
+
+    Args:
+        points: means of runs.
+        day_known_kg: deviation from day to day where it is known, in kg of m̂.
+        lack_of_fit: whether each load has a deviation of its own from the line.
+    """
+    names = estimated_effects(points, 2, day_known=day_known_kg is not None)
+    scatter = scatter_of(points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg)
+    by_squares = scatter.by_squares
+    x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2
+    centre_kg = float(x.mean())
+    slope = float(np.polyfit(x - centre_kg, y, 1)[0])
+    design = np.column_stack([np.ones_like(x), x - centre_kg])
+    residual = y
+    rounds, start = 0, None
+    while True:
+        found = restricted_likelihood(
+            residual, design, by_squares, scatter.known + slope**2 * x_cov, points.within, start
+        )
+        start, variances = found.value, found.transformed(scatter.squares)
+        line = distance_regression(x - centre_kg, y, x_cov, scatter.covariance(variances.value))
+        moved, slope = abs(line.slope - slope), line.slope
+        design = np.column_stack([np.ones_like(x), line.x])
+        residual = line.residual
+        rounds += 1
+        settled = moved <= _SETTLED * np.sqrt(line.covariance[1, 1])
+        if settled or rounds == _ROUNDS or not x_cov.any():
+            break
+    return FittedLine(
+        centre_kg=centre_kg,
+        level_kg=line.intercept,
+        slope_1=slope,
+        effects=scatter.on_line(variances, design, slope, x_cov),
+        variances=variances,
+        chi2=line.chi2,
+        freedom=line.freedom,
+        residual_kg=line.residual,
+        point_covariance_kg2=scatter.covariance(variances.value) + slope**2 * x_cov,
+        adjusted_kg=line.x + centre_kg,
+        few_days=points.days - 1 if DAY in names and points.days < DAYS_ENOUGH else None,
+        most_readings=int(points.readings.max()),
+    )

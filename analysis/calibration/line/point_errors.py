@@ -1,0 +1,109 @@
+"""What the points of a calibration err by: on the line, with their load left out, and on (19)."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.line.calibration import Point
+from analysis.calibration.line.calibration_points import Campaign
+from analysis.calibration.line.distance_regression import StraightLine, distance_regression
+from analysis.calibration.line.line_model import FittedLine, Points
+from analysis.calibration.line.outliers import studentised
+from analysis.calibration.line.straight_line import line_of_19
+from analysis.calibration.line.variance_components import Floats
+
+#: What (19) goes from, and to.
+_OF_19: Final = ("mass_kg", "reference_kg")
+
+
+def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
+    """A row a run, those without a used reading as well."""
+    reference = campaign.points.x_kg
+    calibrated = (campaign.points.y_kg - line.level_kg) / line.slope_1 + line.centre_kg
+    values = {
+        "calibrated_kg": calibrated,
+        "error_kg": calibrated - reference,
+        "error_left_out_kg": _left_out(campaign, line),
+        "studentised_1": studentised(line),
+    }
+    place = {int(row): k for k, row in enumerate(campaign.fitted)}
+    rows: list[Point] = []
+    for row, run in enumerate(campaign.runs.iter_rows(named=True)):
+        k = place.get(row)
+        at: dict[str, Any] = {
+            name: None if k is None or np.isnan(column[k]) else float(column[k])
+            for name, column in values.items()
+        }
+        rows.append(Point(**{**run, **at}))
+    return tuple(rows)
+
+
+def _left_out(campaign: Campaign, line: FittedLine) -> Floats:
+    """(points,) error of each under the line through the other loads; NaN where they give none."""
+    points = campaign.points
+    errors = np.full(points.y_kg.size, np.nan)
+    for load, other in lines_left_out(points, line).items():
+        left = points.load == load
+        errors[left] = other.at(points.y_kg[left]) - points.x_kg[left]
+    return errors
+
+
+def lines_left_out(points: Points, line: FittedLine) -> dict[int, StraightLine]:
+    """The line through the other loads, by index of the load that is left out.
+
+    A load whose others give no line has none.
+    """
+    x, x_cov = points.x_kg, points.x_cov_kg2
+    y_cov = line.point_covariance_kg2 - line.slope_1**2 * x_cov
+    found: dict[int, StraightLine] = {}
+    for load in np.unique(points.load):
+        rest = points.load != load
+        if np.unique(x[rest]).size < 2:
+            continue
+        inner = np.ix_(rest, rest)
+        other = distance_regression(x[rest], points.y_kg[rest], x_cov[inner], y_cov[inner])
+        if other.slope:
+            found[int(load)] = other
+    return found
+
+
+def rms(errors: Sequence[float | None]) -> float | None:
+    """Root mean square of the errors that there are."""
+    known = [error for error in errors if error is not None]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+
+def attenuation(campaign: Campaign) -> float | None:
+    """Slope of (19) fitted to single readings over that fitted to load means.
+
+    Noise of the estimates flattens a line from estimates to references: below 1 by as much.
+    """
+    of_run = campaign.runs.select("run_id", "reference_kg")
+    single = campaign.readings.select("run_id", "load_id", "mass_kg").join(of_run, "run_id")
+    means = single.group_by("load_id", maintain_order=True).agg(
+        pl.col("mass_kg", "reference_kg").mean()
+    )
+    lines = [
+        line_of_19(*(part[name].to_numpy().astype(np.float64) for name in _OF_19))
+        for part in (single, means)
+    ]
+    slopes = [line[0] if line else 0.0 for line in lines]
+    return slopes[0] / slopes[1] if slopes[1] else None
+
+
+def stated_ratio(campaign: Campaign) -> float | None:
+    """How much more single readings scatter within runs than their own deviations say."""
+    if "std_kg" not in campaign.readings.columns:
+        return None
+    known = campaign.readings.filter(pl.col("std_kg") > 0.0).with_columns(
+        weight=pl.col("std_kg") ** -2.0
+    )
+    mean = (pl.col("weight") * pl.col("mass_kg")).sum() / pl.col("weight").sum()
+    by_run = known.group_by("run_id", maintain_order=True).agg(
+        chi2=(pl.col("weight") * (pl.col("mass_kg") - mean) ** 2).sum(), freedom=pl.len() - 1
+    )
+    freedom = int(by_run["freedom"].sum())
+    ratio = float(np.sqrt(float(by_run["chi2"].sum()) / freedom)) if freedom > 0 else np.nan
+    return ratio if np.isfinite(ratio) else None

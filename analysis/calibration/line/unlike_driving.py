@@ -1,0 +1,139 @@
+"""What driving unlike its campaign costs a log that is weighed with the priors of a calibration.
+
+Means of learnt priors are wrong by ε, in their standard uncertainties. That moved the campaign's
+points by R(m) ε, and the line has taken it with it; it moves a later mass by r ε. What is left is
+(r - R(m)) ε: nothing where the log is driven as its campaign was. What ε is, the later log says
+together with the calibration.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from analysis.calibration.line.calibration import LineResponse
+from analysis.model.schema import SCALE
+from analysis.model.settings import LearnableTerm
+
+Floats = NDArray[np.float64]
+
+
+class RunResponse(BaseModel):
+    """What one standard uncertainty of a learnt mean moves the estimate of a run by."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    run_id: str = Field(max_length=200)
+    term: LearnableTerm
+    response_kg: float
+
+
+def line_responses(
+    said: Sequence[RunResponse], reference_kg: Mapping[str, float], centre_kg: float
+) -> tuple[LineResponse, ...]:
+    """What the errors of learnt means did to a line: level and slope of the runs' responses.
+
+    Args:
+        said: by run and term; runs without a point count for nothing.
+        reference_kg: of each run with a point.
+        centre_kg: where the line has its level.
+    """
+    found: list[LineResponse] = []
+    by_term: dict[LearnableTerm, list[RunResponse]] = {}
+    for each in said:
+        if each.run_id in reference_kg:
+            by_term.setdefault(each.term, []).append(each)
+    for term, own in sorted(by_term.items()):
+        away = np.array([reference_kg[each.run_id] - centre_kg for each in own])
+        if np.ptp(away) == 0.0:
+            continue
+        columns = np.column_stack([np.ones(away.size), away])
+        moved_kg = np.array([each.response_kg for each in own])
+        level, slope = np.linalg.lstsq(columns, moved_kg, rcond=None)[0].tolist()
+        found.append(LineResponse(term, level, slope))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Unlike:
+    """What a log says of errors that it shares with its calibration.
+
+    Attributes:
+        terms: whose means they are of.
+        error_1: (terms,) in their standard uncertainties.
+        covariance_1: (terms, terms).
+        told: (terms,) whether the log's masses have that error off already.
+        moved_kg: (terms,) what they move each thing by: of `MOVED`, and its number.
+        scale_kg: uncertainty of the scale in it, likewise.
+    """
+
+    terms: tuple[LearnableTerm, ...]
+    error_1: Floats
+    covariance_1: Floats
+    told: NDArray[np.bool_]
+    moved_kg: Mapping[tuple[str, int], Floats]
+    scale_kg: Mapping[tuple[str, int], float]
+
+    @classmethod
+    def of(cls, frames: Mapping[str, pl.DataFrame]) -> Self | None:
+        """Of a replay's frames; None where no calibration learnt anything."""
+        if "responses" not in frames:
+            return None
+        known, moved = frames["learnt_errors"], frames["responses"]
+        terms = tuple(known["term"].unique(maintain_order=True))
+        place = {term: k for k, term in enumerate(terms)}
+        covariance = np.eye(len(terms))
+        error, told = np.zeros(len(terms)), np.zeros(len(terms), np.bool_)
+        for term, other, error_1, covariance_1, off in known.iter_rows():
+            error[place[term]], told[place[term]] = error_1, off
+            covariance[place[term], place[other]] = covariance_1
+        moved_kg: dict[tuple[str, int], Floats] = {}
+        scale_kg: dict[tuple[str, int], float] = {}
+        for of, number, term, response_kg in moved.iter_rows():
+            if term == SCALE:
+                scale_kg[of, number] = response_kg
+            else:
+                own = moved_kg.setdefault((of, number), np.zeros(len(terms)))
+                own[place[term]] = response_kg
+        return cls(terms, error, covariance, told, moved_kg, scale_kg)
+
+    def line(self, responses: Sequence[LineResponse], level_1: float, away_kg: float) -> Floats:
+        """(terms,) what they moved the line by.
+
+        Args:
+            responses: of the line.
+            level_1: how often its level counts: once in a mass, not in a difference of two.
+            away_kg: how far from its centre.
+        """
+        by_term = {each.term: each for each in responses}
+        return np.array(
+            [
+                by_term[term].level_kg * level_1 + by_term[term].slope_1 * away_kg
+                if term in by_term
+                else 0.0
+                for term in self.terms
+            ]
+        )
+
+    def off_kg(self, moved_kg: Floats, line_kg: Floats) -> tuple[float, float]:
+        """What an estimate is off by beside its line, and the uncertainty of that.
+
+        Args:
+            moved_kg: (terms,) what the errors move it by.
+            line_kg: (terms,) what they moved the line by.
+        """
+        left = np.where(self.told, 0.0, moved_kg) - line_kg
+        return float(left @ self.error_1), self.u_kg(moved_kg - line_kg)
+
+    def u_kg(self, moved_kg: Floats) -> float:
+        """What the log does not know of the errors moves an estimate by."""
+        return float(np.sqrt(max(float(moved_kg @ self.covariance_1 @ moved_kg), 0.0)))
+
+    def taken_kg(self, moved_kg: Floats) -> float:
+        """The part of the log's own uncertainty that is of the errors."""
+        told = np.where(self.told, moved_kg, 0.0)
+        return float(np.hypot(self.u_kg(told), np.linalg.norm(moved_kg - told)))

@@ -1,0 +1,1 @@
+"""A calibration used on later logs: masses, drift, error limits, learnt priors."""

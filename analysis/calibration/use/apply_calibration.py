@@ -1,0 +1,221 @@
+"""Calibrated masses beside the raw ones of a log's loads."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.line.calibration import CalibratedMass, Calibration
+from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_against
+from analysis.calibration.use.mass_differences import NORMAL, difference_on_line
+from analysis.model.schema import CALIBRATED, conform
+from estimators.errors import DataError, nearest
+
+#: The estimators of frame `loads`: m̂ and the random part of its standard uncertainty.
+ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
+    "joint_mass": ("mass_kg", "u_random_kg"),
+    "joint_payload": ("own_payload_kg", "own_payload_u_random_kg"),
+}
+#: An empty machine that is as far off by chance with less than this probability (three deviations)
+#: is no longer the one that was calibrated: 0.3 % of good logs are refused.
+_RARE: Final = 0.0027
+
+
+@dataclass(frozen=True)
+class LaterLog:
+    """What is known of a log besides its loads.
+
+    Attributes:
+        refused: why no mass of it is calibrated; "" where nothing speaks against it.
+        unlike: what it says of errors that it shares with its campaign; None takes none off.
+        empty_kg: known mass of the empty machine; None where it is not known.
+        empty_u_kg: its standard uncertainty.
+        unseen: what would have changed unseen since evidence of one day.
+    """
+
+    refused: str = ""
+    unlike: Unlike | None = None
+    empty_kg: float | None = None
+    empty_u_kg: float = 0.0
+    unseen: Mapping[int, str] = field(default_factory=dict[int, str])
+
+
+_NOTHING_MORE: Final = LaterLog()
+
+
+def calibrated_loads(
+    loads: pl.DataFrame, calibration: Calibration, log: LaterLog = _NOTHING_MORE
+) -> pl.DataFrame:
+    """Put the calibrated mass and payload of each load beside the raw ones.
+
+    Where the log has an empty part, its calibrated mass has to be that of the empty machine: by
+    chance it is not in one log of 370.
+
+    Args:
+        loads: the frame `loads`, without calibrated columns or with those of another calibration.
+        calibration: of the machine, by one of `ESTIMATORS`.
+        log: what is known of it besides.
+
+    Returns:
+        The frame with the columns `CALIBRATED`; `calibrated_reason` says why a row has no mass (""
+        else), `calibrated_said` what a reader must know of one.
+
+    Raises:
+        DataError: the calibration is of an estimator that the frame does not have.
+    """
+    if calibration.method not in ESTIMATORS:
+        raise DataError(
+            f"calibration: it is of '{calibration.method}', no mass of the loads: "
+            f"{nearest(calibration.method, ESTIMATORS)}"
+        )
+    mass, u_random = ESTIMATORS[calibration.method]
+    rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
+    check = _empty_machine(rows, calibration, log)
+    refused = log.refused or _changed(check, log)
+    told = check is not None and check.drifted is not None
+    empties = sum(row["manoeuvres"] for row in rows if row["empty"])
+    found = [
+        _calibrated(row, calibration, log, refused, told=told, empties=empties) for row in rows
+    ]
+    types = dict.fromkeys(CALIBRATED, pl.Float64)
+    types |= {"calibrated_reason": pl.String, "calibrated_said": pl.String}
+    columns = {n: pl.Series([one.get(n) for one in found], dtype=t) for n, t in types.items()}
+    return conform("loads", loads.with_columns(**columns))
+
+
+def _calibrated(
+    row: Mapping[str, Any],
+    calibration: Calibration,
+    log: LaterLog,
+    refused: str,
+    *,
+    told: bool,
+    empties: int,
+) -> dict[str, Any]:
+    """The calibrated columns of a load."""
+    off_kg, unlike_u_kg = _apart(row, calibration, log.unlike)
+    one = _mass(row, calibration, refused, off_kg, unlike_u_kg)
+    said = {
+        "calibrated_kg": one.mass_kg,
+        "calibrated_u_kg": one.u_kg,
+        "calibrated_low_kg": one.low_kg,
+        "calibrated_high_kg": one.high_kg,
+        "calibrated_reason": one.reason,
+        "calibrated_said": "",
+    }
+    if one.mass_kg is None:
+        return said
+    said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
+    if calibration.of_one_day and not told:
+        said["calibrated_said"] = log.unseen.get(row["load_id"], "")
+    payload = _payload(row, calibration, log, one, empties)
+    if payload is not None:
+        mass_kg, u_kg, half_kg = payload
+        said |= {
+            "calibrated_payload_kg": mass_kg,
+            "calibrated_payload_u_kg": u_kg,
+            "calibrated_payload_low_kg": mass_kg - half_kg,
+            "calibrated_payload_high_kg": mass_kg + half_kg,
+        }
+    return said
+
+
+def _apart(
+    row: Mapping[str, Any], calibration: Calibration, unlike: Unlike | None
+) -> tuple[float, float]:
+    """What m̂ is off by since its log is driven unlike the campaign, and the uncertainty of that."""
+    key = ("mass" if calibration.method == "joint_mass" else "payload", row["load_id"])
+    if unlike is None or not calibration.responses or key not in unlike.moved_kg:
+        return 0.0, 0.0
+    away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
+    line_kg = unlike.line(calibration.responses, 1.0, away_kg)
+    return unlike.off_kg(unlike.moved_kg[key], line_kg)
+
+
+def _mass(
+    row: Mapping[str, Any],
+    calibration: Calibration,
+    refused: str,
+    off_kg: float,
+    unlike_u_kg: float,
+) -> CalibratedMass:
+    estimate_kg, withheld_for = row["estimate_kg"], row["withheld_for"]
+    if refused:
+        return CalibratedMass(None, None, None, None, refused)
+    if estimate_kg is None:
+        if withheld_for:
+            return CalibratedMass(None, None, None, None, f"withheld for {withheld_for}")
+        return calibration.calibrated(None, None, row["manoeuvres"])
+    random_kg, count = row["estimate_u_random_kg"], row["manoeuvres"]
+    return calibration.calibrated(estimate_kg - off_kg, random_kg, count, unlike_u_kg)
+
+
+def _payload(
+    row: Mapping[str, Any],
+    calibration: Calibration,
+    log: LaterLog,
+    one: CalibratedMass,
+    empties: int,
+) -> tuple[float, float, float] | None:
+    """Payload, its standard uncertainty, and half of its interval; None where there is none."""
+    if one.mass_kg is None or one.u_kg is None or row["own_payload_kg"] is None or row["empty"]:
+        return None
+    assert one.high_kg is not None
+    assert one.low_kg is not None
+    half_kg = (one.high_kg - one.low_kg) / 2.0
+    if calibration.method == "joint_payload":
+        return one.mass_kg, one.u_kg, half_kg
+    if row["payload_to"] is None:
+        empty_kg = row["mass_kg"] - row["own_payload_kg"]
+        u_kg = float(np.hypot(one.u_kg, log.empty_u_kg))
+        return one.mass_kg - empty_kg, u_kg, float(np.hypot(half_kg, NORMAL * log.empty_u_kg))
+    # by readings that repeat no better than the campaign's
+    repeats_kg = (calibration.repeatability_kg or 0.0) * float(
+        np.sqrt(1.0 / row["manoeuvres"] + 1.0 / max(empties, 1))
+    )
+    u_kg, u_random_kg = row["own_payload_u_kg"], row["own_payload_u_random_kg"]
+    random_kg = max(u_random_kg, repeats_kg)
+    common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
+    found = difference_on_line(
+        calibration, log.unlike, [("payload", row["load_id"])], np.array([row["own_payload_kg"]])
+    )
+    beside_kg = found.beside(np.array([common_kg]))[0]
+    parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])
+    u_kg = float(np.linalg.norm(parts))
+    return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
+
+
+def _empty_machine(
+    rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
+) -> DriftCheck | None:
+    """The log's empty part against the known mass; None where it has none."""
+    empty = [row for row in rows if row["empty"] and row["mass_kg"] is not None]
+    if log.empty_kg is None or not empty or calibration.method != "joint_mass":
+        return None
+    count = np.array([row["manoeuvres"] for row in empty], np.float64)
+    share = count / count.sum()
+    apart = [_apart(row, calibration, log.unlike) for row in empty]
+    mass_kg = float(
+        share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
+    )
+    random_kg = float(np.linalg.norm(share * [row["u_random_kg"] for row in empty]))
+    # what errors that are shared do to them is alike
+    unlike_u_kg = float(share @ [u for _, u in apart]) / abs(calibration.c1_1)
+    point = CheckPoint(mass_kg, random_kg, int(count.sum()))
+    u_kg = float(np.hypot(log.empty_u_kg, unlike_u_kg))
+    return check_against(calibration, log.empty_kg, u_kg, point)
+
+
+def _changed(check: DriftCheck | None, log: LaterLog) -> str:
+    """Why the calibration is no longer that of this machine; "" where nothing says so."""
+    if check is None or check.p_1 is None or check.p_1 > _RARE or log.empty_kg is None:
+        return ""
+    assert check.mass_kg is not None
+    return (
+        f"its empty part weighs {check.mass_kg:,.0f} kg by the calibration, and the empty machine "
+        f"{log.empty_kg:,.0f} kg; up to {check.limit_kg:,.0f} kg apart is chance: the machine, the "
+        "ground or its empty mass is another"
+    )

@@ -1,0 +1,111 @@
+"""Whether a machine has drifted since its calibration, by one known mass."""
+
+from typing import Final
+
+import numpy as np
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+from scipy.special import ndtr
+
+from analysis.calibration.line.calibration import Calibration
+from estimators.errors import DataError
+
+_CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class CheckPoint:
+    """What a run with the known mass on board said.
+
+    Attributes:
+        mass_kg: m̂, by the calibration's method; None where there is none.
+        u_random_kg: the random part of its standard uncertainty; None where it is unknown.
+        readings: whose mean it is.
+    """
+
+    mass_kg: float | None
+    u_random_kg: float | None
+    readings: int
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class DriftCheck:
+    """The outcome.
+
+    Attributes:
+        drifted: whether the difference is beyond its limit; None where nothing could be compared.
+        mass_kg: calibrated mass.
+        difference_kg: of it to the known mass.
+        u_kg: standard uncertainty of the difference.
+        limit_kg: a difference up to this is no drift.
+        p_1: probability of a difference as large without a drift: the risk of "drifted".
+        matters_kg: the drift that is asked about.
+        missed_1: probability that such a drift would have been missed: the risk of "not drifted".
+        reason: why nothing could be compared, "" else.
+    """
+
+    drifted: bool | None
+    mass_kg: float | None
+    difference_kg: float | None
+    u_kg: float | None
+    limit_kg: float | None
+    p_1: float | None
+    matters_kg: float | None
+    missed_1: float | None
+    reason: str
+
+
+def check_against(
+    calibration: Calibration,
+    reference_kg: float,
+    reference_u_kg: float,
+    point: CheckPoint,
+    matters_kg: float | None = None,
+) -> DriftCheck:
+    """Compare one known mass with what the calibration makes of it.
+
+    Args:
+        calibration: of the machine.
+        reference_kg: the known mass, with the machine's where the calibration has it.
+        reference_u_kg: its standard uncertainty, taken as independent of the calibration's.
+        point: what the machine said.
+        matters_kg: a drift that must not be missed; None for twice the limit.
+
+    Raises:
+        DataError: an uncertainty or a drift that is no size.
+    """
+    if not (np.isfinite(reference_u_kg) and reference_u_kg >= 0.0):
+        raise DataError("check: the standard uncertainty of the known mass is no size")
+    if matters_kg is not None and not matters_kg > 0.0:
+        raise DataError("check: a drift that matters is above 0 kg")
+    low, high = calibration.range_kg
+    # a drifted machine may well say a mass outside of the range: the known mass has to be in it
+    if not low <= reference_kg <= high:
+        return _nothing(f"{reference_kg:g} kg is outside of the range, {low:g} to {high:g} kg")
+    if point.mass_kg is None or point.readings < 1:
+        return _nothing("no estimate")
+    inversion = calibration.inversion.with_more(reference_u_kg)
+    run = (float(point.readings), point.u_random_kg or 0.0)
+    mass = calibration.alpha_1 * point.mass_kg + calibration.beta_kg
+    difference = mass - reference_kg
+    u = inversion.u_kg(reference_kg, *run)
+    limit = inversion.half_kg(reference_kg, calibration.confidence_1, *run)
+    tail = inversion.beyond(abs(difference), reference_kg, *run)
+    matters = 2.0 * limit if matters_kg is None else matters_kg
+    # the limit is given by then, so that what a drift leaves within it is as good as normal
+    missed = float(ndtr((limit - matters) / u) - ndtr((-limit - matters) / u))
+    return DriftCheck(
+        drifted=abs(difference) > limit,
+        mass_kg=mass,
+        difference_kg=difference,
+        u_kg=u,
+        limit_kg=limit,
+        p_1=min(2.0 * tail, 1.0),
+        matters_kg=matters,
+        missed_1=missed,
+        reason="",
+    )
+
+
+def _nothing(reason: str) -> DriftCheck:
+    return DriftCheck(None, None, None, None, None, None, None, None, reason)

@@ -1,0 +1,212 @@
+"""Whether later masses stay within the error limits of a class, with a guard band and its risk."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from pydantic import ConfigDict
+from pydantic.dataclasses import dataclass
+
+from analysis.calibration.line.calibration import Calibration
+from estimators.errors import DataError, nearest
+
+_CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
+#: OIML R 51: loads up to so many scale intervals e, by class; it has no more than the last.
+_R51_STEPS_E: Final[Mapping[str, tuple[float, float, float]]] = {
+    "OIML R 51 Y(a)": (500.0, 2000.0, 10_000.0),
+    "OIML R 51 Y(b)": (50.0, 200.0, 1000.0),
+}
+#: Their limits in e, at the first verification and in service.
+_R51_LIMITS_E: Final = {False: (1.5, 2.0, 2.5), True: (2.0, 3.0, 4.0)}
+#: OIML R 134: limits as shares of the mass at the first verification; in service twice as much.
+#: Where a scale interval and axles would allow more, it is not counted.
+_R134_LIMITS_1: Final[Mapping[str, float]] = {
+    "OIML R 134 0.2": 0.0010,
+    "OIML R 134 0.5": 0.0025,
+    "OIML R 134 1": 0.0050,
+    "OIML R 134 2": 0.0100,
+    "OIML R 134 5": 0.0250,
+    "OIML R 134 10": 0.0500,
+}
+CLASSES: Final = (*_R51_STEPS_E, *_R134_LIMITS_1)
+WITHIN, UNDECIDED, OUTSIDE = "within", "undecided", "outside"
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class DecisionRule:
+    """What is asked, and how sure the answer has to be.
+
+    Attributes:
+        accuracy_class: one of `CLASSES`.
+        scale_interval_kg: e of R 51; None for R 134.
+        in_service: whether the wider limits of a machine in service hold.
+        tare_kg: taken off the references before the limits are looked up: the machine's own mass
+            where a load is judged.
+        risk_1: a later mass is said to be within (or outside of) the limits where the opposite has
+            at most this probability; between the two it is undecided. The guard band follows.
+    """
+
+    accuracy_class: str
+    scale_interval_kg: float | None = None
+    in_service: bool = False
+    tare_kg: float = 0.0
+    risk_1: float = 0.05
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class LimitRow:
+    """One load of the campaign.
+
+    Attributes:
+        load_id: of it.
+        load_kg: its reference, less the tare.
+        limit_kg: of the class, to either side.
+        error_kg: of its runs under the line through the other loads, or under the line where these
+            determine none.
+        u_kg: standard uncertainty of a later mass there.
+        guard_kg: guard band: an error up to limit less guard is accepted.
+        verdict: "within", "outside" or "undecided".
+        outside_1: probability that a later mass of this load errs by more than the limit.
+    """
+
+    load_id: str
+    load_kg: float
+    limit_kg: float
+    error_kg: float
+    u_kg: float
+    guard_kg: float
+    verdict: str
+    outside_1: float
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
+class ErrorLimits:
+    """The verdict of all loads, its risk, and a sentence that claims no more."""
+
+    rule: DecisionRule
+    rows: tuple[LimitRow, ...]
+    verdict: str
+    risk_1: float
+    statement: str
+
+
+def limit_kg(rule: DecisionRule, load_kg: float) -> float:
+    """The error that a class allows to either side of a load.
+
+    Raises:
+        DataError: an unknown class, one that needs a scale interval without any, or a load of more
+            scale intervals than the class has.
+
+    Source:
+        OIML R 51-1 (2006), category Y in automatic operation (its table stands also in the Northern
+        Ireland Statutory Rule 2006 No. 154, schedule 5); OIML R 134-1 (2006), 2.2, vehicle mass.
+    """
+    name = rule.accuracy_class
+    if name in _R134_LIMITS_1:
+        return _R134_LIMITS_1[name] * (2.0 if rule.in_service else 1.0) * abs(load_kg)
+    if name not in _R51_STEPS_E:
+        raise DataError(f"error limits: no class '{name}'; {nearest(name, CLASSES)}")
+    e_kg = rule.scale_interval_kg
+    if e_kg is None or not e_kg > 0.0:
+        raise DataError(f"error limits: {name} needs a scale interval e in kg")
+    load_e = abs(load_kg) / e_kg
+    step = int(np.searchsorted(_R51_STEPS_E[name], load_e))
+    if step == len(_R51_STEPS_E[name]):
+        raise DataError(
+            f"error limits: {name} ends at {_R51_STEPS_E[name][-1]:g} e, and a load of "
+            f"{abs(load_kg):g} kg is {load_e:.0f} e; take a larger e"
+        )
+    return _R51_LIMITS_E[rule.in_service][step] * e_kg
+
+
+def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
+    """Judge later masses at each load of the campaign.
+
+    A later mass is taken to err by what its load's runs erred without themselves in the fit, and
+    by what a calibrated mass is uncertain by. It is within the limits where the probability of an
+    error beyond them is at most the rule's risk.
+
+    Args:
+        calibration: of the campaign.
+        rule: what is asked.
+
+    Raises:
+        DataError: an unknown class, or one that needs a scale interval without any.
+
+    Source:
+        JCGM 106:2012, 8.3 (guarded acceptance, specific risk).
+    """
+    readings = float(calibration.budget_at[1])
+    inversion = calibration.inversion
+    rows: list[LimitRow] = []
+    for load_id, reference_kg, error_kg in _errors(calibration):
+        limit = limit_kg(rule, reference_kg - rule.tare_kg)
+        outside = min(
+            inversion.beyond(limit - error_kg, reference_kg, readings)
+            + inversion.beyond(limit + error_kg, reference_kg, readings),
+            1.0,
+        )
+        one_sided = 1.0 - 2.0 * rule.risk_1
+        rows.append(
+            LimitRow(
+                load_id=load_id,
+                load_kg=reference_kg - rule.tare_kg,
+                limit_kg=limit,
+                error_kg=error_kg,
+                u_kg=inversion.u_kg(reference_kg, readings),
+                guard_kg=inversion.half_kg(reference_kg, one_sided, readings),
+                verdict=_verdict(outside, rule.risk_1),
+                outside_1=outside,
+            )
+        )
+    return _together(rule, tuple(rows))
+
+
+def _errors(calibration: Calibration) -> list[tuple[str, float, float]]:
+    """Of each load that was on board: its reference, and the mean error of its runs."""
+    found: list[tuple[str, float, float]] = []
+    for reference in calibration.references:
+        errors = [
+            point.error_kg if point.error_left_out_kg is None else point.error_left_out_kg
+            for point in calibration.points
+            if point.load_id == reference.load_id
+        ]
+        known = [error for error in errors if error is not None]
+        if known:
+            found.append((reference.load_id, reference.reference_kg, float(np.mean(known))))
+    return found
+
+
+def _verdict(outside_1: float, risk_1: float) -> str:
+    if outside_1 <= risk_1:
+        return WITHIN
+    return OUTSIDE if outside_1 >= 1.0 - risk_1 else UNDECIDED
+
+
+def _together(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
+    verdicts = {row.verdict for row in rows}
+    verdict = next(v for v in (OUTSIDE, UNDECIDED, WITHIN) if v in verdicts)
+    when = "in service" if rule.in_service else "at first verification"
+    of_class = f"the error limits of {rule.accuracy_class} {when}"
+    worst = max(row.outside_1 for row in rows)
+    if verdict == WITHIN:
+        risk = worst
+        text = (
+            f"within {of_class} at every load; a mass is beyond them with a probability of at most "
+            f"{risk:.2g}"
+        )
+    elif verdict == OUTSIDE:
+        out = [row for row in rows if row.verdict == OUTSIDE]
+        risk = 1.0 - max(row.outside_1 for row in out)
+        loads = ", ".join(f"{row.load_kg:g}" for row in out)
+        text = (
+            f"outside of {of_class} at {loads} kg; a mass there is within them with a probability "
+            f"of {risk:.2g}"
+        )
+    else:
+        risk = min(worst, 1.0 - worst)
+        text = (
+            f"neither within nor outside of {of_class} at a risk of {rule.risk_1:g}: a mass is "
+            f"beyond them with a probability of up to {worst:.2g}"
+        )
+    return ErrorLimits(rule, rows, verdict, risk, text)

@@ -1,0 +1,220 @@
+"""What the logs of a campaign say together of the joint fit's nuisances: narrower priors.
+
+Each log finds its own nuisances under wide priors, and its mass with them, so that masses of
+separate logs scatter by what the log's noise does to those. What lasts as long as the machine does
+is the same in every log: with one prior for all, its error is one error, which the line takes with
+it.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final, get_args
+
+import numpy as np
+import polars as pl
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.special import chdtrc
+
+from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.model.machine import Machine
+from analysis.model.settings import LearnableTerm, LearntTerm
+
+#: With fewer logs nothing tells what differs between them.
+LOGS_MIN: Final = 3
+#: Logs differ where chance makes them differ as much with a smaller probability.
+_LEVEL: Final = 0.05
+#: Of its prior, at least so much is left: a term stays in the fit.
+_LEAST_SHARE: Final = 0.01
+#: A log tells of a term where its prior is not nearly all that is known of it.
+_TELLS: Final = 0.995
+#: A later log contradicts from so many deviations on.
+CONTRADICTS: Final = 4.0
+#: Of the terms, what another ground, mounting or warmth changes from day to day.
+_CHANGES: Final = ("const", "direction")
+_ONE_DAY: Final = (
+    "evidence of one day: a gain of the force that has changed since shows in no log, and a bias, "
+    "tilt or rolling resistance worth up to {:,.0f} kg passes for chance; an empty start, "
+    "calibrate --check or evidence of several days would tell"
+)
+_NAMES: Final = get_args(LearnableTerm)
+
+
+class TermOfLog(BaseModel):
+    """What one log says of one term, in the term's unit."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    log: str = Field(max_length=200)
+    term: LearnableTerm
+    prior_mean: float
+    prior_std: float = Field(gt=0)
+    posterior: float
+    posterior_std: float = Field(gt=0)
+
+
+class LearntPriors(BaseModel):
+    """What a campaign learnt, and from what.
+
+    Attributes:
+        terms: the priors, by term.
+        logs: what each log said under the machine's own priors.
+        responses: what the means' errors move each run by; none in evidence of format 1.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    terms: dict[LearnableTerm, LearntTerm]
+    logs: tuple[TermOfLog, ...] = Field(max_length=100_000)
+    responses: tuple[RunResponse, ...] = Field(default=(), max_length=100_000)
+
+
+def terms_of(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
+    """The terms of a log that can be learnt.
+
+    Args:
+        log: its name.
+        nuisances: the frame, of a replay under priors that were not learnt.
+    """
+    columns = ("term", "prior_mean", "prior_std", "posterior", "posterior_std")
+    return tuple(
+        TermOfLog(log=log, **row)
+        for row in nuisances.select(columns).drop_nulls().to_dicts()
+        if row["term"] in _NAMES and row["prior_std"] > 0.0 and row["posterior_std"] > 0.0
+    )
+
+
+def learnt_terms(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
+    """Pool what logs say, term by term: weighted mean, its uncertainty, what differs between logs.
+
+    What differs is by the moments of the weighted squares (DerSimonian and Laird 1986), where their
+    chi-square shows it at 5 %; where it does not, one hundredth of the prior is left. What varies
+    without showing scatters the runs of a calibration, whose intervals have it.
+
+    Args:
+        said: a log's prior and posterior of each term.
+
+    Returns:
+        By term, those of which at least three logs say something.
+    """
+    by_term: dict[LearnableTerm, list[TermOfLog]] = {}
+    for each in said:
+        by_term.setdefault(each.term, []).append(each)
+    found: dict[LearnableTerm, LearntTerm] = {}
+    for term in sorted(by_term):
+        if len(by_term[term]) >= LOGS_MIN:
+            found[term] = _pooled(by_term[term])
+    return found
+
+
+def _pooled(said: Sequence[TermOfLog]) -> LearntTerm:
+    # all floats are Python's own: evidence is written and read back to the last bit
+    prior = float(max(each.prior_std for each in said))
+    told = [own for each in said if (own := _of_data(each)) is not None]
+    value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
+    between = _between(value, variance) if len(told) >= LOGS_MIN else 0.0
+    weight = 1.0 / (variance + between)
+    # the prior counts once, not once a log
+    total = float(weight.sum()) + prior**-2
+    return LearntTerm(
+        mean=float(weight @ value) / total,
+        std=float(max(np.sqrt(between), _LEAST_SHARE * prior)),
+        mean_u=total**-0.5,
+    )
+
+
+def _of_data(said: TermOfLog) -> tuple[float, float] | None:
+    """What the log says of a term without its prior, and the deviation of that."""
+    prior = (said.prior_mean, said.prior_std)
+    return without_prior((said.posterior, said.posterior_std), prior)
+
+
+def without_prior(
+    posterior: tuple[float, float], prior: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Take a prior off a posterior, mean and deviation each; None where little more is known."""
+    (value, std), (mean, width) = posterior, prior
+    if std > _TELLS * width:
+        return None
+    information = std**-2 - width**-2
+    return (value * std**-2 - mean * width**-2) / information, float(information**-0.5)
+
+
+def _between(value: np.ndarray, variance: np.ndarray) -> float:
+    """Variance between logs, 0 where chance explains what they differ by."""
+    weight = 1.0 / variance
+    mean = float(weight @ value / weight.sum())
+    squares, freedom = float(weight @ (value - mean) ** 2), value.size - 1
+    if float(chdtrc(freedom, squares)) > _LEVEL:
+        return 0.0
+    spare = float(weight.sum() - (weight @ weight) / weight.sum())
+    return max(squares - freedom, 0.0) / spare
+
+
+def with_learnt(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> Machine:
+    """The machine with priors that a calibration learnt; those that its file states stay."""
+    if not terms:
+        return machine
+    stated = machine.settings.priors.learnt
+    learnt = {**terms, **stated}
+    content = {
+        "priors.learnt": {name: learnt[name].model_dump() for name in sorted(learnt)},
+    }
+    return machine.model_copy(update={"settings": machine.settings.changed(content)})
+
+
+def as_later(machine: Machine) -> Machine:
+    """The machine as later logs are weighed: one of several loads tells what means have wrong."""
+    told = {"priors.learnt_means": "told"}
+    return machine.model_copy(update={"settings": machine.settings.changed(told)})
+
+
+def contradiction(nuisances: pl.DataFrame) -> str:
+    """What a later log says against the priors that its calibration learnt; "" where nothing.
+
+    Args:
+        nuisances: the frame; without learnt priors there is nothing to contradict.
+    """
+    worst, said = CONTRADICTS, ""
+    for row, own, std in _own_words(nuisances):
+        deviations = abs(own - row["prior_mean"]) / std
+        if deviations > worst:
+            worst = deviations
+            said = (
+                f"{row['term']} is {own:.3g} {row['unit']} in this log and "
+                f"{row['prior_mean']:.3g} in its calibration, {deviations:.1f} deviations apart: "
+                "the machine or the ground is another"
+            )
+    return said
+
+
+def _own_words(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float, float]]:
+    """Of each learnt term its row, what the log says alone, and the deviation of that to expect."""
+    if "alone" not in nuisances.columns:
+        return
+    for row in nuisances.drop_nulls("alone").to_dicts():
+        own = without_prior(
+            (row["alone"], row["alone_std"]), (row["alone_prior_mean"], row["alone_prior_std"])
+        )
+        if own is not None and row["prior_mean_u"]:
+            std = float(np.hypot(own[1], np.hypot(row["prior_std"], row["prior_mean_u"])))
+            yield row, own[0], std
+
+
+def unseen_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, str]:
+    """What could have changed since a calibration without this log contradicting it, by load.
+
+    Args:
+        nuisances: the frame.
+        unlike: what the means of learnt priors move masses by.
+    """
+    if unlike is None:
+        return {}
+    place = {term: k for k, term in enumerate(unlike.terms)}
+    times = np.zeros(len(place))
+    for row, _, std in _own_words(nuisances):
+        if row["term"] in place and row["term"] in _CHANGES:
+            times[place[row["term"]]] = CONTRADICTS * std / row["prior_mean_u"]
+    return {
+        number: _ONE_DAY.format(float(np.max(np.abs(moved_kg) * times, initial=0.0)))
+        for (of, number), moved_kg in unlike.moved_kg.items()
+        if of == "mass"
+    }

@@ -1,0 +1,148 @@
+"""Differences of two masses of one log on a calibration's line: its level cancels.
+
+Of what a log has in common, the line has taken with it the scale and what the means of learnt
+priors have wrong; left of these is what they do to this log otherwise than to the campaign's.
+
+The slope of a line of masses is the gain and what grows with the load (rolling resistance, a body
+that sags): a campaign's logs have one load each, and cannot tell such a force from load. A log of
+several loads does tell them apart, so that a difference of its masses wants the gain alone. That is
+also what the line has at its centre over the mass there, as far as forces in newtons are off, whose
+errors are those of the learnt means. Both are combined by their uncertainties.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.calibration.line.calibration import Calibration
+from analysis.calibration.line.unlike_driving import Unlike
+
+Floats = NDArray[np.float64]
+
+#: What grows with the load makes of a slope beside the gain, as a standard deviation: rolling
+#: resistance of 1.5 % made 5 % of it, and so does a bias of 0.05 m/s²; priors allow for twice that.
+_BY_LOAD_1: Final = 0.1
+#: A slope that is farther from the gain by so many deviations is the machine's own (a measured axle
+#: that carries another share of the force under load): no ratio of masses says it then.
+_APART: Final = 3.0
+#: A normal distribution's 95 %.
+NORMAL: Final = 1.96
+
+
+@dataclass(frozen=True)
+class OnLine:
+    """Payloads on a line, (n,) each, in kg of mass.
+
+    Attributes:
+        payload_kg: on the line.
+        line_kg: uncertainty of the line.
+        taken_kg: what the line has taken with it, in kg of m̂, as a standard uncertainty.
+        unlike_u_kg: uncertainty of what is left of that.
+        shared_u_kg: the part of that that all have alike.
+        size_1: of the slope.
+    """
+
+    payload_kg: Floats
+    line_kg: Floats
+    taken_kg: Floats
+    unlike_u_kg: Floats
+    shared_u_kg: Floats
+    size_1: float
+
+    def beside(self, common_kg: Floats) -> Floats:
+        """(n,) what a log has in common, in kg of m̂, less what the line took, in kg of mass."""
+        return np.sqrt(np.maximum(common_kg**2 - self.taken_kg**2, 0.0)) / self.size_1
+
+
+def difference_on_line(
+    calibration: Calibration,
+    unlike: Unlike | None,
+    numbers: Sequence[tuple[str, int]],
+    payload_kg: Floats,
+) -> OnLine:
+    """Put payloads on the line.
+
+    Args:
+        calibration: of masses, or of payloads, whose line has a level.
+        unlike: what the log says of errors that it shares; None takes nothing off.
+        numbers: (n,) of `MOVED`, and which.
+        payload_kg: (n,) by the log alone; NaN where there is none.
+    """
+    absolute = calibration.method == "joint_payload"
+    gain = _slope(calibration) if absolute else _gain(calibration, unlike)
+    slope, size = gain.slope_1, abs(gain.slope_1)
+    level_kg = calibration.c0_kg if absolute else 0.0
+    mass_kg = (payload_kg - level_kg) / slope
+    none = np.zeros(len(numbers))
+    off_kg, taken_kg, unlike_u_kg, shared_u_kg = none, none, none, none
+    if unlike is not None and calibration.responses:
+        centre_kg = calibration.centre_kg if absolute else 0.0
+        nothing = np.zeros(len(unlike.terms))
+        moved = np.array([unlike.moved_kg.get(each, nothing) for each in numbers])
+        of_level = unlike.line(calibration.responses, 1.0, 0.0)
+        of_slope = unlike.line(calibration.responses, 0.0, 1.0)
+        each = (1.0 - gain.by_level_1) * of_slope
+        each = each + gain.by_level_1 * of_level / calibration.centre_kg
+        line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
+        told = np.array([each in unlike.moved_kg for each in numbers]) & np.isfinite(mass_kg)
+        moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
+        off = [unlike.off_kg(*each) for each in zip(moved, line, strict=True)]
+        off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
+        share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
+        scale_kg = np.array([unlike.scale_kg.get(each, 0.0) for each in numbers])
+        taken_kg = np.hypot(share * unlike.taken_kg(moved.sum(axis=0)), scale_kg)
+        shared_u_kg = share * unlike.u_kg((moved - line).sum(axis=0))
+    mass_kg = (payload_kg - off_kg - level_kg) / slope
+    variance = gain.variance_1 * mass_kg**2
+    if absolute:
+        level, both, _ = calibration.covariance
+        variance = level + 2.0 * both * mass_kg + variance
+    return OnLine(
+        mass_kg,
+        np.sqrt(np.maximum(variance, 0.0)) / size,
+        taken_kg,
+        unlike_u_kg / size,
+        shared_u_kg / size,
+        size,
+    )
+
+
+@dataclass(frozen=True)
+class _Gain:
+    """From a mass to its estimate, in differences.
+
+    Attributes:
+        slope_1: the factor.
+        variance_1: of it, without errors of learnt means.
+        by_level_1: how much of it is the line's level over the mass there; the rest is its slope.
+    """
+
+    slope_1: float
+    variance_1: float
+    by_level_1: float
+
+
+def _slope(calibration: Calibration) -> _Gain:
+    """The slope of the line alone."""
+    return _Gain(calibration.c1_1, calibration.covariance[2], 0.0)
+
+
+def _gain(calibration: Calibration, unlike: Unlike | None) -> _Gain:
+    """The gain by slope and by level of the line, combined by their uncertainties."""
+    if unlike is None or not calibration.responses:
+        return _slope(calibration)
+    at_kg, slope = calibration.centre_kg, calibration.c1_1
+    level_variance, both, slope_variance = calibration.covariance
+    # the line's own uncertainty at its centre, of c0 + c1 m
+    own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
+    means_kg = unlike.u_kg(unlike.line(calibration.responses, 1.0, 0.0))
+    by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
+    variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
+    if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):
+        return _slope(calibration)
+    share = float(variances[1] / variances.sum())
+    variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])
+    return _Gain(share * by_level + (1.0 - share) * slope, variance, share)

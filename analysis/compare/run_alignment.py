@@ -1,0 +1,184 @@
+"""Two runs on one time line: B placed in A's time, manoeuvre by manoeuvre, and B less A.
+
+Replays of one log differ by where their time begins; of two logs of the same manoeuvres, each
+manoeuvre of B is moved to where its counterpart of A begins.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.run_record import Run
+
+#: Leaving a manoeuvre without a counterpart costs as much as a pair of which one lasts 1.6 times
+#: as long.
+_LEFT_OUT: Final = 0.25
+_ROW: Final = "_row"
+
+
+def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
+    """Match the manoeuvres of two logs in order, alike in phase and duration.
+
+    The alignment of least cost (Needleman and Wunsch 1970), where a pair costs |ln| of the ratio of
+    its durations and only manoeuvres of one phase pair.
+
+    Args:
+        a: frame `segments`: start_t_ns, end_t_ns, phase.
+        b: likewise.
+
+    Returns:
+        The rows of each pair.
+    """
+    cost = np.full((a.height + 1, b.height + 1), np.inf)
+    steps = _LEFT_OUT * np.arange(b.height + 1)
+    cost[0] = steps
+    pair = _pair_costs(a, b)
+    for row in range(a.height):
+        best = cost[row] + _LEFT_OUT
+        best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
+        # the rest of the row is what leaving out manoeuvres of B costs
+        cost[row + 1] = np.minimum.accumulate(best - steps) + steps
+    found: list[tuple[int, int]] = []
+    i, j = a.height, b.height
+    while i and j:
+        if cost[i, j] == cost[i - 1, j - 1] + pair[i - 1, j - 1]:
+            i, j = i - 1, j - 1
+            found.append((i, j))
+        elif cost[i - 1, j] < cost[i, j - 1]:
+            i -= 1
+        else:
+            j -= 1
+    return found[::-1]
+
+
+def _pair_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+    lengths = [
+        np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
+    ]
+    phases = [each["phase"].cast(pl.String).to_numpy() for each in (a, b)]
+    apart = np.abs(lengths[0][:, None] - lengths[1][None, :])
+    return np.where(phases[0][:, None] == phases[1][None, :], apart, np.inf)
+
+
+def in_time_of(a: Run, b: Run, *, one_log: bool) -> Run:
+    """B with its times those of A.
+
+    Args:
+        a: the run whose time counts.
+        b: the run that is moved.
+        one_log: whether both are of the same samples; else manoeuvres are matched, and what belongs
+            to none of A's is left out.
+
+    Returns:
+        B, with A's start of time.
+    """
+    about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
+    zones = None if one_log else _zones(a, b)
+    offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
+    return Run({name: _moved(each, zones, offset_ns) for name, each in b.frames.items()}, about)
+
+
+def _zones(a: Run, b: Run) -> pl.DataFrame | None:
+    """Stretches of B's time: from, to and by how much each moves; None where nothing pairs."""
+    tables = [run.frames.get("segments", pl.DataFrame()) for run in (a, b)]
+    if any(table.is_empty() for table in tables):
+        return None
+    pairs = manoeuvre_pairs(*tables)
+    reach = [_reach(table) for table in tables]
+    rows: list[dict[str, int]] = []
+    for i, j in pairs:
+        shift = int(tables[0]["start_t_ns"][i]) - int(tables[1]["start_t_ns"][j])
+        (low_a, high_a), (low_b, high_b) = reach[0][i], reach[1][j]
+        zone = {"from_ns": max(low_b, low_a - shift), "to_ns": min(high_b, high_a - shift)}
+        rows.append({**zone, "shift_ns": shift})
+    return pl.DataFrame(rows) if rows else None
+
+
+def _reach(table: pl.DataFrame) -> list[tuple[int, int]]:
+    """Each manoeuvre with half of the way to its neighbours; the outer ones a minute beyond."""
+    starts, ends = table["start_t_ns"].to_list(), table["end_t_ns"].to_list()
+    halves = [(end + start) // 2 for end, start in zip(ends[:-1], starts[1:], strict=True)]
+    minute = 60 * 10**9
+    return list(zip([starts[0] - minute, *halves], [*halves, ends[-1] + minute], strict=True))
+
+
+def _moved(frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int) -> pl.DataFrame:
+    times = [name for name in ("t_ns", "start_t_ns", "end_t_ns") if name in frame.columns]
+    if not times:
+        return frame
+    if zones is None:
+        return frame.with_columns(pl.col(name) + offset_ns for name in times)
+    first = times[0]
+    order = frame.with_row_index(_ROW).sort(first)
+    placed = order.join_asof(zones, left_on=first, right_on="from_ns", strategy="backward")
+    inside = placed.filter(pl.col(first) < pl.col("to_ns")).sort(_ROW)
+    moved = inside.with_columns(pl.col(name) + pl.col("shift_ns") for name in times)
+    if first == "t_ns" and "axis" not in frame.columns:
+        # an empty row where a stretch ends, or a line would cross to the next
+        ends = moved.group_by("from_ns").agg(pl.col(first).max() + 1)
+        moved = pl.concat([moved, ends.select(first)], how="diagonal").sort(first)
+    return moved.select(frame.columns)
+
+
+def difference(a: Run, b: Run) -> Run:
+    """B less A, where both have a row: at one time, or of manoeuvres and loads that overlap.
+
+    Args:
+        a: the run that differences are counted from.
+        b: the other, in A's time (`in_time_of`).
+
+    Returns:
+        A run with A's times, differences in the columns of numbers, and no standard deviations:
+        the two share most of their errors.
+    """
+    period_ns = min(round(1e9 / run.provenance.settings.align.rate_hz) for run in (a, b))
+    frames = {
+        name: _less(mine, b.frames[name], period_ns // 2)
+        for name, mine in a.frames.items()
+        if name in b.frames
+    }
+    return Run({name: frame for name, frame in frames.items() if frame.height}, a.provenance)
+
+
+def _less(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
+    shared = [name for name in a.columns if name in b.columns]
+    numbers = [name for name in shared if a.schema[name].is_float() and b.schema[name].is_float()]
+    by = [name for name in ("axis", "kind") if name in shared]
+    held = "start_t_ns" in shared
+    if not held and "t_ns" not in shared:
+        return pl.DataFrame()
+    time = (pl.col("start_t_ns") + pl.col("end_t_ns")) // 2 if held else pl.col("t_ns")
+    left, right = (_keyed(each, time.alias("_at"), by) for each in (a, b))
+    reach = None if held else tolerance_ns
+    # B's own copy of the time says whether a row of a manoeuvre overlaps
+    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *_named(numbers))
+    joined = left.join_asof(
+        theirs,
+        on="_at",
+        by=by or None,
+        strategy="nearest",
+        tolerance=reach,
+        check_sortedness=False,
+    )
+    both = joined.filter(pl.col("_their").is_not_null())
+    if held:
+        both = both.filter(pl.col("_their").is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
+    changed = [(pl.col(_theirs(name)) - pl.col(name)).alias(name) for name in numbers]
+    rest = [name for name in a.columns if name not in numbers]
+    return both.sort(_ROW).select(*rest, *changed)
+
+
+def _keyed(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
+    texts = [pl.col(name).cast(pl.String) for name in by]
+    return frame.with_row_index(_ROW).with_columns(at, *texts).drop_nulls("_at").sort("_at")
+
+
+def _named(numbers: Sequence[str]) -> list[pl.Expr]:
+    return [pl.col(name).alias(_theirs(name)) for name in numbers]
+
+
+def _theirs(name: str) -> str:
+    return f"_b_{name}"

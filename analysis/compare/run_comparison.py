@@ -1,0 +1,282 @@
+"""Two replays side by side: settings, columns, estimates and manoeuvres that differ."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.compare.stage_change import Replay, StageChange, family, stage_change
+from analysis.model.axes import X, Z
+from analysis.model.machine import Machine
+from analysis.model.run_record import Provenance, Run
+from analysis.model.settings import Settings
+
+#: Estimates and their standard deviations, by the frame that holds them.
+_ESTIMATES: Final = {
+    **dict((*X.parameters, *Z.parameters)),
+    "calibrated_kg": "calibrated_u_kg",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class InMemory:
+    """A run as a replay to compare."""
+
+    run: Run
+
+    @property
+    def provenance(self) -> Provenance:
+        """Where its frames came from."""
+        return self.run.provenance
+
+    @property
+    def stages(self) -> Mapping[str, Sequence[str]]:
+        """The columns of each frame, in order."""
+        return {name: frame.columns for name, frame in self.run.frames.items()}
+
+    def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
+        """Some columns of a frame."""
+        return self.run.frames[stage].select(columns)
+
+
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """A value by its name that one replay has otherwise than the other; None where it has none."""
+
+    name: str
+    a: Any
+    b: Any
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateChange:
+    """An estimate of the whole log or of a manoeuvre that differs."""
+
+    about: str
+    """The method, or the seconds from and to of the manoeuvre."""
+    quantity: str
+    a: float | None
+    a_std: float | None
+    b: float | None
+    b_std: float | None
+
+    @property
+    def change(self) -> float | None:
+        """B less A, None where one of them has no estimate."""
+        return None if self.a is None or self.b is None else self.b - self.a
+
+    @property
+    def stds(self) -> float | None:
+        """The change in standard deviations, of the larger of both."""
+        std = max(self.a_std or 0.0, self.b_std or 0.0)
+        return None if self.change is None or not std else self.change / std
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What differs between replays A and B; everything else is equal."""
+
+    settings: tuple[Changed, ...]
+    """Settings and keys of the machine file."""
+    inputs: tuple[Changed, ...]
+    """Files by name, with their digests."""
+    versions: tuple[Changed, ...]
+    provenance: tuple[Changed, ...]
+    """Stamps, losses and notes."""
+    only_a: tuple[str, ...]
+    """Stages that only A has."""
+    only_b: tuple[str, ...]
+    stages: tuple[StageChange, ...]
+    columns: int
+    """Columns that were compared."""
+    estimates: tuple[EstimateChange, ...]
+    """Estimates of the whole log, those that moved most first."""
+    manoeuvres: tuple[EstimateChange, ...]
+    """Estimates of manoeuvres, likewise."""
+    checks: tuple[Changed, ...]
+    """Checks of the verdict whose outcome differs."""
+
+    @property
+    def equal(self) -> bool:
+        """Whether nothing differs but names of files and versions."""
+        return not (
+            self.settings or self.provenance or self.only_a or self.only_b or self.stages
+        ) and not any(change.name == "contents" for change in self.inputs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain values, with the changes of estimates."""
+        plain = asdict(self)
+        for name in ("estimates", "manoeuvres"):
+            changes: tuple[EstimateChange, ...] = getattr(self, name)
+            plain[name] = [
+                {**asdict(each), "change": each.change, "change_in_stds": each.stds}
+                for each in changes
+            ]
+        return {"equal": self.equal, **plain}
+
+
+def same_inputs(a: Provenance, b: Provenance) -> bool:
+    """Whether two replays read the same bytes, whatever the files are called."""
+    digests = [sorted(each.sha256 for each in about.inputs) for about in (a, b)]
+    return digests[0] == digests[1]
+
+
+def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Comparison:
+    """Compare two replays.
+
+    Args:
+        a: the one that changes are counted from.
+        b: the other.
+        rtol: numbers differ by so much of the larger of both before they count as different;
+            0 compares bit for bit.
+        rows: whether the rows of stages correspond; where the logs are others, only what is said
+            of the whole log does.
+    """
+    mine, theirs = a.provenance, b.provenance
+    common = [name for name in a.stages if name in b.stages]
+    compared = [name for name in common if rows or family(name) in ("masses", "verdict")]
+    offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows else 0
+    changes = [stage_change(a, b, name, rtol, offset_ns) for name in compared]
+    return Comparison(
+        settings=tuple(_settings(mine, theirs)),
+        inputs=tuple(_inputs(mine, theirs)),
+        versions=tuple(_values(mine.versions, theirs.versions)),
+        provenance=tuple(_provenance(mine, theirs)) if rows else (),
+        only_a=tuple(name for name in a.stages if name not in b.stages),
+        only_b=tuple(name for name in b.stages if name not in a.stages),
+        stages=tuple(change for change in changes if change is not None),
+        columns=sum(len({*a.stages[name], *b.stages[name]}) for name in compared),
+        estimates=_estimates(a, b, rtol),
+        manoeuvres=_manoeuvres(a, b, rtol, offset_ns) if rows else (),
+        checks=tuple(_checks(a, b)),
+    )
+
+
+def _flat(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+    for name, value in section.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def _values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[Changed]:
+    for name in dict.fromkeys((*a, *b)):
+        if a.get(name) != b.get(name):
+            yield Changed(name, a.get(name), b.get(name))
+
+
+def changed_settings(a: Machine, b: Machine) -> list[Changed]:
+    """Settings and keys of two machine files that differ."""
+    flat: list[dict[str, Any]] = []
+    for machine in (a, b):
+        plain = machine.model_dump(mode="json")
+        del plain["settings"]
+        flat.append(_keys(machine.settings, plain))
+    return list(_values(flat[0], flat[1]))
+
+
+def _keys(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
+    by_stage = {f"settings.{name}": value for name, value in settings.flat().items()}
+    return {**by_stage, **dict(_flat(machine, ""))}
+
+
+def _settings(a: Provenance, b: Provenance) -> Iterator[Changed]:
+    yield from _values(_keys(a.settings, a.machine), _keys(b.settings, b.machine))
+
+
+def _inputs(a: Provenance, b: Provenance) -> Iterator[Changed]:
+    names = [", ".join(each.name for each in about.inputs) for about in (a, b)]
+    if names[0] != names[1]:
+        yield Changed("names", *names)
+    if not same_inputs(a, b):
+        digests = [", ".join(each.sha256 for each in about.inputs) for about in (a, b)]
+        yield Changed("contents", *digests)
+
+
+def _provenance(a: Provenance, b: Provenance) -> Iterator[Changed]:
+    yield from _values(
+        {f"stamps of {topic}": kind for topic, kind in a.stamps.items()},
+        {f"stamps of {topic}": kind for topic, kind in b.stamps.items()},
+    )
+    if a.t0_unix_ns != b.t0_unix_ns:
+        yield Changed("first aligned sample, unix ns", a.t0_unix_ns, b.t0_unix_ns)
+    for name, mine, theirs in (
+        ("lost", list(map(str, a.losses)), list(map(str, b.losses))),
+        ("note", list(a.notes), list(b.notes)),
+    ):
+        yield from (Changed(name, text, None) for text in mine if text not in theirs)
+        yield from (Changed(name, None, text) for text in theirs if text not in mine)
+
+
+def _rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
+    return replay.read(stage, replay.stages[stage]).to_dicts() if stage in replay.stages else []
+
+
+def _estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
+    """The masses of the whole log, by method, and those of its loads."""
+    mine, theirs = ({row["method"]: row for row in _rows(each, "masses")} for each in (a, b))
+    for replay, rows in ((a, mine), (b, theirs)):
+        loads = _rows(replay, "loads")
+        for load in loads:
+            name = "joint" if len(loads) == 1 else f"joint, load {load['load_id']}"
+            rows[name] = {**load, "mass_std_kg": load["u_kg"]}
+    methods = dict.fromkeys((*mine, *theirs))
+    return _moved(((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), rtol)
+
+
+def _manoeuvres(a: Replay, b: Replay, rtol: float, offset_ns: int) -> tuple[EstimateChange, ...]:
+    """The manoeuvres of both, those of B under the ones of A that their middle lies in."""
+    mine, theirs = (_rows(each, "segments") for each in (a, b))
+    found: list[tuple[str, dict[str, Any], dict[str, Any]]] = []
+    left = list(theirs)
+    for row in mine:
+        inside = [
+            other
+            for other in left
+            if row["start_t_ns"]
+            <= (other["start_t_ns"] + other["end_t_ns"]) // 2 + offset_ns
+            <= row["end_t_ns"]
+        ]
+        left = [other for other in left if not any(other is each for each in inside)]
+        found.append((_span(row, 0), row, inside[0] if inside else {}))
+        found += [(_span(other, offset_ns), {}, other) for other in inside[1:]]
+    found += [(_span(other, offset_ns), {}, other) for other in left]
+    return _moved(found, rtol)
+
+
+def _span(row: Mapping[str, Any], offset_ns: int) -> str:
+    begin, end = ((row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
+    return f"{begin:.2f} to {end:.2f} s"
+
+
+def _moved(
+    pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], rtol: float
+) -> tuple[EstimateChange, ...]:
+    """Estimates that differ: appeared or gone first, then by how far they moved."""
+    changes = [
+        EstimateChange(about, name, a.get(name), a.get(std), b.get(name), b.get(std))
+        for about, a, b in pairs
+        for name, std in _ESTIMATES.items()
+        if not _alike(a.get(name), b.get(name), rtol)
+    ]
+
+    def moved(each: EstimateChange) -> float:
+        if each.change is None:
+            return float("inf")
+        return abs(each.change if each.stds is None else each.stds)
+
+    return tuple(sorted(changes, key=moved, reverse=True))
+
+
+def _alike(a: float | None, b: float | None, rtol: float) -> bool:
+    if a is None or b is None:
+        return a is b
+    return a == b or abs(a - b) <= rtol * max(abs(a), abs(b))
+
+
+def _checks(a: Replay, b: Replay) -> Iterator[Changed]:
+    """Checks that passed in one and not in the other."""
+    passed = [{row["check"]: row["passed"] for row in _rows(each, "verdict")} for each in (a, b)]
+    yield from _values(passed[0], passed[1])

@@ -1,0 +1,219 @@
+"""A stage of two replays, column by column: which rows correspond, and where their values differ.
+
+Rows correspond by what they are about: the time of a sample or window, the start of a manoeuvre,
+the method of a mass. Frames are read a few columns at a time, so that the memory is bounded.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import polars as pl
+
+from analysis.model.run_record import Provenance
+
+#: What a row of a frame is about; `t_ns` and its like count from another start in each replay.
+_KEYS: Final = {
+    "aligned": ("t_ns",),
+    "excitation": ("t_ns",),
+    "gate": ("t_ns",),
+    "estimates": ("t_ns", "axis"),
+    "segments": ("start_t_ns",),
+    "planar": ("kind", "start_t_ns"),
+    "masses": ("method",),
+    "loads": ("load_id",),
+    "manoeuvres": ("start_t_ns",),
+    "nuisances": ("term",),
+    "responses": ("of", "number", "term"),
+    "learnt_errors": ("term", "other"),
+    "budget": ("load_id", "cause"),
+    "verdict": ("check",),
+    "calibration": ("method", "load_kg"),
+}
+_TIMES: Final = ("t_ns", "start_t_ns", "end_t_ns")
+#: Values of a recording that are held in memory together.
+_VALUES: Final = 1 << 24
+
+
+class Replay(Protocol):
+    """What is compared: a run, or a recording that is read when it is needed."""
+
+    @property
+    def provenance(self) -> Provenance:
+        """Where its frames came from."""
+        ...
+
+    @property
+    def stages(self) -> Mapping[str, Sequence[str]]:
+        """The columns of each frame, in order."""
+        ...
+
+    def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
+        """Some columns of a frame."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnChange:
+    """A column that differs, over the rows that both replays have."""
+
+    name: str
+    rows: int
+    """Rows that differ."""
+    only_a: int
+    """Rows among them with a value in A alone."""
+    only_b: int
+    largest: float | None
+    """Largest difference of numbers, B less A."""
+    largest_relative: float | None
+    """The same over the larger of both values."""
+    at_s: float | None
+    """Seconds from the start of A where it is."""
+    fault: str = ""
+    """Why the column cannot be compared: it is in one replay alone, or has another dtype."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageChange:
+    """A stage that both replays have and that differs."""
+
+    name: str
+    rows_a: int
+    rows_b: int
+    common: int
+    """Rows that both have."""
+    columns: tuple[ColumnChange, ...]
+    order: bool = False
+    """Whether its columns come in another order."""
+
+
+def family(stage: str) -> str:
+    """Name the frame that declares the columns of a stage: `estimates` for `estimates/ls`."""
+    return stage.partition("/")[0]
+
+
+def stage_change(
+    a: Replay, b: Replay, name: str, rtol: float, offset_ns: int
+) -> StageChange | None:
+    """Compare a stage that both replays have.
+
+    Args:
+        a: the replay that changes are counted from.
+        b: the other.
+        name: the stage.
+        rtol: relative difference of numbers up to which they are equal; 0 compares bit for bit.
+        offset_ns: what the times of B are shifted by to be those of A.
+
+    Returns:
+        What differs, None where nothing does.
+    """
+    has = a.stages[name], b.stages[name]
+    key = [column for column in _KEYS.get(family(name), ()) if all(column in c for c in has)]
+    ids = [_ids(a, name, key, 0), _ids(b, name, key, offset_ns)]
+    pairs = None if ids[0].equals(ids[1]) else _pairs(ids[0], ids[1], key)
+    height = ids[0].height
+    faults = [
+        ColumnChange(column, 0, 0, 0, None, None, None, f"only in {'AB'[which]}")
+        for which in (0, 1)
+        for column in has[which]
+        if column not in has[1 - which]
+    ]
+    seconds = _seconds(ids[0], pairs)
+    changes: list[ColumnChange] = []
+    for part in _parts([column for column in has[0] if column in has[1]], height):
+        mine, theirs = a.read(name, part), b.read(name, part)
+        for column in part:
+            x, y = mine[column], theirs[column]
+            if offset_ns and column in _TIMES:
+                y = y + offset_ns
+            if pairs is not None:
+                x, y = x.gather(pairs["row_a"]), y.gather(pairs["row_b"])
+            changes += _column(x, y, rtol, seconds)
+    common = height if pairs is None else pairs.height
+    order = list(has[0]) != list(has[1]) and not faults
+    if not (faults or changes or order or common != height or ids[1].height != common):
+        return None
+    return StageChange(name, height, ids[1].height, common, (*faults, *changes), order)
+
+
+def _ids(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> pl.DataFrame:
+    """What each row is about, in A's time; its number where the frame has no key."""
+    columns = list(key) or [replay.stages[name][0]] if replay.stages[name] else []
+    frame = replay.read(name, columns) if columns else pl.DataFrame()
+    if not key:
+        return frame.select(pl.int_range(pl.len()).alias("row"))
+    return frame.with_columns(
+        pl.col(column) + offset_ns for column in key if offset_ns and column in _TIMES
+    ).with_columns(pl.col(pl.Enum).cast(pl.String))
+
+
+def _pairs(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame:
+    """The rows of A and B that are about the same, as `row_a` and `row_b`."""
+    on = list(key) or ["row"]
+    nth = pl.int_range(pl.len()).over(on).alias("_nth")  # of several about the same
+    left = a.with_row_index("row_a").with_columns(nth)
+    right = b.with_row_index("row_b").with_columns(nth)
+    found = left.join(right, on=[*on, "_nth"], how="inner", nulls_equal=True)
+    return found.select("row_a", "row_b").sort("row_a")
+
+
+def _seconds(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
+    """The time of each common row."""
+    column = next((name for name in _TIMES if name in ids.columns), None)
+    if column is None:
+        return None
+    times = ids[column] / 1e9
+    return times if pairs is None else times.gather(pairs["row_a"])
+
+
+def _parts(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
+    """Columns that are read together."""
+    size = max(1, _VALUES // max(height, 1))
+    for begin in range(0, len(columns), size):
+        yield columns[begin : begin + size]
+
+
+def _column(
+    x: pl.Series, y: pl.Series, rtol: float, seconds: pl.Series | None
+) -> Iterator[ColumnChange]:
+    """Yield the change of a column, if there is one."""
+    if x.dtype != y.dtype:
+        fault = f"{x.dtype} in A, {y.dtype} in B"
+        yield ColumnChange(x.name, 0, 0, 0, None, None, None, fault)
+        return
+    differs = _bits(x).ne_missing(_bits(y))
+    if not differs.any():
+        return
+    size = change = pl.Series(dtype=pl.Float64)
+    if x.dtype.is_numeric():
+        both = pl.DataFrame({"x": x.cast(pl.Float64), "y": y.cast(pl.Float64)}).fill_nan(None)
+        change = both["y"] - both["x"]
+        size = change.abs() / both.select(pl.max_horizontal(pl.all().abs())).to_series()
+        if x.dtype.is_float() and rtol:
+            differs &= ~((size <= rtol) | (change == 0.0)).fill_null(value=False)
+            if not differs.any():
+                return
+        change = pl.select(pl.when(differs).then(change)).to_series()
+    where = change.abs().arg_max() if change.len() else None
+    relative = size.filter(differs).fill_nan(None).max() if size.len() else None
+    first = differs.arg_true()[0] if where is None else where
+    yield ColumnChange(
+        name=x.name,
+        rows=int(differs.sum()),
+        only_a=int((differs & x.is_not_null() & y.is_null()).sum()),
+        only_b=int((differs & x.is_null() & y.is_not_null()).sum()),
+        largest=None if where is None else float(change[where]),
+        largest_relative=None if relative is None else float(relative),  # pyright: ignore
+        at_s=None if seconds is None else float(seconds[first]),
+    )
+
+
+def _bits(series: pl.Series) -> pl.Series:
+    """A column whose equal values are equal bits: 0.0 is not -0.0, and a NaN is one."""
+    if isinstance(series.dtype, pl.Enum):
+        return series.cast(pl.String)
+    if not series.dtype.is_float():
+        return series
+    numbers = series.fill_null(0.0).to_numpy()
+    bits = pl.Series(series.name, numbers.view(f"i{numbers.itemsize}"))
+    return pl.select(pl.when(series.is_not_null()).then(bits)).to_series()

@@ -1,0 +1,180 @@
+"""Dumps that the boom shows, by no mass: where it is out while the machine hardly moves.
+
+How far out a dump is, is the log's own to tell: by the boom between loads and the empty passes
+after them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.schema import values
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Span = tuple[int, int]
+
+#: A boom that moves by so much, in rad, tells when it dumps.
+BOOM_MOVES_RAD: Final = 0.15
+#: A boom that is out again within so long, in ns, shakes its bucket.
+ONE_DUMP_NS: Final = 10 * 10**9
+#: A boom tells of dumps where it moves out in at least so many changes from loaded to empty,
+_FEWEST: Final = 3
+#: and in this share of them.
+_MOSTLY: Final = 0.7
+#: As far out as a boom gets, on either side: these quantiles of its angle.
+_FARTHEST: Final = (0.01, 0.99)
+#: It is out beyond this share of how far it is out in a middling dump.
+_OUT: Final = 0.5
+#: It is as far out as it gets from this share of that on,
+_UP: Final = 0.9
+#: and a bucket is half empty so long after that, in ns, however long the boom stays up.
+_EMPTIES_NS: Final = 2 * 10**9
+#: A machine that dumps creeps at most at this share of the speed that it reaches,
+_CREEPS: Final = 0.25
+#: which is this quantile of its speed.
+_REACHES: Final = 0.95
+
+
+class BoomDump(NamedTuple):
+    """A dump that the boom shows, in ns.
+
+    Attributes:
+        start_ns: when the boom is out,
+        end_ns: and until when.
+        dumped_ns: when the bucket is emptied.
+    """
+
+    start_ns: int
+    end_ns: int
+    dumped_ns: int
+
+    def near(self, times_ns: Ints, off_ns: int = ONE_DUMP_NS) -> bool:
+        """Whether one of these times may be its own, which may be off by so much."""
+        after, before = self.start_ns - off_ns, self.end_ns + off_ns
+        return bool(((after <= times_ns) & (times_ns <= before)).any())
+
+
+@dataclass(frozen=True)
+class BoomDumps:
+    """Dumps that the boom shows, in time.
+
+    Attributes:
+        tells: whether the boom shows dumps in this log; if not, that there is none tells nothing.
+        dumps: all that it shows.
+    """
+
+    tells: bool
+    dumps: tuple[BoomDump, ...] = ()
+
+    def within(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+        """Those that lie in a stretch of time."""
+        return [each for each in self.dumps if start_ns <= each.dumped_ns <= end_ns]
+
+    def beside(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+        """Those whose boom is out in a stretch of time: one who creeps may dump before it."""
+        return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
+
+    def none_in(self, start_ns: int, end_ns: int) -> bool:
+        """Whether the boom would show a dump in a stretch of time, and shows none."""
+        return self.tells and not self.beside(start_ns, end_ns)
+
+
+#: Of a log whose boom shows none.
+NO_DUMPS: Final = BoomDumps(tells=False)
+
+
+def boom_dumps(
+    aligned: pl.DataFrame, excitation: pl.DataFrame, known: Sequence[Span] | None = None
+) -> BoomDumps:
+    """Find every dump of the boom.
+
+    Args:
+        aligned: `boom_rad`, where there is one.
+        excitation: phases, and the speed.
+        known: stretches in each of which a load was dumped, as masses tell; None: nothing does,
+            and where the boom is farthest out it dumps.
+    """
+    t_ns, boom = excitation["t_ns"].to_numpy(), values(aligned, "boom_rad")
+    slow = creeps(excitation)
+    whole = np.isfinite(boom)
+    driving = whole & ~slow
+    if not driving.any() or not (slow & whole).any():
+        return NO_DUMPS
+    away = boom - float(np.median(boom[driving]))
+    if known is None:
+        reached = np.quantile(away[slow & whole], _FARTHEST)
+        reached = reached[[np.argmax(np.abs(reached))]]
+    else:
+        reached = np.array([_farthest(away, slow & whole, t_ns, span) for span in known])
+    typical_rad = float(np.median(reached)) if reached.size else 0.0
+    if abs(typical_rad) < BOOM_MOVES_RAD or (known is not None and len(known) < _FEWEST):
+        return NO_DUMPS
+    out = whole & (away / typical_rad > _OUT)
+    spans = _joined(t_ns, out & slow, t_ns[whole & ~out], t_ns[out & standing(excitation)])
+    if np.mean(reached / typical_rad > _OUT) < _MOSTLY or len(spans) < _FEWEST:
+        return NO_DUMPS
+    dumps = [BoomDump(*span, _emptied_ns(away / typical_rad, t_ns, span)) for span in spans]
+    return BoomDumps(tells=True, dumps=tuple(dumps))
+
+
+def creeps(excitation: pl.DataFrame) -> Bools:
+    """Samples at which the machine stands or creeps."""
+    stands = standing(excitation)
+    speed = np.abs(values(excitation, "speed_x_m_s"))
+    moving = speed[np.isfinite(speed) & ~stands]
+    if not moving.size:
+        return stands
+    return stands | (speed < _CREEPS * float(np.quantile(moving, _REACHES)))
+
+
+def standing(excitation: pl.DataFrame) -> Bools:
+    """Samples at which it stands."""
+    return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
+
+
+def _farthest(away: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
+    """How far the boom is out in a stretch of time, with its sign; 0 where nothing tells."""
+    first, last = np.searchsorted(t_ns, span)
+    inside = away[first : last + 1][slow[first : last + 1]]
+    return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
+
+
+def _emptied_ns(out: Floats, t_ns: Ints, span: Span) -> int:
+    """When a bucket is emptied: soon after the boom is as far out as it gets in a span."""
+    first, end = np.searchsorted(t_ns, span[0]), np.searchsorted(t_ns, span[1], "right")
+    angle, when = out[first:end], t_ns[first:end]
+    up_ns = when[angle > _UP * np.nanmax(angle)]
+    return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, _EMPTIES_NS)
+
+
+def _joined(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[Span]:
+    """Stretches of samples that dump, over moments in which the bucket is shaken.
+
+    A boom that has not come back in between is driven away from the dump it was at. It may be out
+    long before, on the way there: a machine that stands then dumps while it stands.
+
+    Args:
+        t_ns: (n,) of the samples.
+        dumps: (n,) which have the boom out while the machine hardly moves.
+        inside_ns: when the boom is in.
+        stands_ns: when it is out and the machine stands.
+    """
+    when = t_ns[dumps]
+    if not when.size:
+        return []
+    comes_back = np.diff(np.searchsorted(inside_ns, when)) > 0
+    parts = np.split(when, np.flatnonzero((np.diff(when) > ONE_DUMP_NS) & comes_back) + 1)
+    spans = [(int(part[0]), int(part[-1])) for part in parts]
+    return [_standing(span, stands_ns) for span in spans]
+
+
+def _standing(span: Span, stands_ns: Ints) -> Span:
+    """From the first to the last stand in a span; all of it where there is none."""
+    first, end = np.searchsorted(stands_ns, span[0]), np.searchsorted(stands_ns, span[1], "right")
+    return span if first == end else (int(stands_ns[first]), int(stands_ns[end - 1]))

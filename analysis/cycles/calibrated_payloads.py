@@ -1,0 +1,133 @@
+"""Payloads of cycles under a calibration line."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.calibration.line.calibration import Calibration
+from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.use.mass_differences import difference_on_line
+from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
+from analysis.model.schema import MOVED, QUALITY, conform
+from estimators.errors import DataError, nearest
+
+Floats = NDArray[np.float64]
+
+#: Lines whose estimate is the mass of a state, and lines of a difference of two.
+_OF_MASS: Final = "joint_mass"
+_OF_PAYLOAD: Final = "joint_payload"
+#: What payloads have in common, and of that what all have alike.
+_COMMON: Final = ("common", "shared")
+
+
+def calibrated_cycles(
+    cycles: pl.DataFrame, calibration: Calibration, unlike: Unlike | None = None
+) -> pl.DataFrame:
+    """Put payloads on the line m̂ = c0 + c1 m: of a difference of masses the constant cancels.
+
+    What the line does not know is common to all cycles. Of what the log has in common, the line has
+    taken with it the scale and what the means of learnt priors have wrong; what is left of these is
+    what they do to this log otherwise than to the campaign's.
+
+    Where the empty machine tells the scale better than the line, payloads stay as they are.
+
+    A cycle whose load is outside of what was calibrated has no payload, and says so.
+
+    Args:
+        cycles: the frame.
+        calibration: of the machine.
+        unlike: what the log says of errors that it shares with its campaign; None takes none off.
+
+    Raises:
+        DataError: the line is of another estimator.
+    """
+    if calibration.method not in (_OF_MASS, _OF_PAYLOAD):
+        raise DataError(
+            f"calibration: it is of '{calibration.method}', no mass of cycles: "
+            f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
+        )
+    numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
+    scale_1 = _numbers(cycles, "scale_1")
+    payload_kg = _numbers(cycles, "payload_kg") / scale_1
+    on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
+    common, shared = (on_line.beside(_numbers(cycles, f"own_u_{n}_kg")) for n in _COMMON)
+    shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
+    common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
+    common_kg = np.maximum(common_kg, shared_kg)
+    random_kg = _numbers(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
+    found = {
+        "payload_kg": on_line.payload_kg,
+        "payload_u_random_kg": random_kg,
+        "payload_u_common_kg": common_kg,
+        "payload_u_shared_kg": shared_kg,
+        "payload_u_kg": np.hypot(random_kg, common_kg),
+        "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.size_1),
+    }
+    if _by_ticket(cycles, found):
+        return cycles
+    off_kg, u_kg = _apart(calibration, unlike)
+    reasons = pl.Series(
+        "reason", [_outside(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
+    )
+    refused = reasons.to_numpy() != ""
+    columns = [
+        pl.Series(name, np.where(refused, np.nan, value)).fill_nan(None)
+        for name, value in found.items()
+    ]
+    said = cycles.with_columns(*columns, refused=pl.Series(refused), reason=reasons).with_columns(
+        quality=pl.when("refused").then(pl.lit("no mass", QUALITY)).otherwise("quality"),
+        counted=pl.col("counted") & ~pl.col("refused"),
+        withheld_for=pl.when("refused").then("reason").otherwise("withheld_for"),
+        scale_from=pl.when(pl.col("payload_kg").is_not_null()).then(pl.lit(BY_CALIBRATION)),
+    )
+    return conform("cycles", said.drop("refused", "reason"))
+
+
+def _by_ticket(cycles: pl.DataFrame, found: Mapping[str, Floats]) -> bool:
+    """Whether the sum of the payloads is better known by the empty machine than by the line."""
+    counted = cycles["counted"].to_numpy()
+    if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
+        return False
+
+    def relative(columns: Mapping[str, Floats]) -> float:
+        shared = columns["payload_u_shared_kg"][counted].sum()
+        random = np.linalg.norm(columns["payload_u_random_kg"][counted])
+        return float(np.hypot(shared, random) / abs(columns["payload_kg"][counted].sum()))
+
+    return relative({name: _numbers(cycles, name) for name in found}) < relative(found)
+
+
+def _numbers(cycles: pl.DataFrame, name: str) -> Floats:
+    """A column as floats, NaN where it is null."""
+    return cycles[name].cast(pl.Float64).to_numpy()
+
+
+def _apart(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
+    """What the log's masses are off by beside their line, in their mean, and the u of that."""
+    of_masses = (
+        [] if unlike is None else [x for (of, _), x in unlike.moved_kg.items() if of == MOVED[0]]
+    )
+    if (
+        unlike is None
+        or not of_masses
+        or not calibration.responses
+        or calibration.method == _OF_PAYLOAD
+    ):
+        return 0.0, 0.0
+    moved_kg = np.mean(of_masses, axis=0)
+    return unlike.off_kg(moved_kg, unlike.line(calibration.responses, 1.0, 0.0))
+
+
+def _outside(
+    row: Mapping[str, Any], calibration: Calibration, off_kg: float, unlike_u_kg: float
+) -> str:
+    """Why a cycle is none of the line's; "" where it is, or has no mass anyway."""
+    name = "loaded" if calibration.method == _OF_MASS else "payload"
+    mass_kg, u_kg = row[f"{name}_kg"], row["loaded_u_kg"]
+    if row["payload_kg"] is None:
+        return ""
+    count = row["manoeuvres"]
+    return calibration.calibrated(mass_kg - off_kg, u_kg, count, unlike_u_kg).reason

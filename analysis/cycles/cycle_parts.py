@@ -1,0 +1,225 @@
+"""Parts of cycles in time: what was dug, hauled and dumped when."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.cycles.boom_dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, creeps, standing
+from analysis.cycles.load_passes import Passes
+from analysis.model.schema import values
+from analysis.model.windows import runs_of
+
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+_NS: Final = 1e9
+#: A stand of so long is no part of the work.
+IDLE_S: Final = 30.0
+#: So long without a sample it may have dumped there as well.
+_HOLE_S: Final = 5.0
+
+
+@dataclass
+class CycleParts:
+    """One cycle as it is seen; times in ns since the first aligned sample, None where not seen.
+
+    Attributes:
+        dig_ns: first and last sample of its digging.
+        loaded: number of its loaded pass.
+        haul_ns: first and last sample that moves with the load.
+        dump_ns: when the machine stands to dump, and when it moves again.
+        dumped_ns: when it dumps: where the boom is farthest out, or the middle of that stand.
+        before: number of the empty pass before its load.
+        after: of the one after it.
+        unseen: whether it is dumped while nothing is recorded.
+    """
+
+    dig_ns: tuple[int, int] | None = None
+    loaded: int | None = None
+    haul_ns: tuple[int, int] | None = None
+    dump_ns: tuple[int, int] | None = None
+    dumped_ns: int | None = None
+    before: int | None = None
+    after: int | None = None
+    unseen: bool = False
+
+
+def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
+    """Go through passes and starts that dig in time, and say which cycle each is of.
+
+    A load that is hauled is a cycle; so is digging of which no start tells a mass.
+    """
+    events = [
+        *((int(t), 1, n) for n, t in enumerate(found.start_ns)),
+        *((int(t), 0, n) for n, t in enumerate(digs["start_t_ns"])),
+    ]
+    ends = digs["end_t_ns"].to_list()
+    cycles: list[CycleParts] = []
+    now: CycleParts | None = None
+    empty: int | None = None
+    for start_ns, is_pass, number in sorted(events):
+        if not is_pass:
+            span = (start_ns, ends[number])
+            # digging once more, before the next pass
+            again = (
+                now is not None
+                and now.loaded is None
+                and now.dig_ns is not None
+                and start_ns - now.dig_ns[1] < found.one_filling_ns
+                and not found.dumps.within(now.dig_ns[1], start_ns)
+            )
+            # a bucket that is not dumped since is full: what looks like digging fills none
+            inside = (
+                now is not None
+                and now.haul_ns is not None
+                and (start_ns < now.haul_ns[1] or found.dumps.none_in(now.haul_ns[0], start_ns))
+            )
+            if again and now is not None and now.dig_ns is not None:
+                now.dig_ns = (now.dig_ns[0], span[1])
+            elif not inside:
+                now = CycleParts(dig_ns=span, before=empty)
+                cycles.append(now)
+        elif found.loaded[number]:
+            if now is None or now.loaded is not None:
+                now = CycleParts(before=empty)
+                cycles.append(now)
+            now.loaded = number
+            now.haul_ns = (start_ns, int(found.end_ns[number]))
+        else:
+            if now is not None:
+                now.after = number
+            now, empty = None, number
+    return _with_neighbours(cycles, found)
+
+
+def _with_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts]:
+    """The nearest empty passes, where the cycle itself has none."""
+    empties = np.flatnonzero(~found.loaded)
+    for cycle in cycles:
+        if cycle.loaded is None:
+            continue
+        place = int(np.searchsorted(empties, cycle.loaded))
+        cycle.before = int(empties[place - 1]) if place > 0 else None
+        cycle.after = int(empties[place]) if place < empties.size else None
+    return cycles
+
+
+def dump_times(
+    cycles: list[CycleParts], found: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
+) -> None:
+    """Find when each load is dumped: when the boom shows a dump.
+
+    Else in the stand after it in which the boom moves most, or the longest one; nothing where the
+    machine is neither empty nor digs afterwards.
+
+    Args:
+        cycles: get their `dump_ns`.
+        found: the passes.
+        aligned: `boom_rad`, where there is one.
+        excitation: the phases.
+    """
+    t_ns = excitation["t_ns"].to_numpy()
+    stands, stops = standing(excitation), creeps(excitation)
+    boom = values(aligned, "boom_rad")
+    for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
+        ready = _filled_ns(cycle, found)
+        over = [int(ns) for ns in found.start_ns[np.searchsorted(found.start_ns, ready) :][:1]]
+        if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
+            over.append(later.dig_ns[0])
+        empty = min(over, default=int(t_ns[-1]))
+        dumped = found.dumps.beside(ready, empty)
+        if not dumped and cycle.loaded is None and over and not found.dumps.tells:
+            # by no witness: where a machine that has dug stands or creeps longest it dumps
+            inside = (t_ns > ready) & (t_ns < empty)
+            cycle.dump_ns = _longest_stop(stops[inside], t_ns[inside])
+            cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
+        if not dumped and (cycle.loaded is None or not over):
+            continue
+        first, last = np.searchsorted(t_ns, [ready, empty])
+        part = slice(first, last + 1)
+        if dumped:
+            cycle.dump_ns = _around(dumped[0][:2], stands[part], t_ns[part])
+            cycle.dumped_ns = dumped[0].dumped_ns
+            continue
+        stand = _stand(stands[part], boom[part], t_ns[part])
+        by_boom = stand is not None and stand[2]
+        hole = None if by_boom else _hole(t_ns[part])
+        cycle.unseen = hole is not None
+        found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
+        cycle.dump_ns, cycle.dumped_ns = found_ns, sum(found_ns) // 2
+        if stand is not None and by_boom:
+            cycle.dumped_ns = _farthest_ns(boom[part], t_ns[part], *stand[:2])
+
+
+def _filled_ns(cycle: CycleParts, found: Passes) -> int:
+    """When a load is last seen on the machine: at the end of its pass, or of its digging."""
+    if cycle.loaded is not None:
+        return int(found.end_ns[cycle.loaded])
+    assert cycle.dig_ns is not None
+    return cycle.dig_ns[1]
+
+
+def _around(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
+    """A stretch of time, and the stands that it begins and ends in."""
+    first, last = (int(k) for k in np.searchsorted(t_ns, span))
+    last = min(last, t_ns.size - 1)
+    while first > 0 and stands[first - 1]:
+        first -= 1
+    while last + 1 < t_ns.size and stands[last + 1]:
+        last += 1
+    return int(t_ns[first]), int(t_ns[last])
+
+
+def _hole(t_ns: Ints) -> tuple[int, int] | None:
+    """The longest time without a sample, where that is long."""
+    steps = np.diff(t_ns)
+    if not steps.size or steps.max() < _HOLE_S * _NS:
+        return None
+    widest = int(np.argmax(steps))
+    return int(t_ns[widest]), int(t_ns[widest + 1])
+
+
+def _longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
+    """The longest time that a machine stands or creeps, no idling; None where it does not."""
+    begins, ends = runs_of(stops)
+    length = t_ns[ends] - t_ns[begins]
+    length[length > IDLE_S * _NS] = 0
+    if not length.any():
+        return None
+    best = int(np.argmax(length))
+    return int(t_ns[begins[best]]), int(t_ns[ends[best]])
+
+
+def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, int, bool] | None:
+    """A stand, and whether the boom moves in it."""
+    begins, ends = runs_of(stands)
+    if not begins.size:
+        return None
+    moves = np.array([_range(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])
+    length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
+    by_boom = bool(moves.max() > BOOM_MOVES_RAD)
+    best = int(np.argmax(moves if by_boom else length))
+    return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
+
+
+def _farthest_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
+    """The middle of the time in which the boom is more than half as far out as it gets.
+
+    The stand may last: idling begins where a machine has dumped. A boom that is moved once more
+    after a while does something else.
+    """
+    inside = (t_ns >= start_ns) & (t_ns <= end_ns) & np.isfinite(boom)
+    angle, when = boom[inside], t_ns[inside]
+    away = np.abs(angle - angle[0])
+    out = when[away > away.max() / 2.0]
+    times = np.split(out, np.flatnonzero(np.diff(out) > ONE_DUMP_NS) + 1)
+    dump = next(each for each in times if each[-1] >= when[np.argmax(away)])
+    return int(dump[0] + dump[-1]) // 2
+
+
+def _range(x: NDArray[np.float64]) -> float:
+    known = x[np.isfinite(x)]
+    return float(np.ptp(known)) if known.size else 0.0

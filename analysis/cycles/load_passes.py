@@ -1,0 +1,242 @@
+"""What each pass between two changes of load weighs.
+
+A pass is a stretch of manoeuvres that are all loaded or all empty; states that differ by less than
+loaded and empty do (spillage, a state split in two) are one pass.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, boom_dumps
+from analysis.cycles.empty_or_loaded import loaded_states
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: A load is spilled on the way when its last state is less than one before by so many deviations.
+_SPILLS: Final = 3.0
+#: Digging tells where loads are filled if this share of them is dug.
+_DIGGING_TELLS: Final = 0.5
+#: Fewer cycles do not tell how long one lasts.
+_FEWEST: Final = 4
+#: Starts that dig with nothing else between are one filling of the bucket, if no further apart in
+#: ns than the shorter of this and a share of the time from digging to digging over an empty pass.
+_ONE_FILLING_NS: Final = 25 * 10**9
+_OF_A_CYCLE: Final = 0.5
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Passes in time.
+
+    Attributes:
+        of: (manoeuvres,) the pass of each.
+        share: (manoeuvres,) the weight of each in its pass' mass; those of a pass add up to 1.
+        loaded: (passes,).
+        mass_kg: (passes,).
+        u_kg: (passes,) what is random of it: manoeuvres' own noise and their scatter.
+        start_ns: (passes,) first fitted sample.
+        end_ns: (passes,) last fitted sample.
+        one_filling_ns: starts that dig and are no further apart fill the bucket once.
+        dumps: that the boom shows.
+    """
+
+    of: Ints
+    share: Floats
+    loaded: Bools
+    mass_kg: Floats
+    u_kg: Floats
+    start_ns: Ints
+    end_ns: Ints
+    one_filling_ns: int = _ONE_FILLING_NS
+    dumps: BoomDumps = NO_DUMPS
+
+
+#: Of a log whose loads cannot be told from empty passes.
+NO_PASSES: Final = Passes(
+    np.zeros(0, np.int64),
+    np.zeros(0),
+    np.zeros(0, np.bool_),
+    np.zeros(0),
+    np.zeros(0),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+)
+
+
+def passes(
+    loads: pl.DataFrame,
+    manoeuvres: pl.DataFrame,
+    digs: pl.DataFrame,
+    aligned: pl.DataFrame | None = None,
+    excitation: pl.DataFrame | None = None,
+) -> Passes | None:
+    """Join manoeuvres to passes; None where loaded and empty cannot be told apart.
+
+    Args:
+        loads: for the scatter.
+        manoeuvres: states and masses.
+        digs: `digging`: what comes before a start that digs is empty, what comes after is loaded.
+        aligned: for the boom, where there is one.
+        excitation: for phases and speed.
+    """
+    if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
+        return None
+    level = manoeuvres["mass_kg"].to_numpy()
+    std = manoeuvres["mass_std_kg"].to_numpy()
+    state = manoeuvres["load_id"].to_numpy()
+    begin, end = (manoeuvres[name].to_numpy() for name in ("start_t_ns", "end_t_ns"))
+    scatter_kg = float(loads["scatter_kg"].fill_null(0.0).max() or 0.0)  # pyright: ignore[reportArgumentType]
+    weight = 1.0 / (std**2 + scatter_kg**2)
+    total = np.bincount(state, weight)
+    mass_kg = np.bincount(state, weight * level) / total
+    u_kg = 1.0 / np.sqrt(total)
+    loaded = loaded_states(mass_kg, u_kg, state, (begin, end), digs)
+    if loaded is None:
+        return None
+    of_state = loaded[state]
+    dumps = NO_DUMPS
+    if aligned is not None and excitation is not None:
+        emptied = np.flatnonzero(of_state[:-1] & ~of_state[1:])
+        # one who creeps to the dump may have emptied the bucket before the start ends
+        known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
+        dumps = boom_dumps(aligned, excitation, known)
+        of_state = _changed_at_dumps(of_state, begin, end, digs, dumps)
+    one_filling_ns = _one_filling_ns(of_state, begin, end, digs)
+    parts = np.diff(of_state) != 0
+    parts[_filled_again(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    if digs.height < _DIGGING_TELLS * np.count_nonzero(parts & of_state[:-1]):
+        parts[_emptied_again(of_state, begin, end, dumps)] = True
+    of = np.cumsum(np.append(0, parts)).astype(np.int64)
+    first = np.flatnonzero(np.append(True, np.diff(of) > 0))
+    last = np.append(first[1:] - 1, of.size - 1)
+    dumping = _while_dumping(begin, end, dumps)
+    spilled = _before_spilling(of_state & ~dumping, of, state, mass_kg, u_kg)
+    left = np.where(dumping | spilled, 0.0, weight)
+    # a pass that has no other keeps what it has
+    weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
+    total = np.bincount(of, weight)
+    # a pass ends before its machine dumps
+    counts = np.flatnonzero(weight > 0.0)
+    last[of[counts]] = counts
+    return Passes(
+        of,
+        weight / total[of],
+        of_state[first],
+        np.bincount(of, weight * level) / total,
+        1.0 / np.sqrt(total),
+        begin[first],
+        end[last],
+        one_filling_ns,
+        dumps,
+    )
+
+
+def _one_filling_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> int:
+    """How far apart starts are at most that fill the bucket once: less than a cycle lasts."""
+    starts = np.sort(digs["start_t_ns"].to_numpy())
+    stops = np.sort(digs["end_t_ns"].to_numpy())
+    middle = (begin + end) // 2
+    apart = [
+        int(start - stop)
+        for stop, start in zip(stops[:-1], starts[1:], strict=True)
+        if (seen := loaded[(middle > stop) & (middle < start)]).any() and not seen.all()
+    ]
+    if len(apart) < _FEWEST:
+        return _ONE_FILLING_NS
+    return min(_ONE_FILLING_NS, int(_OF_A_CYCLE * float(np.median(apart))))
+
+
+def _filled_again(
+    loaded: Bools,
+    begin: Ints,
+    end: Ints,
+    digs: pl.DataFrame,
+    dumps: BoomDumps,
+    one_filling_ns: int,
+) -> list[int]:
+    """Places before which a loaded machine digs after it was empty in between.
+
+    No start tells of the empty drive: it was too short, or nothing was recorded. The boom shows
+    that it dumped, or so much time went by.
+    """
+    found: list[int] = []
+    last_ns = -one_filling_ns
+    for start, stop in digs.select("start_t_ns", "end_t_ns").sort("start_t_ns").iter_rows():
+        after = int(np.searchsorted(begin, start, "left"))
+        if 0 < after < loaded.size and loaded[after - 1] and loaded[after]:
+            empties = np.flatnonzero(~loaded[:after])
+            first = int(empties[-1]) + 1 if empties.size else 0
+            since_ns = max(int(begin[first]), last_ns)
+            dumped = bool(dumps.within(int(end[after - 1]), start))
+            # what drives while it is seen to dig is no haul
+            if (start - since_ns > one_filling_ns or dumped) and end[after - 1] <= start:
+                found.append(after - 1)
+        last_ns = stop
+    return found
+
+
+def _changed_at_dumps(
+    loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame, dumps: BoomDumps
+) -> Bools:
+    """(manoeuvres,) whether each is loaded, if loads are dumped where the boom shows it.
+
+    Where masses have a load dumped a few manoeuvres sooner or later, in a place in which the boom
+    shows nothing, what moves in between is on the other side.
+    """
+    at = [int(np.searchsorted(begin, each.dumped_ns)) for each in dumps.dumps]
+    dug = np.unique(np.searchsorted(begin, digs["start_t_ns"].to_numpy()))
+    moved = loaded.copy()
+    for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:
+        if dumps.within(int(end[first - 1]), int(begin[first])):
+            continue
+        # from one filling to the next
+        low = int(max(dug[dug < first], default=0))
+        high = int(min(dug[dug >= first], default=loaded.size))
+        places = [place for place in at if low < place < high]
+        if len(places) == 1:
+            moved[places[0] : first] = False
+            moved[first : places[0]] = True
+    return moved
+
+
+def _emptied_again(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
+    """Places between two loaded manoeuvres where the boom dumps: the second load is another."""
+    return [
+        k
+        for k in range(loaded.size - 1)
+        if loaded[k] and loaded[k + 1] and dumps.within(int(end[k]), int(begin[k + 1]))
+    ]
+
+
+def _while_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
+    """(manoeuvres,) which creep while they dump: a load that changes has no mass."""
+    dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
+    return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")
+
+
+def _before_spilling(loaded: Bools, of: Ints, state: Ints, mass_kg: Floats, u_kg: Floats) -> Bools:
+    """(manoeuvres,) which carry a load that is spilled before it is dumped.
+
+    Args:
+        loaded: (manoeuvres,), and not dumping.
+        of: (manoeuvres,) the pass of each.
+        state: (manoeuvres,) the load state of each.
+        mass_kg: (states,).
+        u_kg: (states,).
+    """
+    spilled = np.zeros(of.size, np.bool_)
+    for number in np.unique(of[loaded]):
+        inside = loaded & (of == number)
+        last = int(state[inside][-1])
+        for each in np.unique(state[inside]):
+            apart = float(np.hypot(u_kg[each], u_kg[last]))
+            spilled |= (
+                inside & (state == each) & bool(mass_kg[each] - mass_kg[last] > _SPILLS * apart)
+            )
+    return spilled

@@ -1,0 +1,187 @@
+"""Frame `shift`: what the cycles add up to, with what repeats and what is common kept apart.
+
+What was dumped in the shift is the counted cycles, those that the log shows without a mass, and
+those that holes hide; one uncertainty holds for all of it.
+"""
+
+from collections.abc import Collection, Mapping
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.boom_dumps import standing
+from analysis.cycles.cycle_parts import IDLE_S
+from analysis.cycles.cycles_without_mass import price_kg, uncounted_cycles
+from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
+from analysis.cycles.lost_cycles import holes, lost_cycles
+from analysis.model.schema import FRAMES, build
+from analysis.model.windows import runs_of
+
+_NS: Final = 1e9
+_NO_SCALE: Final = ShiftScale()
+
+
+def shift(
+    cycles: pl.DataFrame,
+    excitation: pl.DataFrame,
+    aligned: pl.DataFrame,
+    scale: ShiftScale = _NO_SCALE,
+) -> pl.DataFrame:
+    """Make `shift`, one row.
+
+    Args:
+        cycles: the frame.
+        excitation: phases.
+        aligned: where nothing was recorded.
+        scale: of the payloads.
+    """
+    gaps = holes(excitation, aligned)
+    lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
+    t_ns = excitation["t_ns"].to_numpy()
+    duration_s = float(t_ns[-1] - t_ns[0]) / _NS if t_ns.size else 0.0
+    gap_s = sum(end - start for start, end in gaps) / _NS
+    idle_s = _idle_s(excitation)
+    row: dict[str, Any] = {
+        "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
+        "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
+        **_sums(cycles, ()),
+        "lost_cycles": lost.cycles,
+        "lost_cycles_u": lost.u,
+        "lost_kg": lost.payload_kg,
+        "lost_u_kg": lost.payload_u_kg,
+        "digs": cycles.height - cycles["dig_t_ns"].null_count(),
+        "boom_dumps": more.dumps,
+        "uncounted_cycles": more.cycles,
+        "uncounted_cycles_u": more.u,
+        "on_board_kg": more.on_board_kg,
+        "on_board_u_kg": more.on_board_u_kg,
+        "scale_from": scale.told_by,
+        "scale_unknown": scale.unknown,
+        "gain_1": scale.gain_1,
+        "gain_u_1": scale.gain_u_1,
+        "duration_s": duration_s,
+        "gap_s": gap_s,
+        "idle_s": idle_s,
+        "utilisation_1": max(duration_s - gap_s - idle_s, 0.0) / max(duration_s - gap_s, 1e-9),
+    }
+    row |= _total(row)
+    declared = FRAMES["shift"].columns
+    return build("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
+
+
+def recounted(
+    summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
+) -> pl.DataFrame:
+    """The same with other cycles: calibrated ones, or without some that a reviewer rejects.
+
+    Args:
+        summary: frame `shift`.
+        cycles: frame `cycles`.
+        rejected: numbers of cycles that are not counted.
+    """
+    sums = _sums(cycles, rejected)
+    mean_kg = summary["payload_mean_kg"][0]
+    scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
+    row = summary.row(0, named=True)
+    # a payload that the calibration refuses was dumped all the same
+    refused = int(sums["cycles_without_mass"] or 0) - int(row["cycles_without_mass"] or 0)
+    found = sums | {
+        "uncounted_cycles": (row["uncounted_cycles"] or 0.0) + refused,
+        "lost_kg": (row["lost_kg"] or 0.0) * scale,
+        "lost_u_kg": (row["lost_u_kg"] or 0.0) * scale,
+    }
+    if (cycles["scale_from"] == BY_CALIBRATION).any():
+        found |= {"scale_from": BY_CALIBRATION, "scale_unknown": ""}
+    found |= _total(row | found)
+    return summary.with_columns(
+        pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
+    )
+
+
+def _total(row: Mapping[str, Any]) -> dict[str, float]:
+    """What was dumped in the shift: counted, uncounted and lost, under one uncertainty.
+
+    What is common to all payloads is common to those that are priced by them.
+    """
+    counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
+    number_u = row["uncounted_cycles_u"] or 0.0
+    more_kg, more_u_kg = price_kg(
+        row["uncounted_cycles"] or 0.0, number_u, row["payload_mean_kg"], row["payload_std_kg"]
+    )
+    total_kg = counted_kg + more_kg + lost_kg
+    common_kg = row["payload_u_common_kg"] * (total_kg / counted_kg if counted_kg > 0.0 else 1.0)
+    parts = (row["payload_u_random_kg"], common_kg, more_u_kg, row["lost_u_kg"] or 0.0)
+    return {
+        "uncounted_kg": more_kg,
+        "uncounted_u_kg": more_u_kg,
+        "total_kg": total_kg,
+        "total_u_kg": float(np.linalg.norm(parts)),
+    }
+
+
+def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
+    """What cycles add up to.
+
+    Random parts of the passes add up in squares, each with its whole weight in the sum: an empty
+    pass is in the payload before it and in the one after. Common parts add up as they are.
+    """
+    out = pl.col("cycle").is_in(list(rejected))
+    counted = cycles.filter(pl.col("counted") & ~out)
+    payload, back = counted["payload_kg"], counted["carry_back_kg"]
+    random_kg = _random_kg(counted)
+    common_kg = float(counted["payload_u_shared_kg"].sum())
+    return {
+        "cycles": cycles.height,
+        "cycles_counted": counted.height,
+        "cycles_rejected": cycles.filter(out).height,
+        "cycles_without_mass": cycles.filter(pl.col("payload_kg").is_null()).height,
+        "payload_kg": float(payload.sum()),
+        "payload_u_random_kg": random_kg,
+        "payload_u_common_kg": common_kg,
+        "payload_u_kg": float(np.hypot(random_kg, common_kg)),
+        "payload_mean_kg": _number(payload.mean()),
+        "payload_std_kg": _number(payload.std()),
+        "carry_back_mean_kg": _number(back.mean()),
+        # that of the cleanest is in all of them, and not known apart
+        "carry_back_u_kg": _number(counted["carry_back_u_kg"].mean()),
+    }
+
+
+def _number(value: object) -> float | None:
+    return value if isinstance(value, float) else None
+
+
+def _random_kg(counted: pl.DataFrame) -> float:
+    """The random part of the sum of payloads."""
+    weight: dict[int, float] = {}
+    u_kg: dict[int, float] = {}
+    carried = 0.0
+    for row in counted.iter_rows(named=True):
+        before_1 = row["tare_before_1"]
+        shares = (
+            ("loaded", 1.0),
+            ("empty_before", -before_1),
+            ("empty_after", before_1 - 1.0),
+        )
+        own = 0.0
+        for name, share in shares:
+            number = row[f"{name}_id"]
+            if number is not None:
+                weight[number] = weight.get(number, 0.0) + share
+                u_kg[number] = row["scale_1"] * row[f"{name}_u_kg"]
+                own += (share * u_kg[number]) ** 2
+        # of what is carried back only the ends are left in the sum
+        carried = max(carried, row["payload_u_random_kg"] ** 2 - own)
+    return float(np.sqrt(sum((weight[n] * u_kg[n]) ** 2 for n in weight) + carried))
+
+
+def _idle_s(excitation: pl.DataFrame) -> float:
+    """Time in stands that are long."""
+    if excitation.is_empty():
+        return 0.0
+    stands = standing(excitation)
+    t_ns = excitation["t_ns"].to_numpy()
+    begins, ends = runs_of(stands)
+    lengths = (t_ns[ends] - t_ns[begins]) / _NS
+    return float(lengths[lengths > IDLE_S].sum())

@@ -1,0 +1,64 @@
+"""What a check is: a number of a log, its limits, and what failing it leads to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from analysis.diagnosis.check_inputs import Evidence, Motion
+from analysis.diagnosis.excluded_stretches import MOVES_U
+from analysis.model.verdict import About, Consequence
+
+
+def _always(_: Evidence, __: Motion) -> bool:
+    return True
+
+
+def _unasked(_: Evidence, __: Motion) -> None:
+    return None
+
+
+def _nothing(_: Evidence, __: Motion) -> str:
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckRow:
+    """One check.
+
+    Attributes:
+        name: in the verdict.
+        about: what it may withhold, and so which motion it looks at.
+        number: computes its number; NaN where there is nothing to tell it from.
+        minimum: the setting of `[settings.verdict]` that it must reach, if any.
+        maximum: the one that it must not exceed.
+        applies: whether this log has what it looks at.
+        optional: whether it does not apply where it has no number.
+        meaning: what the number says, in a sentence.
+        names: names what the number is of, where that differs from log to log; else "".
+        consequence: of failing,
+        moved_u: where what the check names was left out or replaced: how far that moves the answer,
+            in standard uncertainties. Up to one, failing withholds nothing and is told.
+        remedy: the setting or change that would mend it.
+    """
+
+    name: str
+    about: About
+    number: Callable[[Evidence, Motion], float]
+    meaning: str
+    minimum: str | None = None
+    maximum: str | None = None
+    applies: Callable[[Evidence, Motion], bool] = _always
+    optional: bool = False
+    names: Callable[[Evidence, Motion], str] = _nothing
+    consequence: Consequence = "withhold"
+    moved_u: Callable[[Evidence, Motion], float | None] = _unasked
+    remedy: str = ""
+
+    def text(self, evidence: Evidence, motion: Motion) -> str:
+        """The meaning, and what the number is of."""
+        name = self.names(evidence, motion)
+        return f"{self.meaning} ({name})" if name else self.meaning
+
+    def leads_to(self, evidence: Evidence, motion: Motion) -> Consequence:
+        """What failing leads to in this log: in proportion to what the check names changes."""
+        moved_u = self.moved_u(evidence, motion)
+        return "tell" if moved_u is not None and moved_u <= MOVES_U else self.consequence

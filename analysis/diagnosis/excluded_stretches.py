@@ -1,0 +1,149 @@
+"""Stretches that a check names, left out of the fit, and what that moves the answer by.
+
+A sensor that freezes for a second of a day, or an engine that gives no more than it can, is no
+reason to say nothing: what is named is left out. Where the answer then is another one, nobody knows
+what else is wrong with that channel, and there is none.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.diagnosis.measured_channels import Signals, Spans
+from analysis.model.machine import Machine
+from analysis.model.settings import VerdictLimits
+from analysis.model.windows import windows_with
+from analysis.stages.gating.gate import refused
+from analysis.stages.motion.phases import span_rows
+from analysis.weighing.motion_samples import Bools
+from analysis.weighing.weigh import Weighing, apart_kg
+
+#: So many standard uncertainties of the answer without a stretch are no other answer.
+MOVES_U: Final = 1.0
+#: A low-pass smears a reading over so many periods of its cut-off either way.
+_SMEARS: Final = 1.0
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What a check names, and the answer without it.
+
+    Attributes:
+        fitted_s: how much of it the fit had.
+        moved_u: by how much the mass moves without it, in standard uncertainties of the answer
+            without it; infinite where nothing is left.
+    """
+
+    fitted_s: float
+    moved_u: float
+
+    @property
+    def is_harmless(self) -> bool:
+        """Whether the answer without it is the answer."""
+        return self.moved_u <= MOVES_U
+
+    @property
+    def text(self) -> str:
+        """What became of it, in words."""
+        if not self.fitted_s:
+            return "none of it is in what is weighed"
+        part = f"{self.fitted_s:.1f} s of it in what is weighed"
+        if self.is_harmless:
+            return f"{part}, left out: that moves the mass by {self.moved_u:.1f} u"
+        if not np.isfinite(self.moved_u):
+            return f"{part}: without that nothing is left"
+        return f"{part}: without that the mass moves by {self.moved_u:.1f} u"
+
+
+@dataclass(frozen=True)
+class WithoutThem:
+    """The answer without what checks name, as far as that is harmless.
+
+    Attributes:
+        weighing: the joint fit.
+        gated: the gate, with windows refused that hold what is left out.
+        named: by check.
+    """
+
+    weighing: Weighing | None
+    gated: pl.DataFrame
+    named: Mapping[str, LeftOut]
+
+
+def without_named(
+    signals: Signals,
+    grid: tuple[pl.DataFrame, int],
+    gated: pl.DataFrame,
+    machine: Machine,
+    weighed: Callable[[pl.DataFrame], Weighing | None],
+) -> WithoutThem:
+    """Weigh, and once more without what each check of the readings names, if it names anything.
+
+    Args:
+        signals: the channels as measured.
+        grid: `aligned`, and when its first row is, in unix ns.
+        gated: which windows are accepted.
+        machine: settings.
+        weighed: the joint fit of a grid, some of whose rows may be left out.
+    """
+    aligned, t0_unix_ns = grid
+    weighing = weighed(aligned)
+    rows = np.zeros(aligned.height, np.bool_)
+    named: dict[str, LeftOut] = {}
+    for check, spans, why in _named(signals, machine.settings.verdict):
+        held = _held(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
+        if not held.any() or weighing is None:
+            continue
+        fitted = int(np.count_nonzero(held & _in_what_is_weighed(weighing)))
+        found = LeftOut(fitted / machine.settings.align.rate_hz, 0.0)
+        if fitted:
+            without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
+            found = LeftOut(found.fitted_s, _moved_u(weighing, without))
+            weighing = without if found.is_harmless else weighing
+        named[check] = found
+        if found.is_harmless:
+            rows |= held
+            # the moving mean and the phase look back
+            seen = windows_with(held, _looks_back(machine))
+            gated = refused(gated, seen, why, machine.settings)
+    return WithoutThem(weighing, gated, named)
+
+
+def _named(
+    signals: Signals, limits: VerdictLimits
+) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
+    """Each check that fails, where its stretches are, and why the gate refuses them."""
+    if signals.frozen_s > limits.frozen_max_s:
+        yield "frozen", signals.frozen, "gap"  # what is frozen was not measured
+    if signals.clipped_share > limits.clipped_max:
+        yield "clipped", signals.at_limit, "saturated"
+
+
+def _in_what_is_weighed(weighing: Weighing) -> Bools:
+    """The samples of the fit, and of manoeuvres whose load would seem to change, (n,)."""
+    motion = weighing.fit.motion
+    return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
+
+
+def _moved_u(whole: Weighing, without: Weighing | None) -> float:
+    if without is None:
+        return np.inf
+    moved_u = abs(apart_kg(without.fit, whole.fit)) / without.fit.u_kg
+    return moved_u if np.isfinite(moved_u) else np.inf
+
+
+def _looks_back(machine: Machine) -> int:
+    return span_rows(machine.settings) + machine.settings.smooth.samples
+
+
+def _held(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:
+    """The rows of the grid that a stretch of any channel reaches, (n,)."""
+    reach_ns = int(_SMEARS / machine.settings.filter.cutoff_hz * 1e9)
+    held = np.zeros(unix_ns.size, np.bool_)
+    for begin, end in (span for each in spans.values() for span in each):
+        first, last = np.searchsorted(unix_ns, [begin - reach_ns, end + reach_ns])
+        held[first:last] = True
+    return held

@@ -1,0 +1,253 @@
+"""The channels as they were measured, before any filter: signs, frozen and clipped readings."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from analysis.model.windows import runs_of
+from analysis.stages.signals.clocks import RelativeDrift, clock_drifts, relative_drift
+from analysis.stages.signals.filters import period_ns
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Series = tuple[Ints, Floats]
+Spans = list[tuple[int, int]]
+
+#: What may freeze or clip.
+_FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
+_SPEEDS: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s")
+_MOTION: Final = (*_SPEEDS, "specific_force_x_m_s2")
+#: What else tells that something changes; a position repeats itself where a machine stands.
+_BESIDE: Final = ("position_x_m", "acc_x_m_s2")
+#: A reading that repeats for longer is frozen, if another channel changes meanwhile
+_FROZEN_S: Final = 0.3
+#: by this share of its range; of a channel whose noise shows, less tells,
+_CHANGES: Final = 0.15
+_CHANGES_BESIDE_NOISE: Final = 0.05
+#: and noise shows where no more than this share of the other readings repeats the one before,
+_USUAL: Final = 0.02
+#: if these are more than this share of all.
+_TELLING: Final = 0.1
+#: Of a slow channel, two readings that are alike are no run: in so many readings at least.
+_FEWEST_RUN: Final = 5
+#: Clipped readings pile up: so many times the next value's number, and at least so many.
+_PILE: Final = 4
+_LEAST_PILE: Final = 20
+#: Runs that come back to one value so often have met a limit: a sensor freezes where it happens to.
+_COMES_BACK: Final = 3
+#: Few readings are beyond a limit: not more than this share of them.
+_BEYOND: Final = 0.1
+#: Where it is at a limit, such a share of the readings within so long is. Fewer are noise that
+#: reaches it: cut off, they take 0.08 of the noise's deviation off the mean, a half of them 0.4.
+_NEAR_S: Final = 0.5
+_AT_LIMIT: Final = 0.15
+
+
+class RepeatedReading(NamedTuple):
+    """Readings that repeat one value: when, in unix ns, and which."""
+
+    begin_ns: int
+    end_ns: int
+    value: float
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Raw channels.
+
+    Attributes:
+        channels: by name: unix stamps in ns and readings in SI units, not filtered.
+        drift: the two clocks that run apart most clearly, None where that cannot be told.
+        span_s: how long the log is.
+    """
+
+    channels: Mapping[str, Series]
+    drift: RelativeDrift | None
+    span_s: float
+
+    @property
+    def apart_s(self) -> float:
+        """How far the clocks run apart over the log, 0 where that is within its noise."""
+        if self.drift is None or self.drift.drift_ppm < 5.0 * self.drift.drift_std_ppm:
+            return 0.0
+        return self.drift.drift_ppm * 1e-6 * self.span_s
+
+    @cached_property
+    def _repeated(self) -> dict[str, list[RepeatedReading]]:
+        """By force or motion channel: where it repeats itself while another one changes."""
+        told = (*_FORCES, *_MOTION, *_BESIDE)
+        looked = {name: series for name, series in self.channels.items() if name in told}
+        return {name: _repeated(name, looked) for name in looked if name not in _BESIDE}
+
+    @cached_property
+    def limits(self) -> dict[str, dict[float, float]]:
+        """By force channel: the values that it ends at, and the share of its readings at each.
+
+        Readings pile up at an extreme, or come back to one value for long, again and again: there a
+        sensor clips, or an engine gives no more.
+        """
+        return {
+            name: {**_piles(x), **_levels(self._repeated[name], x)}
+            for name, (_, x) in self.channels.items()
+            if name in _FORCES
+        }
+
+    @cached_property
+    def frozen(self) -> dict[str, Spans]:
+        """By force or motion channel: where it is frozen, in ns; at a limit it is not."""
+        return {
+            name: [
+                (run.begin_ns, run.end_ns)
+                for run in runs
+                if run.value not in self.limits.get(name, {})
+            ]
+            for name, runs in self._repeated.items()
+        }
+
+    @property
+    def frozen_s(self) -> float:
+        """For how long a force or motion channel repeats itself while another one changes."""
+        spans = self.frozen.values()
+        return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
+
+    @cached_property
+    def clipped(self) -> dict[str, tuple[float, float]]:
+        """By force channel: the largest share of its readings at one limit, and which."""
+        nothing = (0.0, float("nan"))
+        return {
+            name: max(((share, at) for at, share in found.items()), default=nothing)
+            for name, found in self.limits.items()
+        }
+
+    @cached_property
+    def at_limit(self) -> dict[str, Spans]:
+        """By force channel: where it stays at a limit, in ns."""
+        return {
+            name: _spans_at(list(found), *self.channels[name])
+            for name, found in self.limits.items()
+            if found
+        }
+
+    @property
+    def clipped_share(self) -> float:
+        """The largest share of a force channel's readings that are at its limit."""
+        return max((share for share, _ in self.clipped.values()), default=0.0)
+
+    def force_on(self, unix_ns: Ints) -> Floats | None:
+        """The unfiltered force, or the sum of both torques; None where it is derived."""
+        names = [name for name in _FORCES if name in self.channels]
+        if not names:
+            return None
+        return np.sum([_at(*self.channels[name], unix_ns) for name in names], axis=0)
+
+
+def signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> Signals:
+    """Take the raw channels of a log.
+
+    Args:
+        raw: by topic, with log times and header stamps.
+        channels: as `analysis.stages.signals.derive.measured` gives them.
+    """
+    span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
+    return Signals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
+
+
+def _at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
+    origin = t_ns[0]
+    return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), x)
+
+
+def _runs(x: Floats) -> tuple[Ints, Ints]:
+    """First and last reading of each run of equal ones."""
+    first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
+    return first, np.append(first[1:], x.size) - 1
+
+
+def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
+    """Where a channel repeats one reading for long, and whether it hardly ever does otherwise."""
+    first, last = _runs(x)
+    long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
+    runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
+    others = int((last - first + 1)[~long].sum())
+    never = others > _TELLING * x.size and int((last - first)[~long].sum()) <= _USUAL * others
+    return [
+        RepeatedReading(int(begin), int(end), float(value)) for begin, end, value in runs
+    ], never
+
+
+def _repeated(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+    t, x = channels[name]
+    runs, never = long_runs(t, x)
+    if runs and float(np.ptp(x)) == 0.0:
+        return runs if _is_dead(name, channels) else []
+    # a machine that stands has no speed, one that coasts no force
+    runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
+    if not runs:
+        return []
+    changes = _CHANGES_BESIDE_NOISE if never else _CHANGES
+    others = [
+        (*series, changes * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
+        for key, series in channels.items()
+        # where it is, a coarse channel may not show
+        if key != name and (never or key not in _BESIDE)
+    ]
+    surely = [
+        run for run in runs if any(_changes(*each, run.begin_ns, run.end_ns) for each in others)
+    ]
+    # what froze there, and has noise elsewhere, froze wherever it repeats itself
+    return runs if surely and never else surely
+
+
+def _is_dead(name: str, channels: Mapping[str, Series]) -> bool:
+    """Whether a channel that never moves should: it drives, or its other side does."""
+    of_motion = name in _MOTION
+    speeds = [x for key, (_, x) in channels.items() if key in _SPEEDS and key != name]
+    forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != name]
+    # a machine that stands has no speed, whatever its force and its accelerometer read
+    beside = speeds if of_motion else [*speeds, *forces]
+    return any(float(np.ptp(x)) > 0.0 for x in beside)
+
+
+def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
+    """Whether a channel changes by more than `least` from one half of a stretch to the other."""
+    part = x[np.searchsorted(t, begin_ns) : np.searchsorted(t, end_ns, side="right")]
+    if part.size < 4:
+        return False
+    half = part.size // 2
+    return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
+
+
+def _piles(x: Floats) -> dict[float, float]:
+    """The extremes that readings pile up at, and the share of the readings at each."""
+    values, counts = np.unique(x, return_counts=True)
+    if values.size < 10:
+        return {}
+    return {
+        float(values[end]): int(counts[end]) / x.size
+        for end, next_one in ((0, 1), (-1, -2))
+        if counts[end] >= max(_LEAST_PILE, _PILE * counts[next_one]) and values[end] != 0.0
+    }
+
+
+def _levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
+    """Likewise the values that long runs come back to, and few readings are beyond."""
+    often = Counter(run.value for run in runs)
+    return {
+        value: float((x == value).mean())
+        for value, times in often.items()
+        if times >= _COMES_BACK and (np.abs(x) > abs(value)).mean() <= _BEYOND
+    }
+
+
+def _spans_at(limits: list[float], t: Ints, x: Floats) -> Spans:
+    near = max(round(_NEAR_S * 1e9 / period_ns(t)), _FEWEST_RUN)
+    at = np.isin(x, limits).astype(np.float64)
+    first, last = runs_of(uniform_filter1d(at, near, mode="nearest") >= _AT_LIMIT)
+    return [(int(b), int(e)) for b, e in zip(t[first], t[last], strict=True)]

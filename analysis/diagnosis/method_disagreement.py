@@ -1,0 +1,61 @@
+"""The paper's estimates against the answer: which of them the log contradicts."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Evidence
+from analysis.model.schema import values
+
+#: So many deviations of both together contradict a method, if it matters by this share.
+_CONTRADICTS: Final = 3.0
+_MATTERS: Final = 0.01
+#: A term this many deviations from 0 is there.
+_TERM_IS_THERE: Final = 3.0
+
+
+class Disagreement(NamedTuple):
+    """How far a method is from the answer, in deviations, and whether it is contradicted."""
+
+    method: str
+    deviations: float
+    contradicted: bool
+
+
+def disagreements(evidence: Evidence) -> list[Disagreement]:
+    """Compare every method that has a mass with the joint fit.
+
+    A method without nuisance terms says that they are 0, but for the Coulomb term where it is set.
+    Where the log shows one that is not, its interval must at least contain the answer's; likewise
+    where starts disagree, since then its deviation, which is of noise alone, is too small. None
+    holds where there are several loads: each has one mass.
+    """
+    weighing, totals = evidence.weighing, evidence.totals
+    if weighing is None or totals is None:
+        return []
+    fit = weighing.fit
+    modelled = _modelled(evidence)
+    shows = any(t > _TERM_IS_THERE for term, t in fit.terms_t.items() if term not in modelled)
+    shows = shows or bool(fit.fit.misfit.any())
+    shows = shows or (fit.states is not None and fit.states.scatters)
+    out: list[Disagreement] = []
+    columns = (totals["method"].to_list(), values(totals, "mass_kg"), values(totals, "mass_std_kg"))
+    for method, mass_kg, std_kg in zip(*columns, strict=True):
+        if not np.isfinite(mass_kg):
+            continue
+        apart_kg = mass_kg - fit.mass_kg
+        if fit.count > 1 or not np.isfinite(std_kg):
+            out.append(Disagreement(method, np.inf, contradicted=True))
+            continue
+        deviations = apart_kg / float(np.hypot(std_kg, fit.u_kg))
+        far = abs(deviations) > _CONTRADICTS and abs(apart_kg) > _MATTERS * abs(fit.mass_kg)
+        misses = shows and abs(apart_kg) + fit.u_kg > 1.96 * std_kg
+        out.append(Disagreement(method, float(deviations), contradicted=far or misses))
+    return out
+
+
+def _modelled(evidence: Evidence) -> set[str]:
+    """The nuisances that the methods have as well: their Coulomb term, a constant one way."""
+    if evidence.weighing is None or not evidence.machine.settings.forces.coulomb:
+        return set()
+    return {"direction" if evidence.weighing.fit.motion.both_ways else "const"}

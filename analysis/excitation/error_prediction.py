@@ -1,0 +1,268 @@
+"""Predict the errors of least squares over one window, before anything is measured.
+
+The estimator predicted is the paper's: every channel after the moving mean, the yaw acceleration as
+the central difference of the yaw rate, the rows of `estimators.planar.planar_rows` over the noise of force
+and torque. To first order the error of θ̂ is linear in every sample of noise, so that each sample's
+weight is known and the variance is the sum of their squares. Beside it stands a bias: noise N in
+the regressor and what the model leaves out (Coulomb friction) make (AᵀA + E[NᵀN])⁻¹ Aᵀy of θ.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Self, TypeAlias
+
+import numpy as np
+
+from analysis.simulation import Channels, Scenario
+from analysis.simulation.motion.body import RigidBody
+from estimators.estimate import Floats
+from estimators.planar import planar_rows
+
+Drive: TypeAlias = Literal["straight", "spin", "joint"]
+
+#: Columns of `planar_rows.PARAMETERS` and rows of `planar_rows.ROWS` in each drive.
+COLUMNS: dict[Drive, list[int]] = {
+    "straight": [planar_rows.PARAMETERS.index(name) for name in planar_rows.STRAIGHT_PARAMETERS],
+    "spin": [planar_rows.PARAMETERS.index(name) for name in planar_rows.SPIN_PARAMETERS],
+    "joint": list(range(len(planar_rows.PARAMETERS))),
+}
+_ROWS: dict[Drive, list[int]] = {"straight": [0], "spin": [1], "joint": [0, 1]}
+
+
+class Measured(NamedTuple):
+    """What the instruments give at n instants, each (n,), or the white noise a sample of each."""
+
+    force_x_N: Floats
+    torque_z_N_m: Floats
+    specific_force_x_m_s2: Floats
+    specific_force_y_m_s2: Floats
+    speed_x_m_s: Floats
+    yaw_rate_rad_s: Floats
+
+    @classmethod
+    def of(cls, motion: Channels) -> Self:
+        """A motion as ideal instruments give it."""
+        return cls(*(getattr(motion, name) for name in cls._fields))
+
+
+def noise_of(scenario: Scenario) -> Measured:
+    """The standard deviation of one sample of each channel, (17) and (18) applied."""
+    sensors = scenario.sensors
+    values = (
+        sensors.force_noise_N,
+        sensors.force_noise_N * scenario.machine.track_width_m / 2.0,
+        sensors.acc_noise_m_s2,
+        sensors.acc_noise_m_s2,
+        sensors.speed_noise_m_s,
+        sensors.gyro_noise_rad_s,
+    )
+    return Measured(*(np.array(value) for value in values))
+
+
+def parameters(body: RigidBody) -> Floats:
+    """(6,) the true values of `planar_rows.PARAMETERS`."""
+    return np.array(
+        [
+            body.mass_kg,
+            body.inertia_z_kg_m2,
+            body.first_moment_x_kg_m,
+            body.first_moment_y_kg_m,
+            body.friction_x_N_s_m,
+            body.friction_z_N_m_s,
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class Filters:
+    """The moving mean of `samples` and, on it, the central difference: what a window is made of."""
+
+    samples: int
+    rate_hz: float
+
+    @property
+    def margin(self) -> int:
+        """Samples that a window needs beyond its own."""
+        return self.samples + 1
+
+    @property
+    def mean(self) -> Floats:
+        """(samples + 2,) weights of the moving mean, amid those of `difference`."""
+        return np.r_[0.0, np.full(self.samples, 1.0 / self.samples), 0.0]
+
+    @property
+    def difference(self) -> Floats:
+        """(samples + 2,) weights of the difference of the means a sample before and after."""
+        ones = np.full(self.samples, 1.0 / self.samples)
+        return (np.r_[0.0, 0.0, ones] - np.r_[ones, 0.0, 0.0]) * self.rate_hz / 2.0
+
+    def stack(self, raw: Measured) -> tuple[Floats, Floats]:
+        """Both rows of all six parameters from raw channels of n + margin samples.
+
+        Returns:
+            (n, 2, 6) regressor and (n, 2) force and torque.
+        """
+        force, torque, s_x, s_y, speed, yaw_rate = (_filtered(each, self.mean) for each in raw)
+        turn = _filtered(raw.yaw_rate_rad_s, self.difference)
+        return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
+
+
+def _filtered(raw: Floats, weights: Floats) -> Floats:
+    return np.convolve(raw, weights[::-1], "valid")
+
+
+def window_system(
+    drive: Drive, filters: Filters, raw: Measured, noise: Measured
+) -> tuple[Floats, Floats]:
+    """The system that least squares solves: (rows, p) and (rows,), over the noise of force, torque.
+
+    Args:
+        drive: which rows and columns are fitted.
+        filters: of every channel.
+        raw: the channels, true or noisy.
+        noise: of one sample, of which force's and torque's count here.
+    """
+    A, y = filters.stack(raw)
+    rows, weights = _ROWS[drive], _weights(drive, noise)
+    part = A[:, rows][:, :, COLUMNS[drive]] * weights[:, None]
+    return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
+
+
+def _weights(drive: Drive, noise: Measured) -> Floats:
+    """(rows,) the reciprocal noise of force and torque; 1 where there is none."""
+    each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
+    return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[drive]]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The error of one number that a window is for.
+
+    Attributes:
+        value: the true number.
+        variance_per_force: variance for each N² of variance of the force (the torque's with it).
+        variance_rest: variance from all other noise.
+        bias: systematic error.
+        force_N: noise of one sample of the force.
+    """
+
+    value: float
+    variance_per_force: float
+    variance_rest: float
+    bias: float
+    force_N: float
+
+    @property
+    def std(self) -> float:
+        """Standard deviation."""
+        return float(np.sqrt(self.variance_per_force * self.force_N**2 + self.variance_rest))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square error: standard deviation and bias."""
+        return float(np.hypot(self.std, self.bias))
+
+    def allowed_force_noise(self, error: float) -> float | None:
+        """Noise of the force in N at which the r.m.s. error is `error`; None: the rest is more."""
+        left = error**2 - self.bias**2 - self.variance_rest
+        return float(np.sqrt(left / self.variance_per_force)) if left > 0.0 else None
+
+
+def predict(
+    drive: Drive, filters: Filters, truth: Measured, body: RigidBody, noise: Measured
+) -> dict[str, Prediction]:
+    """Predict the mass, the yaw inertia and the centre of mass, as far as the drive fits them.
+
+    Args:
+        drive: what is fitted.
+        filters: of every channel.
+        truth: (n + margin,) the noise-free channels of the window.
+        body: the machine.
+        noise: of one sample of each channel; the force has some.
+
+    Returns:
+        By name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
+    """
+    columns, rows = COLUMNS[drive], _ROWS[drive]
+    A, y = window_system(drive, filters, truth, noise)
+    # noise in the regressor adds E[NᵀN] to AᵀA
+    gram = A.T @ A + np.diag(_regressor_noise(drive, filters, truth, noise))
+    inverse = np.linalg.solve(gram, A.T)
+    theta = parameters(body)[columns]
+    bias = inverse @ y - theta
+    phi = np.zeros(len(planar_rows.PARAMETERS))
+    phi[columns] = theta
+    full = filters.stack(truth)[0]
+    predictions: dict[str, Prediction] = {}
+    for name, (value, gradient) in _targets(body).items():
+        if set(np.flatnonzero(gradient)) <= set(columns):
+            weight = (gradient[columns] @ inverse).reshape(-1, len(rows)) * _weights(drive, noise)
+            both = np.zeros((weight.shape[0], 2))
+            both[:, rows] = weight
+            shares = _variance(filters, both, phi, full, noise)
+            predictions[name] = Prediction(
+                value=value,
+                variance_per_force=shares[0] / float(noise.force_x_N) ** 2,
+                variance_rest=shares[1],
+                bias=float(gradient[columns] @ bias),
+                force_N=float(noise.force_x_N),
+            )
+    return predictions
+
+
+def _targets(body: RigidBody) -> dict[str, tuple[float, Floats]]:
+    """Each number and its gradient in `planar_rows.PARAMETERS`."""
+    mass = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    inertia = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    com_x = np.array([-body.com_x_m, 0.0, 1.0, 0.0, 0.0, 0.0]) / body.mass_kg
+    return {
+        "mass_kg": (body.mass_kg, mass),
+        "inertia_z_kg_m2": (body.inertia_z_kg_m2, inertia),
+        "com_x_m": (body.com_x_m, com_x),
+    }
+
+
+def _variance(
+    filters: Filters, weight: Floats, phi: Floats, full: Floats, noise: Measured
+) -> tuple[float, float]:
+    """Variance from force and torque, and from all else, of an error Σ weight (n, 2) · rows."""
+    m, inertia, mc_x, mc_y, b_x, b_psi = phi
+    w_x, w_z = weight.T
+    omega = full[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
+    through_mean = Measured(
+        force_x_N=w_x,
+        torque_z_N_m=w_z,
+        specific_force_x_m_s2=-m * w_x + mc_y * w_z,
+        specific_force_y_m_s2=-mc_x * w_z,
+        speed_x_m_s=-b_x * w_x,
+        yaw_rate_rad_s=2.0 * omega * mc_x * w_x - b_psi * w_z,
+    )
+    weights = [np.convolve(each, filters.mean) for each in through_mean]
+    weights[-1] = weights[-1] + np.convolve(mc_y * w_x - inertia * w_z, filters.difference)
+    variances = [
+        float(std) ** 2 * float(each @ each) for std, each in zip(noise, weights, strict=True)
+    ]
+    return sum(variances[:2]), sum(variances[2:])
+
+
+def _regressor_noise(drive: Drive, filters: Filters, truth: Measured, noise: Measured) -> Floats:
+    """(p,) the diagonal of E[NᵀN] over a window; the central difference and the mean share none."""
+    mean, difference = (float(each @ each) for each in (filters.mean, filters.difference))
+    s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
+    turn = float(noise.yaw_rate_rad_s) ** 2 * difference
+    A, _ = filters.stack(truth)
+    samples = A.shape[0]
+    omega = A[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
+    square = 4.0 * float(omega @ omega) / samples * yaw_rate
+    each = np.array([[s_x, 0.0, square, turn, speed, 0.0], [0.0, turn, s_y, s_x, 0.0, yaw_rate]])
+    rows = _ROWS[drive]
+    weighted = each[rows] * _weights(drive, noise)[:, None] ** 2
+    return samples * weighted.sum(0)[COLUMNS[drive]]
+
+
+def condition(drive: Drive, filters: Filters, truth: Measured, noise: Measured) -> float:
+    """Condition number of AᵀA, each column in units of the noise in it."""
+    A, _ = window_system(drive, filters, truth, noise)
+    inside = np.sqrt(_regressor_noise(drive, filters, truth, noise))
+    if not (inside > 0.0).all():
+        inside = np.linalg.norm(A, axis=0)
+    return float(np.linalg.cond(A / inside)) ** 2

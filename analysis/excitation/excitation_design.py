@@ -1,0 +1,308 @@
+"""Design an excitation (sections 3.1 and 4.2 of the paper): the best waveform for one window.
+
+The response time T is that of the model's own step response, the period T_f = 3 T lets it settle,
+and a window T_φ lies between both. Each waveform drives the model; the window is judged at the
+place in the period that determines the parameters least.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from analysis.excitation.error_prediction import (
+    Drive,
+    Filters,
+    Measured,
+    Prediction,
+    condition,
+    noise_of,
+    predict,
+)
+from analysis.simulation import Channels, Scenario, solve_motion
+from analysis.simulation.motion.body import RigidBody
+from analysis.simulation.scenario.manoeuvres import Excite, Rest
+from analysis.simulation.scenario.waveforms import ForceWave, Shape, TorqueWave
+from estimators.errors import DataError
+from estimators.planar import planar_rows
+from estimators.planar.identifiability import identify
+
+Axis: TypeAlias = Literal["force", "torque"]
+Ways: TypeAlias = Literal["one way", "both ways"]
+
+#: Of the last value: where a step response has settled.
+_SETTLED: Final = 0.02
+_PERIOD_OVER_RESPONSE: Final = 3.0
+#: Speed and yaw rate must not keep step, or mass and moment cannot be told apart.
+_LEAST_PERIOD_RATIO: Final = 1.2
+_OUT_OF_STEP: Final = 2.0 / 3.0
+#: What a solved motion is good for, relative: less is no information.
+_SOLVED_TO: Final = 1e-9
+#: Places of the window in a period.
+_PLACES: Final = 24
+_SMOOTH_SAMPLES: Final = 10
+_AXES: Final[dict[Drive, tuple[Axis, ...]]] = {
+    "straight": ("force",),
+    "spin": ("torque",),
+    "joint": ("force", "torque"),
+}
+#: What must be as accurate as asked for.
+_ASKED: Final[dict[Drive, tuple[str, ...]]] = {
+    "straight": ("mass_kg",),
+    "spin": ("inertia_z_kg_m2",),
+    "joint": ("mass_kg", "inertia_z_kg_m2"),
+}
+
+
+@dataclass(frozen=True)
+class Score:
+    """Predicted estimates of one waveform, from the window that determines them least.
+
+    Attributes:
+        waveform: its shape.
+        ways: one way (no force or torque against the motion) or both.
+        manoeuvre: to drive.
+        start_s: when the window begins, with the samples that the filters take before it.
+        predictions: by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
+        rank: of both rows of `planar_rows.regressor`: how many of six parameters are determined.
+        condition: of AᵀA, columns in units of their noise.
+        snr: r.m.s. variation over a period (standard deviation) of the force that the drive
+            applies over the noise of one sample of it; of the torque in a spin.
+        snr_needed: the smallest at which the accuracy is reached; None: at none, since bias or
+            other noise is more.
+        peak_speed_m_s: fastest.
+        reach_m: how far from its start the machine gets before it brakes.
+        relative_error: the largest r.m.s. error of what is asked for, over its value.
+    """
+
+    waveform: Shape
+    ways: Ways
+    manoeuvre: Excite
+    start_s: float
+    predictions: Mapping[str, Prediction]
+    rank: int
+    condition: float
+    snr: float
+    snr_needed: float | None
+    peak_speed_m_s: float
+    reach_m: float
+    relative_error: float
+
+
+@dataclass(frozen=True)
+class Design:
+    """The waveforms tried, and the best of those that fit the yard (None where none does)."""
+
+    drive: Drive
+    response_s: Mapping[str, float]
+    window_s: float
+    accuracy: float
+    scores: Sequence[Score]
+    best: Score | None
+
+    @property
+    def reached(self) -> bool:
+        """Whether the best waveform is as accurate as asked for."""
+        return self.best is not None and self.best.relative_error <= self.accuracy
+
+    def scenario(self, base: Scenario) -> Scenario:
+        """The best waveform as the trial of a scenario, after a short rest.
+
+        Raises:
+            DataError: no waveform fits the yard.
+        """
+        if self.best is None:
+            raise DataError("no waveform fits the yard")
+        return driving(base, Rest(duration_s=2.0), self.best.manoeuvre)
+
+
+def driving(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
+    """The same scenario with these manoeuvres as its trial."""
+    campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
+    return base.model_copy(update={"campaign": campaign})
+
+
+def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
+    """T: how long the speed (yaw rate) takes to within 2 % of its last value after a step.
+
+    Half of full throttle, valve and Coulomb friction included; about four time constants.
+
+    Raises:
+        DataError: friction of that axis is zero or holds the machine, so that there is no T.
+    """
+    body, full = RigidBody.loaded(scenario, load_kg), scenario.full_drive
+    if axis == "force":
+        inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
+        step = Excite(
+            force=ForceWave(lowest_N=full[0] / 2, highest_N=full[0] / 2),
+            duration_s=_long_s(inertia, friction, key, scenario),
+        )
+    else:
+        inertia, friction, key = body.inertia_z_kg_m2, body.friction_z_N_m_s, "friction_z_N_m_s"
+        step = Excite(
+            torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
+            duration_s=_long_s(inertia, friction, key, scenario),
+        )
+    motion = solve_motion(driving(scenario, step), load_kg)
+    time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
+    driven = motion.sample(time_s)
+    speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
+    if speed[-1] == 0.0:
+        raise DataError(f"half of full throttle does not overcome Coulomb friction ({axis})")
+    return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
+
+
+def _long_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
+    if friction <= 0.0:
+        raise DataError(f"machine.{key}: without friction a step never settles; give it")
+    return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
+
+
+def design(
+    scenario: Scenario,
+    drive: Drive = "straight",
+    accuracy: float = 0.01,
+    window_s: float | None = None,
+    yard_m: float | None = None,
+) -> Design:
+    """Try each waveform one way and both ways at full throttle, and score it.
+
+    Args:
+        scenario: machine, sensors, ground; its first load.
+        drive: straight (force), spin (torque) or joint (both, full throttle shared).
+        accuracy: wanted r.m.s. error over the value: of the mass, the yaw inertia, or both.
+        window_s: T_φ, between T and T_f of the slowest axis; 2 T unless given.
+        yard_m: how far from its start the machine may get.
+
+    Raises:
+        DataError: a window outside T to T_f, an axis that has no response time, or a force without
+            noise.
+    """
+    load_kg = scenario.campaign.loads_kg[0]
+    if scenario.sensors.force_noise_N == 0.0:
+        raise DataError(
+            "sensors.force_noise_N: without noise there is no signal-to-noise ratio; give it"
+        )
+    response_s = {axis: response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
+    slowest_s = max(response_s.values())
+    window_s = 2.0 * slowest_s if window_s is None else window_s
+    if not slowest_s <= window_s <= _PERIOD_OVER_RESPONSE * slowest_s:
+        raise DataError(
+            f"a window of {window_s:g} s cannot be used; give one between the response time "
+            f"T = {slowest_s:.2f} s and the period 3 T = {_PERIOD_OVER_RESPONSE * slowest_s:.2f} s"
+        )
+    scores = [
+        _score(scenario, drive, shape, ways, response_s, window_s, accuracy)
+        for shape in get_args(Shape)
+        for ways in get_args(Ways)
+    ]
+    return Design(drive, response_s, window_s, accuracy, scores, best_of(scores, yard_m))
+
+
+def best_of(scores: Sequence[Score], yard_m: float | None) -> Score | None:
+    """The score of the smallest error that fits the yard, None where none does."""
+    fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
+    return min(fitting, key=lambda score: score.relative_error, default=None)
+
+
+def _manoeuvre(
+    scenario: Scenario, drive: Drive, shape: Shape, ways: Ways, response_s: Mapping[str, float]
+) -> Excite:
+    force_N, torque_N_m = (full / 2.0 if drive == "joint" else full for full in scenario.full_drive)
+    # to the millisecond, so that a person can read the scenario
+    periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}
+    if drive == "joint":
+        ratio = periods["force"] / periods["torque"]
+        if max(ratio, 1.0 / ratio) < _LEAST_PERIOD_RATIO:
+            periods["torque"] = round(periods["force"] * _OUT_OF_STEP, 3)
+    lowest = 0.0 if ways == "one way" else -1.0
+    force = torque = None
+    if "force" in periods:
+        force = ForceWave(
+            waveform=shape,
+            period_s=periods["force"],
+            lowest_N=lowest * force_N,
+            highest_N=force_N,
+        )
+    if "torque" in periods:
+        torque = TorqueWave(
+            waveform=shape,
+            period_s=periods["torque"],
+            lowest_N_m=lowest * torque_N_m,
+            highest_N_m=torque_N_m,
+        )
+    return Excite(force=force, torque=torque, duration_s=2.0 * max(periods.values()))
+
+
+def _score(
+    scenario: Scenario,
+    drive: Drive,
+    shape: Shape,
+    ways: Ways,
+    response_s: Mapping[str, float],
+    window_s: float,
+    accuracy: float,
+) -> Score:
+    load_kg = scenario.campaign.loads_kg[0]
+    manoeuvre = _manoeuvre(scenario, drive, shape, ways, response_s)
+    period_s = manoeuvre.duration_s / 2.0
+    noise, rate_hz = noise_of(scenario), scenario.sensors.rate_hz
+    filters = Filters(_SMOOTH_SAMPLES, rate_hz)
+    samples = round(window_s * rate_hz) + filters.margin
+    # the second period is the first that repeats; a window may begin anywhere in it
+    last_s = 2.0 * period_s + samples / rate_hz
+    longer = manoeuvre.model_copy(update={"duration_s": last_s})
+    motion = solve_motion(driving(scenario, longer), load_kg)
+    driven = motion.sample(np.arange(round(last_s * rate_hz)) / rate_hz)
+    truth = Measured.of(driven)
+    asked = _ASKED[drive]
+
+    def worst(predictions: Mapping[str, Prediction]) -> float:
+        return max(predictions[name].rms / predictions[name].value for name in asked)
+
+    windows: list[tuple[int, Measured, dict[str, Prediction]]] = []
+    for place in range(_PLACES):
+        first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
+        part = Measured(*(each[first : first + samples] for each in truth))
+        windows.append((first, part, predict(drive, filters, part, motion.body, noise)))
+    first, part, predictions = max(windows, key=lambda window: worst(window[2]))
+    repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))
+    applied = truth.torque_z_N_m if drive == "spin" else truth.force_x_N
+    noisy = float(noise.torque_z_N_m if drive == "spin" else noise.force_x_N)
+    varies = float(applied[repeats].std())
+    allowed = [
+        predictions[name].allowed_force_noise(accuracy * predictions[name].value) for name in asked
+    ]
+    known = [each for each in allowed if each is not None]
+    # the torque's noise goes with that of the force
+    least = min(known) / float(noise.force_x_N) * noisy if len(known) == len(allowed) else None
+    velocity = driven.speed_x_m_s * np.exp(1j * driven.heading_rad)
+    path_m = np.cumsum(velocity[: repeats.stop]) / rate_hz
+    return Score(
+        waveform=shape,
+        ways=ways,
+        manoeuvre=manoeuvre,
+        start_s=first / rate_hz,
+        predictions=predictions,
+        rank=rank(Channels._make(each[first : first + samples] for each in driven)),
+        condition=condition(drive, filters, part, noise),
+        snr=varies / noisy,
+        snr_needed=None if least is None else varies / least,
+        peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),
+        reach_m=float(np.abs(path_m).max()),
+        relative_error=worst(predictions),
+    )
+
+
+def rank(driven: Channels) -> int:
+    """How many of the six parameters both rows of a solved motion determine, noise aside."""
+    A = planar_rows.regressor(
+        driven.specific_force_x_m_s2,
+        driven.specific_force_y_m_s2,
+        driven.speed_x_m_s,
+        driven.yaw_rate_rad_s,
+        driven.yaw_acc_rad_s2,
+    )
+    solved = _SOLVED_TO * np.sqrt(np.mean(A**2, axis=(0, 1)))
+    return identify(A, planar_rows.PARAMETERS, np.maximum(solved, np.finfo(float).tiny)).rank

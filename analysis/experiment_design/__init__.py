@@ -1,5 +1,0 @@
-"""Experiment design: which excitation makes the estimates of a simulated machine most precise."""
-
-from analysis.experiment_design.design import Design, Score, design
-
-__all__ = ["Design", "Score", "design"]

@@ -1,0 +1,119 @@
+"""What a stretch of motion determines of mass, friction and a constant force, and what not."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.axes import Floats, X
+from analysis.model.schema import values
+from analysis.model.settings import Settings
+from analysis.stages.noise.column_noise import ColumnNoise
+from estimators.estimate import Bools
+from estimators.planar.identifiability import identify
+
+#: Two parameters whose estimates are correlated by more than this trade off.
+TRADE_OFF: Final = 0.95
+#: The parameters of the x row, with a constant force beside them.
+_MASS, _FRICTION, _COULOMB, _CONSTANT = (
+    *("mass_kg", "friction_x_N_s_m", "coulomb_x_N"),
+    "constant_force_N",
+)
+_NAMES: Final = (_MASS, _FRICTION, _COULOMB, _CONSTANT)
+#: Noise of a sign, and of a constant that drifts, as a share of 1.
+_NEARLY_EXACT: Final = 0.01
+_FEWEST: Final = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Determined:
+    """What the motion determines.
+
+    Attributes:
+        samples: that were looked at.
+        alone: parameters that are determined by themselves.
+        combinations: of the others, as a person reads them: `mass_kg - 5 coulomb_x_N`.
+        lost: parameters that are in none of these.
+        trade_offs: pairs whose estimates are correlated by more than `TRADE_OFF`, with it.
+    """
+
+    samples: int
+    alone: tuple[str, ...]
+    combinations: tuple[str, ...]
+    lost: tuple[str, ...]
+    trade_offs: tuple[tuple[str, str, float], ...]
+
+
+def determined(
+    excitation: pl.DataFrame, rows: Bools, noise: pl.DataFrame | None, settings: Settings
+) -> Determined | None:
+    """Find what some samples determine.
+
+    Args:
+        excitation: regressor, speed, direction.
+        rows: (n,) which samples.
+        noise: of the columns (frame `noise`).
+        settings: samples of the mean, noise.
+
+    Returns:
+        None where there are too few samples, or their noise is not known.
+    """
+    acceleration = values(excitation, "regressor_acc_x_m_s2")
+    speed = values(excitation, "speed_x_m_s")
+    if "direction_x_1" in excitation.columns:
+        direction = values(excitation, "direction_x_1")
+    else:
+        direction = np.sign(speed)
+    A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])
+    A = A[rows & np.isfinite(A).all(1)]
+    std = _noise(noise, settings)
+    samples = A.shape[0]
+    if samples < _FEWEST or std is None:
+        return None
+    # neighbours share the moving mean: what lies between says nothing more
+    A = A[:: max(min(settings.smooth.samples, samples // _FEWEST), 1)]
+    found = identify(A, _NAMES, std)
+    named = [name for name, alone in zip(_NAMES, found.identifiable, strict=True) if alone]
+    joined = [name for row in found.combinations for name, c in zip(_NAMES, row, strict=True) if c]
+    return Determined(
+        samples=samples,
+        alone=tuple(named),
+        combinations=tuple(found.texts()),
+        lost=tuple(name for name in _NAMES if name not in (*named, *joined)),
+        trade_offs=_trade_offs(A),
+    )
+
+
+def _noise(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
+    """Of acceleration and speed after the moving mean, of sign and constant: (4,)."""
+    known = ColumnNoise.of(X, noise, settings.noise)
+    if known is None:
+        return None
+    std = np.sqrt(np.maximum(np.diagonal(known.covariance(settings.smooth.samples)), 0.0))
+    by_name = dict(zip(known.names, std, strict=True))
+    measured = [by_name.get("regressor_acc_x_m_s2", 0.0), by_name.get("speed_x_m_s", 0.0)]
+    if min(measured) <= 0.0:
+        return None
+    return np.array([*measured, _NEARLY_EXACT, _NEARLY_EXACT])
+
+
+def _trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
+    """Correlations of least squares estimates beyond `TRADE_OFF`, the strongest first."""
+    length = np.linalg.norm(A, axis=0)
+    kept = [i for i in range(A.shape[1]) if length[i] > 0.0]
+    scaled = A[:, kept] / length[kept]
+    gram = scaled.T @ scaled
+    squares = np.linalg.eigvalsh(gram)
+    if len(kept) < 2 or squares[0] <= np.finfo(float).eps * squares[-1]:
+        return ()
+    covariance = np.linalg.inv(gram)
+    std = np.sqrt(np.diagonal(covariance))
+    correlation = covariance / np.outer(std, std)
+    pairs = [
+        (_NAMES[kept[i]], _NAMES[kept[j]], float(correlation[i, j]))
+        for i in range(len(kept))
+        for j in range(i + 1, len(kept))
+        if abs(correlation[i, j]) > TRADE_OFF
+    ]
+    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))

@@ -1,0 +1,189 @@
+"""Why a run says what it says: its verdict, the causes that show, the gate, what is open."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.explain.determined_parameters import Determined, determined
+from analysis.explain.worst_manoeuvres import (
+    GateStretch,
+    ManoeuvreSeen,
+    gate_along,
+    manoeuvre_at,
+    reason_shares,
+    worst_manoeuvres,
+)
+from analysis.model.answer import Answer, answer
+from analysis.model.run_record import Run
+from analysis.model.windows import samples_of
+
+_NS: Final = 1e9
+#: How far around a moment the gate is told, in s either way.
+AROUND_S: Final = 15.0
+#: Columns that an explanation looks at, by frame; all of a frame that is not here.
+COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
+    "excitation": (
+        *("t_ns", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "direction_x_1"),
+        *("phase", "pitch_rad"),
+    ),
+    "gate": ("t_ns", "corr_x_1", "mi_x_nat", "noise_share_x_1", "accepted_x", "reason_x"),
+}
+#: The frames that are small, and read whole.
+SMALL: Final = (
+    *("noise", "segments", "loads", "manoeuvres", "nuisances", "budget", "masses", "verdict"),
+    *("findings", "planar", "shift"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A cause that the log shows, in words and numbers (frame `findings`)."""
+
+    rank: int
+    cause: str
+    says: str
+    severity: str
+    channel: str | None
+    start_s: float | None
+    end_s: float | None
+    strength_1: float
+    evidence: str
+    mass_change_kg: float | None
+    mass_change_u_kg: float | None
+    setting: str | None
+    value: str | None
+    alternatives: tuple[str, ...]
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any]) -> "Finding":
+        """Read a row of `findings`."""
+        # the causes bring all that looks for them; most recordings show none
+        from analysis.findings import CAUSES
+
+        says = {cause.key: cause.says for cause in CAUSES}
+        kept: dict[str, Any] = {n: row[n] for n in cls.__dataclass_fields__ if n in row}
+        start, end = (row[name] for name in ("start_t_ns", "end_t_ns"))
+        kept["says"] = says.get(row["cause"], row["cause"].replace("_", " "))
+        kept["start_s"] = None if start is None else start / _NS
+        kept["end_s"] = None if end is None else end / _NS
+        kept["alternatives"] = tuple(filter(None, (row["alternatives"] or "").split(", ")))
+        return cls(**kept)
+
+    @property
+    def proposes(self) -> bool:
+        """Whether it has something to write into the machine file."""
+        return self.setting is not None and self.value is not None
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why a run says what it says.
+
+    Attributes:
+        said: the answer.
+        at_s: the moment that is meant; None: the whole run.
+        findings: the causes that the log shows, the likeliest first; those of another
+            time are left out where a moment is meant. None where none was looked for.
+        manoeuvre: the one that the moment lies in.
+        worst: without a moment, the manoeuvres that say something else than their load.
+        gate: the gate's reasons around the moment.
+        shares: share of the windows by reason.
+        determined: what the motion determines; None where that is not known.
+    """
+
+    said: Answer
+    at_s: float | None
+    findings: tuple[Finding, ...] | None
+    manoeuvre: ManoeuvreSeen | None
+    worst: tuple[ManoeuvreSeen, ...]
+    gate: tuple[GateStretch, ...]
+    shares: Mapping[str, float]
+    determined: Determined | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "at_s": self.at_s,
+            "can_weigh": self.said.verdict.can_weigh,
+            "loads": [dict(row) for row in self.said.loads],
+            "verdict": self.said.verdict.to_dict(),
+            "findings": None if self.findings is None else [asdict(each) for each in self.findings],
+            "manoeuvre": None if self.manoeuvre is None else asdict(self.manoeuvre),
+            "worst_manoeuvres": [asdict(each) for each in self.worst],
+            "gate": [asdict(each) for each in self.gate],
+            "gate_shares": dict(self.shares),
+            "determined": None if self.determined is None else asdict(self.determined),
+        }
+
+
+def explain(run: Run, at_s: float | None = None) -> Explanation:
+    """Explain a run, or a moment of it.
+
+    Args:
+        run: with the frames `SMALL` and the columns `COLUMNS`, as far as it has them.
+        at_s: the moment, in seconds since the start.
+    """
+    frames, settings = run.frames, run.provenance.settings
+    gate = frames.get("gate", pl.DataFrame())
+    stretches: tuple[GateStretch, ...] = ()
+    if at_s is not None and gate.height:
+        begin, end = (round((at_s + way * AROUND_S) * _NS) for way in (-1, 1))
+        stretches = gate_along(gate, settings, begin, end)
+    manoeuvre = None if at_s is None else manoeuvre_at(frames, at_s)
+    return Explanation(
+        said=answer(run),
+        at_s=at_s,
+        findings=_findings(frames, at_s),
+        manoeuvre=manoeuvre,
+        worst=worst_manoeuvres(frames) if at_s is None else (),
+        gate=stretches,
+        shares=reason_shares(gate),
+        determined=_determined(run, manoeuvre, at_s),
+    )
+
+
+def _findings(frames: Mapping[str, pl.DataFrame], at_s: float | None) -> tuple[Finding, ...] | None:
+    if "findings" not in frames:
+        return None
+    found = [Finding.of(row) for row in frames["findings"].iter_rows(named=True)]
+    if at_s is not None:
+        found = [each for each in found if _near(each, at_s)]
+    return tuple(found)
+
+
+def _near(finding: Finding, at_s: float) -> bool:
+    if finding.start_s is None or finding.end_s is None:
+        return True
+    return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S
+
+
+def _determined(run: Run, manoeuvre: ManoeuvreSeen | None, at_s: float | None) -> Determined | None:
+    """Of the manoeuvre, or of the window that ends at the moment; else of all that is used."""
+    excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
+    settings = run.provenance.settings
+    if excitation is None or not excitation.height:
+        return None
+    if at_s is not None:
+        window = settings.gate.window_samples / settings.align.rate_hz
+        start, end = (
+            (at_s - window, at_s) if manoeuvre is None else (manoeuvre.start_s, manoeuvre.end_s)
+        )
+        inside = pl.col("t_ns").is_between(round(start * _NS), round(end * _NS))
+        excitation = excitation.filter(inside)
+        rows = np.ones(excitation.height, np.bool_)
+    elif gate is not None and "accepted_x" in gate.columns and gate.height == excitation.height:
+        accepted = gate["accepted_x"].fill_null(value=False).to_numpy()
+        rows = samples_of(accepted, settings.gate.window_samples)
+        if not rows.any():
+            rows = _moving(excitation)
+    else:
+        rows = _moving(excitation)
+    return determined(excitation, rows, run.frames.get("noise"), settings)
+
+
+def _moving(excitation: pl.DataFrame) -> np.ndarray:
+    moves = pl.col("phase").cast(pl.String) != "standstill"
+    return excitation.select(moves.fill_null(value=False)).to_series().to_numpy()

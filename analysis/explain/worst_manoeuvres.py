@@ -1,0 +1,181 @@
+"""The gate along a stretch of time, and the manoeuvres that say something else than their load."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.model.settings import Settings
+
+_NS: Final = 1e9
+#: Shorter stretches of a reason are told with their neighbours.
+_SHORTEST_S: Final = 0.05
+_MOST_STRETCHES: Final = 24
+_MOST_MANOEUVRES: Final = 5
+
+#: The number that decides for a reason, its limit among the settings, and which way.
+_DECIDES: Final[Mapping[str, tuple[str, str, str]]] = {
+    "accepted": ("mi_x_nat", "threshold_nat", "≥"),
+    "low_information": ("mi_x_nat", "threshold_nat", "≥"),
+    "noise_limited": ("noise_share_x_1", "noise_share_max", "≤"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class GateStretch:
+    """Windows of one reason that end one after the other.
+
+    Attributes:
+        start_s: where the first of them ends, in seconds since the start.
+        end_s: where the last ends.
+        reason: the gate's.
+        column: the number that decided, if one did.
+        value: its median.
+        limit: what it has to reach, with the sign of the comparison.
+    """
+
+    start_s: float
+    end_s: float
+    reason: str
+    column: str | None = None
+    value: float | None = None
+    limit: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ManoeuvreSeen:
+    """A manoeuvre beside its load.
+
+    Attributes:
+        start_s: seconds since the start.
+        end_s: likewise.
+        load_id: its load; None where it is in none.
+        mass_kg: by itself.
+        mass_std_kg: of that.
+        load_kg: mass of its load.
+        deviations: of the two, in standard deviations of this manoeuvre.
+        reason: the gate's, where it was not accepted.
+    """
+
+    start_s: float
+    end_s: float
+    load_id: int | None
+    mass_kg: float | None
+    mass_std_kg: float | None
+    load_kg: float | None
+    deviations: float | None
+    reason: str
+
+
+def gate_along(
+    gate: pl.DataFrame, settings: Settings, start_ns: int, end_ns: int
+) -> tuple[GateStretch, ...]:
+    """The gate's reasons in order of time, each with the number that decided.
+
+    Args:
+        gate: frame `gate`, with `t_ns`.
+        settings: the limits.
+        start_ns: first window end.
+        end_ns: last window end.
+    """
+    if "reason_x" not in gate.columns:
+        return ()
+    rows = gate.filter(pl.col("t_ns").is_between(start_ns, end_ns))
+    reason = pl.col("reason_x").cast(pl.String)
+    rows = rows.with_columns(reason=reason).with_columns(run=pl.col("reason").rle_id())
+    spans = rows.group_by("run", maintain_order=True).agg(
+        pl.col("reason").first(),
+        start=pl.col("t_ns").first(),
+        end=pl.col("t_ns").last(),
+    )
+    long = spans.filter((pl.col("end") - pl.col("start")) >= _SHORTEST_S * _NS)
+    kept = (long if long.height else spans).head(_MOST_STRETCHES)
+    found: list[GateStretch] = []
+    for span in kept.iter_rows(named=True):
+        inside = rows.filter(pl.col("run") == span["run"])
+        found.append(_stretch(span, inside, settings))
+    return tuple(found)
+
+
+def _stretch(span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings) -> GateStretch:
+    start_s, end_s, reason = span["start"] / _NS, span["end"] / _NS, str(span["reason"])
+    decides = _DECIDES.get(reason)
+    if reason == "negative_dependence" and "corr_x_1" in rows.columns:
+        return GateStretch(start_s, end_s, reason, "corr_x_1", _median(rows, "corr_x_1"), "> 0")
+    if decides is None or decides[0] not in rows.columns:
+        return GateStretch(start_s, end_s, reason)
+    column, limit, sign = decides
+    level = getattr(settings.gate, limit)
+    return GateStretch(start_s, end_s, reason, column, _median(rows, column), f"{sign} {level:g}")
+
+
+def _median(rows: pl.DataFrame, column: str) -> float | None:
+    value = rows[column].median()
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
+
+
+def reason_shares(gate: pl.DataFrame) -> dict[str, float]:
+    """Share of the windows by reason, the most frequent first."""
+    if "reason_x" not in gate.columns or not gate.height:
+        return {}
+    counts = gate["reason_x"].cast(pl.String).value_counts(sort=True)
+    return {str(name): count / gate.height for name, count in counts.rows()}
+
+
+def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreSeen, ...]:
+    """The manoeuvres that say something else than their load, by standard deviations.
+
+    Where none has a mass, the longest that the gate refused.
+    """
+    known = [each for each in _of_loads(frames) if each.deviations is not None]
+    if known:
+        known.sort(key=lambda each: -abs(each.deviations or 0.0))
+        return tuple(known[:_MOST_MANOEUVRES])
+    refused = sorted(_of_segments(frames), key=lambda each: each.start_s - each.end_s)
+    return tuple(refused[:_MOST_MANOEUVRES])
+
+
+def manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreSeen | None:
+    """The manoeuvre that a moment lies in: one that has a mass, else one of the gate's."""
+    for found in (_of_loads(frames), _of_segments(frames)):
+        here = [each for each in found if each.start_s <= at_s <= each.end_s]
+        if here:
+            return here[0]
+    return None
+
+
+def _of_loads(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreSeen]:
+    loads, manoeuvres = frames.get("loads"), frames.get("manoeuvres")
+    if loads is None or manoeuvres is None:
+        return []
+    masses = dict(loads.select("load_id", "mass_kg").rows())
+    found: list[ManoeuvreSeen] = []
+    for row in manoeuvres.iter_rows(named=True):
+        mass, std, load = row["mass_kg"], row["mass_std_kg"], masses.get(row["load_id"])
+        apart = None
+        if mass is not None and std and load is not None:
+            apart = (mass - load) / std
+        times = row["start_t_ns"] / _NS, row["end_t_ns"] / _NS
+        found.append(ManoeuvreSeen(*times, row["load_id"], mass, std, load, apart, "accepted"))
+    return found
+
+
+def _of_segments(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreSeen]:
+    segments = frames.get("segments")
+    if segments is None:
+        return []
+    return [
+        ManoeuvreSeen(
+            row["start_t_ns"] / _NS,
+            row["end_t_ns"] / _NS,
+            None,
+            row.get("mass_kg"),
+            row.get("mass_std_kg"),
+            None,
+            None,
+            str(row["reason"]),
+        )
+        for row in segments.iter_rows(named=True)
+    ]

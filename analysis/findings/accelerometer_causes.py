@@ -1,0 +1,236 @@
+"""The accelerometer: tilted, biased, turned, low-passed, without its gravity."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.findings.accelerometer_share import share_seen
+from analysis.findings.altered_motion import accelerated
+from analysis.findings.cause import Sign
+from analysis.findings.constant_forces import (
+    DEVIATIONS,
+    INDEPENDENT_S,
+    LEAST_M_S2,
+    constants,
+    gravity,
+    has_pitch,
+)
+from analysis.findings.delay_causes import low_pass
+from analysis.findings.finding_inputs import ACC, Case
+from analysis.findings.refit import mended
+from analysis.model.physical_units import to_si
+from analysis.model.schema import values
+from analysis.stages.motion.phases import beside_speed_rate
+from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.motion_samples import Equation
+
+#: Of gravity on z a tilt must take so much to be told from a bias.
+_TELLS_M_S2: Final = 0.05
+#: A yaw of less is mounting, not misalignment.
+_LEAST_YAW_RAD: Final = 0.03
+#: Of the wheels' acceleration an accelerometer that sees less is low-passed,
+_ATTENUATED: Final = 0.6
+#: by so many deviations.
+_SURELY: Final = 2.0
+#: A ratio so sure may be that of a unit.
+_TELLS_UNIT: Final = 0.02
+#: one that sees less of gravity at standstill has none.
+_GRAVITY: Final = 0.5
+#: An angle whose gravity is to be missed.
+_LEAST_PITCH_RAD: Final = 0.002
+#: Ratios of usual units are `wrong_unit`'s.
+_UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
+
+_PITCH: Final = "pitch_rad"
+_Y: Final = "specific_force_y_m_s2"
+_Z: Final = "specific_force_z_m_s2"
+#: What a turned IMU must have read to be turned back.
+_ALL_AXES: Final = (
+    *(ACC, _Y, _Z),
+    *("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"),
+)
+
+
+def without_gravity(case: Case) -> bool:
+    """Whether the accelerometer reads no gravity along z at standstill."""
+    z, _ = case.level(_Z)
+    return bool(abs(z) < _GRAVITY * case.machine.machine.gravity_m_s2)
+
+
+def tilted(case: Case) -> list[Sign]:
+    """Gravity on the forward axis at standstill, and motion across the axis that drives."""
+    upright = _zero(case, ("tilt", ""))
+    found = [*upright, *_yaw(case)]
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def biased(case: Case) -> list[Sign]:
+    """The same with all of gravity on z: what is on x is none of it."""
+    return _zero(case, ("bias",))
+
+
+def _zero(case: Case, kinds: tuple[str, ...]) -> list[Sign]:
+    seen = constants(case)
+    error, std = seen.error_m_s2
+    if not np.isfinite(error) or seen.tilt is False or without_gravity(case):
+        return []
+    kind = _kind(case, error)
+    if kind not in kinds:
+        return []
+    # ground that slopes leaves no constant force, a tilt does
+    others = () if kind else ("imu_bias",)
+    if not (seen.tilt or has_pitch(case)):
+        others = (*others, "slope")
+    names = case.measured(ACC)
+    degrees = np.degrees(np.arcsin(np.clip(error / case.machine.machine.gravity_m_s2, -1.0, 1.0)))
+    said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
+    return [
+        Sign(
+            float(abs(error) / max(DEVIATIONS * std, LEAST_M_S2)),
+            f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
+            f"{degrees:+.2f}° {said}",
+            channel=ACC,
+            setting=f"channels.{ACC}.offset" if names else None,
+            value=f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}" if names else None,
+            change=lambda: mended(
+                case,
+                lambda motion: accelerated(motion, lambda x: x - error),
+                min(std / abs(error), 1.0),
+            ),
+            alternatives=others,
+        )
+    ]
+
+
+def _kind(case: Case, error: float) -> str:
+    """Whether the z axis tells a tilt from a bias: a tilt takes its share of gravity off it."""
+    z, _ = case.level(_Z)
+    pull = case.machine.machine.gravity_m_s2
+    if not np.isfinite(z) or not has_pitch(case) or abs(error) >= pull:
+        return ""
+    pitch = case.level(_PITCH)[0]
+    share = np.arcsin(error / pull)
+    upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
+    if upright - turned < _TELLS_M_S2:
+        return ""
+    return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
+
+
+def _yaw(case: Case) -> list[Sign]:
+    if _Y not in case.evidence.excitation.columns or ACC not in case.evidence.excitation.columns:
+        return []
+    settings = case.machine.settings
+    rate = values(case.evidence.excitation, "speed_rate_x_m_s2")
+    ahead, left = (
+        beside_speed_rate(values(case.evidence.excitation, name), settings) for name in (ACC, _Y)
+    )
+    used = case.evidence.is_phase("accelerating", "braking", "cruising")
+    used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
+    if used.sum() < 200:
+        return []
+    step = rows_in(INDEPENDENT_S, settings.align.rate_hz)
+    x, a, y = (each[used][::step] for each in (rate, ahead, left))
+    x, a, y = x - x.mean(), a - a.mean(), y - y.mean()
+    power = float(x @ x)
+    if power == 0.0:
+        return []
+    along, across = float(x @ a) / power, float(x @ y) / power
+    std = float(np.sqrt(((y - across * x) ** 2).sum() / max(x.size - 2, 1) / power))
+    if along <= 0.0:
+        return []
+    angle = float(np.arctan2(across, along))
+    # noise of the wheels' rate makes both components small, and the angle no surer
+    std /= float(np.hypot(along, across))
+    strength = abs(angle) / max(DEVIATIONS * std, _LEAST_YAW_RAD)
+    if len(case.measured(*_ALL_AXES)) == len(_ALL_AXES):
+        setting = "machine.imu.yaw_deg"
+        value = f"{case.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
+    else:
+        # what drives straight is seen by its share alone
+        setting, value = case.scaled(case.measured(ACC), 1.0 / float(np.cos(angle)))
+    return [
+        Sign(
+            strength,
+            f"{np.degrees(angle):+.1f} ± {np.degrees(std):.1f}° from the forward axis to the "
+            "direction that it reads while the wheels speed up",
+            channel=_Y,
+            setting=setting,
+            value=value,
+            change=lambda: mended(
+                case,
+                lambda motion: accelerated(motion, lambda x: x / np.cos(angle)),
+                min(2.0 * std / abs(angle), 1.0),
+            ),
+        )
+    ]
+
+
+def low_passed(case: Case) -> list[Sign]:
+    """An accelerometer that sees a part of the wheels' acceleration, in whatever moves."""
+    late, found = low_pass(case), share_seen(case)
+    if found is None:
+        return late
+    gain, std = found
+    if gain + _SURELY * std < -_ATTENUATED / 2.0:
+        return late
+    if std < _TELLS_UNIT and any(abs(gain / unit - 1.0) < 0.06 for unit in _UNITS):
+        return late
+    seen = [
+        Sign(
+            (_ATTENUATED - gain) / (_SURELY * std),
+            f"it reads {gain:.2f} ± {std:.2f} of the acceleration of the wheels",
+            channel=ACC,
+            alternatives=("delay",) if gain > _ATTENUATED - 0.1 else (),
+        )
+    ]
+    return [max((*seen, *late), key=lambda sign: sign.strength)]
+
+
+def slope(case: Case) -> list[Sign]:
+    """Ground that slopes under an acceleration that has no gravity in it."""
+    kinematic = case.machine.settings.forces.acceleration == "kinematic"
+    if kinematic or not case.measured(ACC) or not has_pitch(case) or not without_gravity(case):
+        return []
+    pitch, std = case.level(_PITCH)
+    if not np.isfinite(pitch):
+        return []
+    strength = abs(pitch) / max(DEVIATIONS * std, _LEAST_PITCH_RAD)
+    channel = case.machine.channels[ACC]
+    keys = ["settings.forces.acceleration"]
+    new = ['"kinematic"']
+    for name in ("topic", "field", "scale", "offset", "unit", "delay_s"):
+        of_channel = getattr(channel, name)
+        if of_channel is not None and of_channel not in (1.0, 0.0):
+            keys.append(f"channels.acc_x_m_s2.{name}")
+            new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
+    pull = gravity(case)
+
+    def with_gravity(motion: Equation) -> Equation:
+        return replace(
+            motion,
+            acceleration=motion.acceleration + pull,
+            specific_force=None if motion.specific_force is None else motion.specific_force + pull,
+            without_gravity=motion.specific_force,
+        )
+
+    z, _ = case.level(_Z)
+    return [
+        Sign(
+            strength,
+            f"standing at {np.degrees(pitch):+.2f} ± {np.degrees(std):.2f}°, it reads {z:.2f} m/s² "
+            "of gravity along z: gravity has been taken off",
+            channel=ACC,
+            setting=", ".join(keys),
+            value=", ".join(new),
+            change=lambda: mended(case, with_gravity, min(std / abs(pitch), 1.0)),
+        )
+    ]
+
+
+def _raw(case: Case, error: float) -> float:
+    """An acceleration in the channel's own unit."""
+    channel = case.machine.channels[ACC]
+    if channel.unit is None:
+        return error
+    return error / to_si(channel.unit, "m/s²")[0]

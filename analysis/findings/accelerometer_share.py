@@ -1,0 +1,53 @@
+"""What the accelerometer sees of the wheels' acceleration, in whatever moves."""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Floats
+from analysis.findings.constant_forces import gravity
+from analysis.findings.finding_inputs import ACC, Case
+from analysis.model.schema import values
+
+#: Over so long, and so many of them.
+_SPAN_S: Final = 0.1
+_FEWEST_SPANS: Final = 50
+#: Of what the wheels' acceleration shows, motion must be this share, and noise the rest.
+_MOTION: Final = 0.3
+#: The noise of the wheels' speed is known to this share of its power.
+_NOISE: Final = 0.2
+
+
+def share_seen(case: Case) -> tuple[float, float] | None:
+    """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
+    if ACC not in case.aligned.columns or not case.measured(ACC):
+        return None
+    rate_hz = case.machine.settings.align.rate_hz
+    size = max(round(_SPAN_S * rate_hz), 1)
+    span_s = size / rate_hz
+    count = case.aligned.height // size
+    if count < _FEWEST_SPANS:
+        return None
+
+    def means(x: Floats) -> Floats:
+        return x[: count * size].reshape(count, size).mean(axis=1)
+
+    speed = means(values(case.aligned, "speed_x_m_s"))
+    reads = means(values(case.aligned, ACC) - gravity(case))
+    moves = means((~case.stands).astype(float)) > 0.0
+    x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
+    used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
+    if used.sum() < _FEWEST_SPANS:
+        return None
+    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    # noise of the speed is no acceleration, and would look like one that is not seen
+    reads_speed = 0.0 if case.column_noise is None else case.column_noise.covariance(size)[1, 1]
+    seen = float(x @ x)
+    power = seen - x.size * 2.0 * reads_speed / span_s**2
+    if not power > _MOTION * seen:
+        return None
+    gain = float(x @ y) / power
+    # neighbours share half of what they are of
+    std = float(np.sqrt(1.5 * seen * ((y - gain * x) ** 2).sum() / (x.size - 2))) / power
+    # what noise is taken off is known to a share of it
+    return gain, float(np.hypot(std, gain * _NOISE * (seen - power) / power))

@@ -1,0 +1,34 @@
+"""Motions as they would be: a channel moved in time, or with another scale or zero."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Floats
+from analysis.weighing.motion_samples import Equation
+
+
+def moved(motion: Equation, channel: str, late_s: float) -> Equation:
+    """The motion with `force`, `speed` or `imu` moved back by how late it is."""
+    if channel == "force":
+        return motion.with_force_moved_back(late_s)
+    if channel == "speed":
+        return motion.with_speed_moved_back(late_s)
+    rows = np.arange(motion.force.size, dtype=np.float64)
+
+    def back(x: Floats) -> Floats:
+        return np.interp(rows + late_s * motion.rate_hz, rows, x)
+
+    return accelerated(motion, back)
+
+
+def accelerated(motion: Equation, of: Callable[[Floats], Floats]) -> Equation:
+    """The motion with its accelerometer changed."""
+    measured, level = motion.specific_force, motion.without_gravity
+    return replace(
+        motion,
+        acceleration=of(motion.acceleration) if motion.by_accelerometer else motion.acceleration,
+        specific_force=None if measured is None else of(measured),
+        without_gravity=None if level is None else of(level),
+    )

@@ -1,0 +1,61 @@
+"""Braking that is left out though the force sees it: a linear drive, a car that brakes by motor.
+
+Where a machine is always about to brake, the gate leaves nothing. Whether the force sees the brakes
+is asked of the samples themselves, gate or no gate: then braking tells the mass that driving tells.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Bools, Evidence
+from analysis.findings.cause import Sign
+from analysis.findings.finding_inputs import Case
+from analysis.findings.fit_causes import POOR, share_of_u
+from analysis.stages.estimation import fit_quality
+
+#: Braking takes a large part of the windows from this share on.
+_REFUSED: Final = 0.5
+#: Masses of driving and braking that are as near, as a share, are one. Brakes that are seen to
+#: nine tenths put them six to ten hundredths apart.
+_AGREE: Final = 0.04
+#: Known to less than this share each, they are not compared.
+_KNOWN: Final = 0.02
+
+
+def seen(case: Case) -> list[Sign]:
+    """Braking that takes most windows, of a log that tells little, and that the force sees."""
+    if not case.machine.settings.gate.exclude_braking or share_of_u(case) < POOR:
+        return []
+    reasons = case.evidence.gated["reason_x"].cast(str)
+    told = int((reasons != "warming_up").sum())
+    refused = float((reasons == "braking").sum()) / max(told, 1)
+    ratio = _braking_over_driving(case.evidence)
+    if not abs(ratio - 1.0) < _AGREE:
+        return []
+    return [
+        Sign(
+            refused / _REFUSED,
+            f"braking refuses {refused:.0%} of the windows, and tells {ratio:.1%} of the mass that "
+            "driving tells: the force sees the brakes",
+            channel=case.force_channel,
+            setting="settings.gate.exclude_braking",
+            value="false",
+        )
+    ]
+
+
+def _braking_over_driving(evidence: Evidence) -> float:
+    """The mass by all braking over that by all driving, no window refused; NaN: no telling."""
+    motion = evidence.straight
+    A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
+    driving = motion.known & evidence.is_phase("accelerating", "cruising")
+    found = [_mass(A, motion.f, of) for of in (driving, motion.braking)]
+    if not all(std_kg < _KNOWN * abs(kg) for kg, std_kg in found):
+        return float("nan")
+    return found[1][0] / found[0][0]
+
+
+def _mass(A: np.ndarray, f: np.ndarray, of: Bools) -> tuple[float, float]:
+    mass_kg, std_kg, _ = fit_quality.ungated_fit(A, f, of)
+    return mass_kg, std_kg

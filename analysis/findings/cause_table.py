@@ -1,0 +1,292 @@
+"""The one table of causes: what each is, and what a log must hold for it to be seen."""
+
+from typing import Final
+
+from analysis.findings import (
+    accelerometer_causes,
+    braking_cause,
+    channel_causes,
+    delay_causes,
+    fit_causes,
+    forgetting_causes,
+    growing_load_cause,
+    residual_causes,
+    sampling_causes,
+    scale,
+    sign_causes,
+)
+from analysis.findings.cause import Cause
+
+#: What the equation of motion shows of a log whose readings or stamps are wrong,
+_OF_EQUATION: Final = (
+    *("delay", "wheel_radius", "slip", "coulomb", "too_little_excitation", "collinear"),
+    *("load_changed_inside", "external_force", "braking_inside", "imu_low_passed"),
+)
+#: what it leaves, whatever bends it, and both. A swing has a frequency, as few causes have.
+_OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline")
+_OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
+_STILL: Final = "a standstill of three seconds"
+_START: Final = "an informative manoeuvre"
+_BOTH: Final = "an accelerometer beside the wheels' speed"
+
+CAUSES: Final = (
+    Cause(
+        "sign_flipped",
+        "a channel, or one side of it, has the wrong sign",
+        f"{_BOTH} to tell which; a drive in which force and acceleration change",
+        sign_causes.flipped,
+        withholds=True,
+        explains=(
+            *(*_OF_FIT, "unsigned", "offset", "wrong_unit", "imu_misaligned", "swapped_sides"),
+            "wrong_scale",
+        ),
+        hides=True,
+    ),
+    Cause(
+        "unsigned",
+        "the force has lost its sign, as motor currents do",
+        "braking that the force sees, or driving in reverse",
+        sign_causes.unsigned,
+        withholds=True,
+        explains=(
+            *("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
+            "wrong_scale",
+        ),
+    ),
+    Cause(
+        "wrong_unit",
+        "a channel is in another unit than its machine file says",
+        f"{_BOTH}, or its z axis at standstill; for the force the machine's empty mass",
+        sign_causes.wrong_unit,
+        withholds=True,
+        explains=(*_OF_FIT, "imu_misaligned", "offset", "slope", "wrong_scale"),
+        hides=True,
+    ),
+    Cause(
+        "wrong_scale",
+        "every mass is wrong by one factor: a gear, a unit, the wheels' radius or their share",
+        "the machine's empty mass; below it, or a log with a state that is empty",
+        scale.wrong_scale,
+        withholds=True,
+        as_judged=True,
+    ),
+    Cause(
+        "swapped_sides",
+        "left and right are taken for each other",
+        "turns, a gyroscope and the speed of both sides",
+        sign_causes.swapped,
+    ),
+    Cause(
+        "frozen",
+        "a channel repeats one reading while the machine moves on",
+        "another channel that changes meanwhile",
+        channel_causes.frozen,
+        withholds=True,
+        explains=(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale"),
+    ),
+    Cause(
+        "saturated",
+        "readings end at what the sensor can show",
+        "starts that reach it",
+        channel_causes.saturated,
+        withholds=True,
+        explains=(*_OF_FIT, "quantised", "wrong_unit", "wrong_scale"),
+    ),
+    Cause(
+        "spikes",
+        "single readings are far off",
+        "nothing more",
+        channel_causes.spikes,
+        explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
+        outdone=2.0,
+    ),
+    Cause(
+        "quantised",
+        "a channel resolves less than its noise",
+        "motion",
+        channel_causes.quantised,
+        explains=(
+            *("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", "resonance"),
+            *_OF_RESIDUALS,
+        ),
+    ),
+    Cause(
+        "clock_jump",
+        "header stamps of a topic jump against log time",
+        "header stamps beside log times",
+        sampling_causes.clock_jump,
+        explains=("clock_drift", "delay", "irregular_sampling", "gaps", *_OF_RESIDUALS),
+    ),
+    Cause(
+        "clock_drift",
+        "the clocks of two topics run apart",
+        "header stamps beside log times, of two topics",
+        sampling_causes.clock_drift,
+        explains=("delay", *_OF_RESIDUALS),
+    ),
+    Cause("gaps", "samples of a topic are missing", "nothing more", sampling_causes.gaps),
+    Cause(
+        "irregular_sampling",
+        "a topic is sampled, or stamped, unevenly",
+        "nothing more",
+        sampling_causes.irregular,
+        explains=("gaps", "spikes", "frozen", "clock_jump", "clock_drift", *_OF_FIT),
+    ),
+    Cause(
+        "imu_misaligned",
+        "gravity is on the forward axis, or the forward axis is not where the machine drives",
+        f"{_STILL}; the pitch, or a drive, to tell it from a slope; the z axis and 6° to tell it "
+        "from a bias",
+        accelerometer_causes.tilted,
+        explains=("wheel_radius", "coulomb", "offset", "slip"),
+    ),
+    Cause(
+        "imu_bias",
+        "the accelerometer's zero is off",
+        f"{_STILL}, the pitch and the z axis; below 6° nothing tells it from a tilt",
+        accelerometer_causes.biased,
+        explains=("wheel_radius", "coulomb", "offset", "slip"),
+    ),
+    Cause(
+        "slope",
+        "the ground slopes, and the acceleration has no gravity in it",
+        f"the pitch, {_STILL}, and the accelerometer's z axis",
+        accelerometer_causes.slope,
+        explains=("imu_misaligned", "offset", *_OF_FIT),
+    ),
+    Cause(
+        "offset",
+        "the measured force is not zero where there is none",
+        _STILL,
+        fit_causes.offset,
+        explains=("coulomb",),
+    ),
+    Cause(
+        "delay",
+        "a channel's stamps are late or early against the others",
+        f"{_START} whose force changes; {_BOTH} to tell which",
+        delay_causes.delays,
+        explains=(
+            *("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
+            *("wheel_radius", "slip"),
+        ),
+        outdone=3.0,
+    ),
+    Cause(
+        "imu_low_passed",
+        "the accelerometer sees a part of the acceleration",
+        _BOTH,
+        accelerometer_causes.low_passed,
+        withholds=True,
+        as_judged=True,
+        explains=(
+            *("wheel_radius", "slip", "delay", "too_little_excitation", "load_changed_inside"),
+            "wrong_scale",
+        ),
+    ),
+    Cause(
+        "wheel_radius",
+        "the wheels are larger or smaller than stated, or the accelerometer's scale is off",
+        _BOTH,
+        fit_causes.wheel_radius,
+    ),
+    Cause("slip", "the wheels turn faster than the ground", _BOTH, fit_causes.slip),
+    Cause(
+        "coulomb",
+        "friction that does not depend on the speed",
+        f"starts both ways, or {_STILL}",
+        fit_causes.coulomb,
+    ),
+    Cause(
+        "driveline",
+        "the measured force is not in proportion to what accelerates the machine",
+        "starts at different throttles",
+        fit_causes.driveline,
+        explains=("heteroscedastic",),
+    ),
+    Cause(
+        "braking_inside",
+        "braking that the force does not see counts as driving",
+        "settings.gate.exclude_braking = false",
+        fit_causes.braking,
+        explains=("driveline", "coulomb", "load_changed_inside"),
+    ),
+    Cause(
+        "braking_left_out",
+        "braking is left out, and the force sees it",
+        "drives and brakes that tell a mass each",
+        braking_cause.seen,
+        explains=("too_little_excitation", "collinear"),
+    ),
+    Cause(
+        "external_force",
+        "something pushes back: a pile",
+        "a start of three seconds against it",
+        fit_causes.external_force,
+        # its starts are left out, and little may be left
+        explains=(
+            *("driveline", "coulomb", "load_changed_inside"),
+            *("too_little_excitation", "collinear"),
+        ),
+    ),
+    Cause(
+        "load_changed_inside",
+        "the load changes while the machine drives",
+        "four manoeuvres of three seconds",
+        growing_load_cause.load_changed,
+        explains=("driveline", "too_little_excitation", "collinear"),
+    ),
+    Cause(
+        "resonance",
+        "the driveline or the frame swings",
+        f"{_STILL}, and {_START}",
+        residual_causes.resonance,
+        # noise of the acceleration takes the mass away; what the wheels gain it leaves alone
+        explains=(
+            *("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
+            *("slip", "coulomb"),
+        ),
+    ),
+    Cause(
+        "heteroscedastic",
+        "there is more noise while it drives",
+        f"{_STILL}, and {_START}",
+        residual_causes.heteroscedastic,
+        explains=(
+            *("external_force", "load_changed_inside", "spikes", "too_little_excitation"),
+            *("driveline", "coulomb"),
+        ),
+    ),
+    Cause(
+        "coloured_residuals",
+        "the noise is slow, so that samples say less than they are",
+        _STILL,
+        residual_causes.coloured,
+        explains=("heteroscedastic", "driveline", *_OF_EQUATION),
+    ),
+    Cause(
+        "too_little_excitation",
+        "the motion holds too little to weigh by",
+        "nothing more",
+        fit_causes.too_little,
+        withholds=True,
+        as_judged=True,
+        # of what hardly moves, the wheels' noise counts as motion that the accelerometer has not
+        explains=(
+            *("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
+            "imu_low_passed",
+        ),
+    ),
+    Cause(
+        "wind_up",
+        "a recursion forgets the mass while nothing tells of it",
+        "a method that forgets, and windows at steady speed that the gate accepts",
+        forgetting_causes.wind_up,
+    ),
+    Cause(
+        "collinear",
+        "the motion does not tell the mass from other terms",
+        _START,
+        fit_causes.collinear,
+    ),
+)

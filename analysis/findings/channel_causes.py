@@ -1,0 +1,287 @@
+"""Readings of one channel: frozen, clipped, coarse, with spikes."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Bools
+from analysis.diagnosis.excluded_stretches import LeftOut
+from analysis.diagnosis.measured_channels import Floats, Ints, long_runs
+from analysis.findings.cause import Change, Sign
+from analysis.findings.finding_inputs import ACC, FORCES, Case
+from analysis.findings.refit import left_out
+from analysis.model.windows import windows_with
+from analysis.stages.signals.filters import period_ns
+
+#: A channel that repeats itself for so long, all in all, counts.
+_FROZEN_S: Final = 0.3
+#: Share of the readings that pile up at an extreme.
+_CLIPPED: Final = 0.001
+#: Share of moving readings that repeat the one before: noise is below the resolution.
+_REPEATS: Final = 0.1
+#: Share of the steps that are multiples of the least one; fewer steps tell nothing.
+_WHOLE: Final = 0.95
+_FEWEST: Final = 200
+#: A reading is a spike so many deviations of its neighbourhood from both neighbours,
+_SPIKE: Final = 8.0
+#: which agree within this share of that.
+_NEIGHBOURS: Final = 0.4
+#: One beside readings without noise is no more than this.
+_MOST_DEVIATIONS: Final = 1000.0
+#: Readings of a neighbourhood whose deviation is taken.
+_BLOCK: Final = 200
+#: Force and acceleration, which a stop or a knock moves at once: by so many deviations,
+_FELT: Final = (*FORCES, ACC, "acc_x_m_s2")
+_JOLT: Final = 5.0
+#: within so many periods, from the median of what is around.
+_BESIDE_PERIODS: Final = 1.5
+_AROUND_NS: Final = 150_000_000
+#: Samples of the grid beside a spike that are not fitted.
+_BESIDE: Final = 15
+
+
+def frozen(case: Case) -> list[Sign]:
+    """A channel that repeats itself while another one changes."""
+    signals = case.evidence.signals
+    if signals is None:
+        return []
+    # a coarse channel repeats itself while the machine moves steadily
+    of_channel = {
+        name: spans
+        for name in case.needed
+        if not _coarse(case, name) and (spans := signals.frozen.get(name) or _noiseless(case, name))
+    }
+    if not of_channel:
+        return []
+    total_s = {name: sum(e - b for b, e in spans) / 1e9 for name, spans in of_channel.items()}
+    name = max(total_s, key=lambda each: total_s[each])
+    spans = of_channel[name]
+    holds = np.zeros(case.aligned.height, np.bool_)
+    t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
+    for begin, end in (span for spans in of_channel.values() for span in spans):
+        holds |= (t >= begin) & (t <= end)
+    found = case.evidence.left_out.get("frozen")
+    return [
+        Sign(
+            total_s[name] / _FROZEN_S,
+            f"it repeats one reading {len(spans)} times, {total_s[name]:.1f} s in all, while "
+            f"others change{_became(found)}",
+            channel=name,
+            span_ns=case.since_start(*spans[0]),
+            change=lambda: left_out(case, holds),
+            harmless=_harmless(case, found),
+        )
+    ]
+
+
+def _became(found: LeftOut | None) -> str:
+    return "" if found is None else f"; {found.text}"
+
+
+def _harmless(case: Case, found: LeftOut | None) -> bool | None:
+    """Whether the answer is the same without it, or there is none; None where nobody has looked."""
+    return None if found is None or case.fit is None else found.is_harmless
+
+
+def _noiseless(case: Case, name: str) -> list[tuple[int, int]]:
+    """Where a channel that otherwise never repeats a reading does so for long."""
+    signals = case.evidence.signals
+    limits = {} if signals is None else signals.limits.get(name, {})
+    runs, never = long_runs(*case.series[name])
+    return [(run.begin_ns, run.end_ns) for run in runs if never and run.value not in limits]
+
+
+def saturated(case: Case) -> list[Sign]:
+    """Readings of a force that pile up at its extreme."""
+    signals = case.evidence.signals
+    if signals is None or not signals.clipped:
+        return []
+    name = max(signals.clipped, key=lambda each: signals.clipped[each][0])
+    share, extreme = signals.clipped[name]
+    if not share:
+        return []
+    at = case.force_per(name) * abs(extreme)
+    count = sum(1 for each, _ in signals.clipped.values() if each > 0.0)
+    found = case.evidence.left_out.get("clipped")
+    limit_N = 0.98 * at * max(count, 1)
+
+    def cut() -> Change | None:
+        if case.fit is None:
+            return None
+        near = np.abs(case.fit.motion.force) > limit_N
+        return left_out(case, windows_with(near, 5) | windows_with(near[::-1], 5)[::-1])
+
+    return [
+        Sign(
+            share / _CLIPPED,
+            f"{share:.1%} of its readings are {extreme:.4g}, a limit{_became(found)}",
+            channel=name,
+            setting="settings.gate.saturation_force_N",
+            value=f"{limit_N:.1f}",
+            change=cut,
+            harmless=_harmless(case, found),
+        )
+    ]
+
+
+def quantised(case: Case) -> list[Sign]:
+    """Moving readings that repeat the one before: the noise is below the resolution."""
+    found: list[Sign] = []
+    for name in case.needed:
+        repeats, lsb = _steps(case, name)
+        if not lsb:
+            continue
+        found.append(
+            Sign(
+                repeats / _REPEATS,
+                f"{repeats:.0%} of its moving readings repeat the one before; it "
+                f"resolves {lsb:.3g}",
+                channel=name,
+            )
+        )
+    return _largest(found)
+
+
+def _steps(case: Case, name: str) -> tuple[float, float]:
+    """The share of moving readings that repeat the one before, and what all steps are multiples of.
+
+    0 where they are no multiples: then a channel holds its value, but resolves more.
+    """
+    key = f"steps {name}"
+    if key not in case.kept:
+        t, x = case.series[name]
+        steps = np.diff(x)[case.moves_at(t)[1:] & (x[1:] != 0.0)]
+        sizes = np.abs(steps[steps != 0.0])
+        case.kept[key] = 0.0, 0.0
+        if steps.size >= _FEWEST and sizes.size:
+            lsb = float(np.min(sizes))
+            whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
+            repeats = float((steps == 0.0).mean())
+            case.kept[key] = repeats, lsb if whole > _WHOLE else 0.0
+    return case.kept[key]  # type: ignore[return-value]
+
+
+def _coarse(case: Case, name: str) -> bool:
+    """Whether what repeats is the resolution."""
+    repeats, lsb = _steps(case, name)
+    return bool(lsb) and repeats > _REPEATS
+
+
+@dataclass(frozen=True, slots=True)
+class _Spikes:
+    """The spikes of a channel.
+
+    Attributes:
+        unix_ns: (k,) their stamps.
+        size: their median distance from what is beside them.
+        ratio: the largest one's, in deviations.
+        near: (n,) grid samples beside them.
+    """
+
+    unix_ns: Ints
+    size: float
+    ratio: float
+    near: Bools
+
+
+def spikes(case: Case) -> list[Sign]:
+    """Single readings far from both neighbours, which agree."""
+    return _largest(
+        [
+            Sign(
+                each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / 1.3,
+                f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
+                f"{each.ratio:.0f} deviations",
+                channel=name,
+                span_ns=case.since_start(int(each.unix_ns[0]), int(each.unix_ns[-1])),
+                change=lambda near=each.near: left_out(case, near),
+            )
+            for name, each in _spikes(case).items()
+        ]
+    )
+
+
+def _spikes(case: Case) -> dict[str, _Spikes]:
+    """By channel; nothing of those without any."""
+    if "spikes" not in case.kept:
+        case.kept["spikes"] = _found_spikes(case)
+    return case.kept["spikes"]  # type: ignore[return-value]
+
+
+def _found_spikes(case: Case) -> dict[str, _Spikes]:
+    found: dict[str, _Spikes] = {}
+    for name in case.needed:
+        t, x = case.series[name]
+        if x.size < 3 * _BLOCK:
+            continue
+        middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
+        # a coarse channel is off by a step now and then
+        scale = np.maximum(_local_deviation(middle), _steps(case, name)[1] / np.sqrt(12.0))
+        far = np.abs(middle) > _SPIKE * scale
+        far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
+        places = np.flatnonzero(far) + 1
+        places = places[~_jolts(case, name, t[places], np.sign(middle[places - 1]))]
+        if not places.size:
+            continue
+        size = np.abs(middle[places - 1])
+        found[name] = _Spikes(
+            t[places],
+            float(np.median(size)),
+            min(float(np.max(size / scale[places - 1])), _MOST_DEVIATIONS),
+            _beside(case, t[places]),
+        )
+    return found
+
+
+def _jolts(case: Case, name: str, unix_ns: Ints, sign: Floats) -> Bools:
+    """(k,) whether force and acceleration are off at once, and alike: that is a stop or a knock."""
+    topic = case.machine.channels[name].topic
+    felt = np.zeros(unix_ns.size, np.bool_)
+    if name not in _FELT:
+        return felt
+    for other in case.measured(*_FELT):
+        t, x = case.series[other]
+        if case.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
+            continue
+        scale = _local_deviation(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(case.series[name][0]))
+        ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
+        around = np.searchsorted(t, unix_ns[:, None] + np.array([-_AROUND_NS, _AROUND_NS]))
+        for k, (here, about) in enumerate(zip(ends, around, strict=True)):
+            if here[0] == here[1]:
+                continue
+            off = sign[k] * (x[slice(*here)] - np.median(x[slice(*about)]))
+            felt[k] |= bool(np.max(off) > _JOLT * scale[min(here[0], scale.size - 1)])
+    return felt
+
+
+def _local_deviation(x: Floats) -> Floats:
+    """(n,) by the median of the distances within its block, and not below the log's."""
+    size = x.size // _BLOCK * _BLOCK
+    blocks = 1.4826 * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
+    # a start is sharper than what surrounds it
+    around = np.maximum(blocks, np.maximum(np.append(blocks[1:], 0.0), np.append(0.0, blocks[:-1])))
+    around = np.maximum(around, np.median(blocks))
+    out = np.repeat(around, _BLOCK)
+    return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
+
+
+def _beside(case: Case, unix_ns: Ints) -> Bools:
+    """Grid samples beside these stamps, (n,)."""
+    t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
+    at = np.zeros(t.size, np.bool_)
+    at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
+    return windows_with(at, _BESIDE) | windows_with(at[::-1], _BESIDE)[::-1]
+
+
+def spiked(case: Case) -> Bools:
+    """Grid samples beside a spike of any channel, (n,)."""
+    near = np.zeros(case.aligned.height, np.bool_)
+    for each in _spikes(case).values():
+        near |= each.near
+    return near
+
+
+def _largest(found: list[Sign]) -> list[Sign]:
+    return [max(found, key=lambda sign: sign.strength)] if found else []

@@ -1,0 +1,78 @@
+"""Delays: which of force, wheels and accelerometer being late explains both equations."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.findings.altered_motion import moved
+from analysis.findings.cause import Sign
+from analysis.findings.finding_inputs import ACC, Case
+from analysis.findings.likelihood_search import Pick, picks
+from analysis.findings.refit import mended
+
+#: Likelihood gains are this times the square root's limit.
+_LIMIT: Final = 3.45
+#: No stamps are trusted to less.
+_LEAST_S: Final = 0.002
+#: An accelerometer that is later has been filtered.
+_SMOOTH_S: Final = 0.06
+_SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
+
+
+def delays(case: Case) -> list[Sign]:
+    """The channels that are late, by the likelihood of f(t - d) = m a + b v with m, b refitted."""
+    found = [pick for name, pick in picks(case).items() if name.startswith("delay")]
+    return [_sign(case, pick) for pick in found if not is_low_pass(pick)]
+
+
+def low_pass(case: Case) -> list[Sign]:
+    """An accelerometer that is later than stamps are."""
+    found = picks(case).get("delay:imu")
+    if found is None or not is_low_pass(found):
+        return []
+    return [replace(_sign(case, found), alternatives=("delay",), setting=None, value=None)]
+
+
+def is_low_pass(pick: Pick) -> bool:
+    """Whether a delay is rather an accelerometer that a filter makes late."""
+    return pick.name == "delay:imu" and pick.value > _SMOOTH_S
+
+
+def _sign(case: Case, pick: Pick) -> Sign:
+    channel = pick.name.partition(":")[2]
+    late_s, std_s = pick.value, pick.std
+    names = _channels(case, channel)
+    setting, value = case.shifted(names, late_s)
+    rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
+    words = "late" if late_s > 0 else "early"
+    against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
+    said = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms {words} against {against}"
+    if rivals:
+        said += f"; as likely the {' or '.join(_SHOWN[each] for each in rivals)} is off"
+    smooth = channel == "imu" and late_s > 0
+    others = [each for each in pick.rivals if not each.startswith("delay")]
+    # what is early against an accelerometer may be in time, and the accelerometer filtered
+    filtered = smooth or (late_s < 0.0 and "imu" in rivals)
+    return Sign(
+        min(float(np.sqrt(pick.gain)) / _LIMIT, abs(late_s) / _LEAST_S),
+        said,
+        channel=next(iter(names), None),
+        setting=setting if names else None,
+        value=value if names else None,
+        # a low-pass is not mended by a delay
+        change=None
+        if smooth
+        else lambda: mended(
+            case, lambda motion: moved(motion, channel, late_s), min(std_s / abs(late_s), 1.0)
+        ),
+        alternatives=(*others, *(("imu_low_passed",) if filtered else ())),
+    )
+
+
+def _channels(case: Case, name: str) -> tuple[str, ...]:
+    if name == "force":
+        return case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+    if name == "speed":
+        return case.speed_channels
+    return case.measured(ACC)

@@ -1,0 +1,84 @@
+"""The stage `findings`: which causes a log shows, the likeliest first."""
+
+from collections import Counter
+from itertools import permutations
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.findings.cause import Cause, Change, Sign
+from analysis.findings.cause_table import CAUSES
+from analysis.findings.finding_inputs import Case
+from analysis.model.schema import build, frame_schema
+
+#: A change of so many of the answer's standard uncertainties widens it.
+_MATTERS: Final = 1.0
+
+
+def findings(case: Case) -> pl.DataFrame:
+    """Look for every cause of the table.
+
+    Args:
+        case: the log.
+
+    Returns:
+        `findings`: a row a cause that shows, those that another one explains behind it.
+    """
+    shown = [(cause, sign) for cause, sign in suspected(case) if sign.strength >= 1.0]
+    explained = Counter(
+        other[0].key
+        for other, cause in permutations(shown, 2)
+        # of two that explain each other, the stronger is the reason
+        if _explains(cause, other)
+        and (cause[1].strength >= other[1].strength or not _explains(other, cause))
+    )
+    shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
+    rows = [_row(rank, cause, sign, case) for rank, (cause, sign) in enumerate(shown, 1)]
+    columns = frame_schema("findings").columns
+    return build(
+        "findings",
+        {c.name: pl.Series([row[c.name] for row in rows], dtype=c.dtype) for c in columns},
+    )
+
+
+def _explains(one: tuple[Cause, Sign], other: tuple[Cause, Sign]) -> bool:
+    (cause, own), (seen, sign) = one, other
+    return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
+
+
+def suspected(case: Case) -> list[tuple[Cause, Sign]]:
+    """What the log shows of every cause, whether chance does as much or not."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = [(cause, sign) for cause in CAUSES for sign in cause.find(case)]
+    return [(cause, sign) for cause, sign in found if np.isfinite(sign.strength)]
+
+
+def _row(rank: int, cause: Cause, sign: Sign, case: Case) -> dict[str, object]:
+    change = None if sign.change is None else sign.change()
+    start, end = sign.span_ns or (None, None)
+    return {
+        "rank": rank,
+        "cause": cause.key,
+        "severity": _severity(cause, sign, change, case),
+        "channel": sign.channel,
+        "start_t_ns": start,
+        "end_t_ns": end,
+        "strength_1": sign.strength,
+        "evidence": sign.evidence,
+        "mass_change_kg": None if change is None else change.kg,
+        "mass_change_u_kg": None if change is None else change.u_kg,
+        "setting": sign.setting,
+        "value": sign.value,
+        "alternatives": ", ".join(sign.alternatives),
+    }
+
+
+def _severity(cause: Cause, sign: Sign, change: Change | None, case: Case) -> str:
+    if sign.harmless:
+        return "tell"
+    if cause.withholds and not (cause.as_judged and case.can_weigh):
+        return "withhold"
+    if change is None or case.fit is None:
+        return "tell"
+    return "widen" if abs(change.kg) > _MATTERS * case.fit.u_kg else "tell"

@@ -1,0 +1,202 @@
+"""What the causes look at: the log, its verdict and its joint fit."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.diagnosis.check_inputs import Bools, Evidence, Floats
+from analysis.diagnosis.measured_channels import Ints, Series
+from analysis.model.axes import X
+from analysis.model.machine import Machine
+from analysis.model.schema import values
+from analysis.model.verdict import Verdict
+from analysis.model.windows import windows_with
+from analysis.stages.noise.column_noise import ColumnNoise
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.motion_samples import Equation, KeptNoise, NoiseOfColumns
+from estimators.compiled import compiled
+
+#: Channels of the force and of the speed, as a machine file may have them.
+FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
+SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
+ACC: Final = "specific_force_x_m_s2"
+#: Standing is judged so long after motion, and before it,
+_AFTER_S: Final = 1.2
+_BEFORE_S: Final = 0.2
+#: by means of so long, and not fewer of them.
+_BLOCK_S: Final = 0.5
+_FEWEST_BLOCKS: Final = 6
+
+
+@dataclass(frozen=True)
+class Case:
+    """A log as the causes see it.
+
+    Attributes:
+        evidence: as the checks see it.
+        aligned: the grid, before the moving mean.
+        noise: of the columns.
+        raw: stamps by topic.
+        digs: where something pushes back.
+        judged: the verdict.
+        estimates: by method.
+        kept: what one cause found and another one needs.
+    """
+
+    evidence: Evidence
+    aligned: pl.DataFrame
+    noise: pl.DataFrame
+    raw: Mapping[str, pl.DataFrame]
+    digs: pl.DataFrame
+    judged: pl.DataFrame
+    estimates: Mapping[str, pl.DataFrame] = field(default_factory=dict)
+    kept: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def machine(self) -> Machine:
+        """Channels and settings."""
+        return self.evidence.machine
+
+    @property
+    def fit(self) -> JointFit | None:
+        """The joint fit, by what this log says itself; None where there is none."""
+        weighing = self.evidence.weighing
+        return None if weighing is None else weighing.own
+
+    @cached_property
+    def can_weigh(self) -> bool:
+        """Whether no check withholds the mass."""
+        return Verdict.of(self.judged).can_weigh
+
+    @cached_property
+    def checks(self) -> dict[str, float]:
+        """The verdict's numbers by check; NaN where one does not apply."""
+        numbers = self.judged["value"].fill_null(np.nan).to_list()
+        return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
+
+    @cached_property
+    def column_noise(self) -> NoiseOfColumns | None:
+        """Noise of acceleration, speed and force."""
+        found = ColumnNoise.of(X, self.noise, self.machine.settings.noise)
+        return None if found is None else KeptNoise(found)
+
+    @cached_property
+    def stands(self) -> Bools:
+        """Which grid samples stand, (n,)."""
+        return self.evidence.is_phase("standstill")
+
+    @cached_property
+    def stands_still(self) -> Bools:
+        """Those of them with no motion near, (n,): a machine swings after it has stopped."""
+        near = ~self.stands
+        after, before = (
+            round(s * self.machine.settings.align.rate_hz) for s in (_AFTER_S, _BEFORE_S)
+        )
+        return ~(windows_with(near, after) | windows_with(near[::-1], before)[::-1])
+
+    @property
+    def series(self) -> Mapping[str, Series]:
+        """By channel: unix stamps in ns and readings in SI units, not filtered."""
+        signals = self.evidence.signals
+        return {} if signals is None else signals.channels
+
+    def measured(self, *names: str) -> tuple[str, ...]:
+        """Which of these channels are read from the log."""
+        return tuple(name for name in names if name in self.series)
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The channels of the equation that are read from the log."""
+        return self.measured(*FORCES, *SPEEDS, "position_x_m", ACC, "acc_x_m_s2")
+
+    @property
+    def force_channel(self) -> str | None:
+        """What names the force: its channel, or that of the left torque."""
+        return next(iter(self.measured("force_x_N", "torque_left_N_m", "torque_right_N_m")), None)
+
+    @property
+    def speed_channels(self) -> tuple[str, ...]:
+        """What the speed is read from."""
+        return self.measured(*SPEEDS, "position_x_m")
+
+    def channel_of(self, topic: str) -> str | None:
+        """A channel of a topic, one that the equation needs if there is one."""
+        names = (*self.needed, *self.machine.channels)
+        return next((n for n in names if self.machine.channels[n].topic == topic), None)
+
+    def since_start(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
+        """The same in ns since the first aligned sample."""
+        t0 = self.evidence.t0_unix_ns
+        return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
+
+    def moves_at(self, unix_ns: Ints) -> Bools:
+        """Whether the machine moves at these stamps, (n,)."""
+        t = self.aligned["t_ns"].to_numpy() + self.evidence.t0_unix_ns
+        return ~self.stands[np.minimum(_places(t, unix_ns), t.size - 1)]
+
+    def force_per(self, channel: str) -> float:
+        """The longitudinal force in N that one of a force channel stands for (17)."""
+        body = self.machine.machine
+        if channel == "force_x_N":
+            return 1.0 / body.force_share
+        return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
+
+    def scaled(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
+        """Keys and values that multiply channels."""
+        channels = self.machine.channels
+        return (
+            ", ".join(f"channels.{name}.scale" for name in names),
+            ", ".join(f"{channels[name].scale * times:.6g}" for name in names),
+        )
+
+    def shifted(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
+        """Keys and values that move channels back by how late they are."""
+        channels = self.machine.channels
+        return (
+            ", ".join(f"channels.{name}.delay_s" for name in names),
+            ", ".join(f"{channels[name].delay_s + late_s:.5f}" for name in names),
+        )
+
+    def level(self, column: str) -> tuple[float, float]:
+        """Mean and deviation of a column of the grid while the machine stands; NaN without."""
+        if column not in self.aligned.columns:
+            return float("nan"), float("nan")
+        return self.level_of(values(self.aligned, column))
+
+    def level_of(self, x: Floats) -> tuple[float, float]:
+        """Likewise of (n,) values: of means of half a second, which hardly know of each other."""
+        x = x[self.stands_still]
+        x = x[np.isfinite(x)]
+        size = max(round(_BLOCK_S * self.machine.settings.align.rate_hz), 1)
+        count = x.size // size
+        if count < _FEWEST_BLOCKS:
+            return float("nan"), float("nan")
+        blocks = x[: count * size].reshape(count, size).mean(axis=1)
+        return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
+
+    def mass_of_samples(self, motion: Equation) -> Floats:
+        """(n,) the mass that the joint fit has for the load of each sample, in kg."""
+        fit = self.fit
+        assert fit is not None
+        if fit.states is None or fit.count == 1:
+            return np.full(motion.force.size, fit.mass_kg)
+        place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
+        return fit.masses_kg[fit.states.of[place.clip(0, fit.states.unit.size - 1)]]
+
+
+@compiled
+def _places(t: Ints, stamps: Ints) -> Ints:
+    """Where stamps, (n,), stand among ascending ones: `searchsorted` of stamps mostly in order."""
+    out = np.empty(stamps.size, np.int64)
+    at = 0
+    for k in range(stamps.size):
+        while at < t.size and t[at] < stamps[k]:
+            at += 1
+        while at > 0 and t[at - 1] >= stamps[k]:
+            at -= 1
+        out[k] = at
+    return out

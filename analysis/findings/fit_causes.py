@@ -1,0 +1,333 @@
+"""What the joint fit finds besides mass and friction, each against what chance gives."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.findings.alternating_load import share_instead_of_loads
+from analysis.findings.cause import Change, Sign
+from analysis.findings.constant_forces import DEVIATIONS, LEAST_SHARE, constants
+from analysis.findings.finding_inputs import Case
+from analysis.findings.likelihood_search import APART, Pick, picks
+from analysis.findings.refit import mended
+from analysis.model.physical_units import to_si
+from analysis.model.schema import CHANNEL_COLUMNS
+from analysis.stages.gating.digging import SURELY
+from analysis.weighing.motion_samples import Equation
+from estimators.errors import counted
+
+#: So many deviations a term of the fit must be from 0.
+_TERM: Final = 3.45
+#: So many of the wheels' radius: a boom that moves is in the accelerometer alone.
+_WHEELS: Final = 4.0
+#: No accelerometer's scale is trusted to less.
+_LEAST_GAIN: Final = 0.003
+#: Nor Coulomb friction to a smaller share of the largest force.
+_LEAST_SHARE: Final = 0.002
+#: Nor the share of the force that is measured to less, by m/s².
+_LEAST_CHANGE: Final = 0.01
+#: An answer whose standard uncertainty is this share of it has too little to go by.
+POOR: Final = 0.06
+#: Share of the mass that priors alone leave open where regressors go together.
+_OPEN: Final = 0.06
+#: Of the empty machine's weight: what resists by less is no pile.
+_PILE: Final = 0.01
+#: Braking moves the mass by so many of the answer's standard uncertainties.
+_BRAKING: Final = 1.5
+#: Brakes of which the force does not see a smaller share are seen.
+_UNSEEN: Final = 0.002
+#: Of the answer's uncertainty with braking: less motion says less.
+_OF_BRAKING: Final = 4.0
+
+
+def wheel_radius(case: Case) -> list[Sign]:
+    """The wheels' speed against the accelerometer's: a radius is in the force as well."""
+    pick = picks(case).get("wheel_radius")
+    if pick is None:
+        return []
+    gain, std = pick.value, pick.std
+    if gain <= -1.0:  # no radius makes wheels follow that do not
+        return []
+    body = case.machine.machine
+    torques = bool(case.measured("torque_left_N_m", "torque_right_N_m"))
+    setting, value = [], []
+    if body.wheel_radius_m is not None and torques:
+        setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
+    keys, scales = case.scaled(case.speed_channels, 1.0 / (1.0 + gain))
+
+    def larger(motion: Equation) -> Equation:
+        force = motion.force * (1.0 + gain) if torques else motion.force
+        return replace(motion, force=force, speed=motion.speed / (1.0 + gain))
+
+    return [
+        Sign(
+            min(float(np.sqrt(pick.gain)) / _WHEELS, abs(gain) / _LEAST_GAIN),
+            f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
+            "says: their radius, or the accelerometer's scale",
+            channel=next(iter(case.speed_channels), None),
+            setting=", ".join([*setting, *([keys] if keys else [])]) or None,
+            value=", ".join([*value, *([scales] if keys else [])]) or None,
+            change=lambda: mended(case, larger, min(std / abs(gain), 1.0)),
+            alternatives=_others(pick),
+        )
+    ]
+
+
+def _others(pick: Pick) -> tuple[str, ...]:
+    """Keys of the causes that this log does not tell from one."""
+    keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
+    own = keys.get(pick.name, pick.name.partition(":")[0])
+    named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
+    return tuple(key for key in dict.fromkeys(named) if key != own)
+
+
+def offset(case: Case) -> list[Sign]:
+    """A force while the machine stands, which driving has as well."""
+    seen = constants(case)
+    rest, std = seen.rest_N
+    if not np.isfinite(rest):
+        return _constant_alone(case)
+    if seen.offset is False or case.fit is None:
+        return []
+    strength = abs(rest) / max(DEVIATIONS * std, LEAST_SHARE * case.fit.motion.largest_force)
+    names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+    at_rest = [case.level(name)[0] for name in names]
+    return [
+        Sign(
+            float(strength),
+            f"standing, it reads {rest:+.0f} ± {std:.0f} N, and driving has it",
+            channel=case.force_channel,
+            setting=", ".join(f"channels.{name}.offset" for name in names) or None,
+            value=", ".join(_zeroed(case, name, x) for name, x in zip(names, at_rest, strict=True))
+            or None,
+            change=lambda: mended(
+                case,
+                lambda motion: replace(motion, force=motion.force - rest),
+                min(std / abs(rest), 1.0),
+            ),
+            alternatives=() if seen.offset else ("coulomb",),
+        )
+    ]
+
+
+def _zeroed(case: Case, name: str, reads: float) -> str:
+    channel = case.machine.channels[name]
+    if channel.unit is None:
+        return f"{channel.offset - reads:.6g}"
+    unit = next(column.unit for column in CHANNEL_COLUMNS if column.name == name)
+    gain, _ = to_si(channel.unit, unit)
+    return f"{channel.offset - reads / gain:.6g}"
+
+
+def _constant_alone(case: Case) -> list[Sign]:
+    """A constant force of a log that never stands: nothing tells whose it is."""
+    fit = case.fit
+    if fit is None:
+        return []
+    place = [term.name for term in fit.terms].index("const")
+    const, std = (float(each[place]) for each in fit.posterior)
+    return [
+        Sign(
+            abs(const) / (_TERM * std),
+            f"driving has {const:+.0f} ± {std:.0f} N besides mass and friction",
+            channel=case.force_channel,
+            alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
+        )
+    ]
+
+
+def coulomb(case: Case) -> list[Sign]:
+    """A force against the motion that does not depend on it."""
+    fit, found = case.fit, picks(case)
+    if fit is None or case.machine.settings.forces.coulomb:  # then it is not missing
+        return []
+    motion = fit.motion
+    name = "direction" if motion.both_ways else "const"
+    way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
+    pick = found.get(name)
+    if pick is None or pick.value * way <= 0.0:
+        return []
+    force = pick.value * way
+    prior = "direction_share" if motion.both_ways else "const_share"
+    share = max(getattr(case.machine.settings.priors, prior), force / motion.largest_force)
+    others = _others(pick)
+    seen = constants(case)
+    unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
+    return [
+        Sign(
+            min(float(np.sqrt(pick.gain)) / _TERM, force / (_LEAST_SHARE * motion.largest_force)),
+            f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
+            setting=f"settings.forces.coulomb, settings.priors.{prior}",
+            value=f"true, {share:.3f}",
+            change=lambda: _without_friction(case, force, pick.std, others),
+            alternatives=tuple(dict.fromkeys((*others, *unknown))),
+        )
+    ]
+
+
+def _without_friction(
+    case: Case, force: float, std: float, others: tuple[str, ...]
+) -> Change | None:
+    """What the mass would be without Coulomb friction, or whichever of the others it is."""
+    change = mended(
+        case,
+        lambda motion: replace(motion, force=motion.force - force * motion.direction),
+        min(std / force, 1.0),
+    )
+    weighing = case.evidence.weighing
+    if change is None or weighing is None or "braking_inside" not in others:
+        return change
+    return Change(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
+
+
+def _none(case: Case) -> Change | None:
+    fit = case.fit
+    return None if fit is None else Change(0.0, 0.5 * fit.u_kg)
+
+
+def slip(case: Case) -> list[Sign]:
+    """Wheels that turn faster than the ground under force."""
+    pick, fit = picks(case).get("slip"), case.fit
+    if pick is None or fit is None or pick.value <= 0.0:
+        return []
+    at = pick.value * fit.motion.largest_force
+    return [
+        Sign(
+            min(float(np.sqrt(pick.gain)) / _TERM, at / 0.005),
+            f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
+            "full force",
+            channel=next(iter(case.speed_channels), None),
+            change=lambda: _none(case),
+            alternatives=_others(pick),
+        )
+    ]
+
+
+def driveline(case: Case) -> list[Sign]:
+    """A force that is not linear in the acceleration: load transfer, or losses of the drive."""
+    found = _one_load(case)
+    pick = picks(case).get("driveline")
+    if pick is not None:
+        found.append(
+            Sign(
+                min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_CHANGE),
+                _share_changes(pick.value, pick.std),
+                channel=case.force_channel,
+                change=lambda: mended(
+                    case,
+                    lambda motion: replace(
+                        motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
+                    ),
+                    1.0,
+                ),
+                alternatives=_others(pick),
+            )
+        )
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _share_changes(value: float, std: float) -> str:
+    return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} a m/s²"
+
+
+def _one_load(case: Case) -> list[Sign]:
+    """The same where the answer has loads that take turns with the direction."""
+    found = share_instead_of_loads(case)
+    if found is None or found.worse > APART:
+        return []
+    return [
+        Sign(
+            min(float(np.sqrt(found.gain)) / _TERM, abs(found.value) / _LEAST_CHANGE),
+            f"{_share_changes(found.value, found.std)}, and there is one load, or there are "
+            f"{found.loads} that go with the direction: this log does not tell",
+            channel=case.force_channel,
+        )
+    ]
+
+
+def share_of_u(case: Case) -> float:
+    """The answer's standard uncertainty as a share of it; infinite where there is none."""
+    weighing = case.evidence.weighing
+    if weighing is None:
+        return float("inf")
+    parts = weighing.fit.parts_kg(weighing.fit.weights(weighing.fit.main))
+    # a gain is another cause, and no start would tell it better
+    u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
+    return u_kg / abs(weighing.fit.mass_kg)
+
+
+def too_little(case: Case) -> list[Sign]:
+    """No accepted stretch, or an answer that is hardly one."""
+    if case.evidence.weighing is None:
+        stretches = case.checks.get("accepted_stretches", 0.0)
+        return [Sign(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
+    share = share_of_u(case)
+    return [Sign(share / POOR, f"the answer's standard uncertainty is {share:.1%} of it")]
+
+
+def collinear(case: Case) -> list[Sign]:
+    """Terms that the motion does not tell from the mass."""
+    fit = case.fit
+    if fit is None:
+        return []
+    parts = fit.parts_kg(fit.weights(fit.main))
+    by_term = {term.name: parts[term.name] for term in fit.terms}
+    worst = max(by_term, key=lambda name: by_term[name])
+    share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
+    return [
+        Sign(
+            share / _OPEN,
+            f"the motion leaves {share:.1%} of the mass to priors, most of it to {worst}",
+        )
+    ]
+
+
+def braking(case: Case) -> list[Sign]:
+    """Braking that counts as driving, and moves the mass."""
+    weighing = case.evidence.weighing
+    if weighing is None or not np.isfinite(weighing.braking_kg):
+        return []
+    left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
+    pick = None if weighing.braking_left_out else picks(case).get("braking")
+    if pick is None:  # what driving says is all there is
+        strength = float(abs(weighing.braking_kg) / (_BRAKING * weighing.fit.u_kg))
+        share, others = "", ()
+    else:
+        strength = min(float(np.sqrt(pick.gain)) / _TERM, pick.value / _UNSEEN)
+        share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", _others(pick)
+    return [
+        Sign(
+            strength,
+            f"braking moves the mass by {weighing.braking_kg:+.0f} kg: the force does not see all "
+            f"of the brakes{share}",
+            setting="settings.gate.exclude_braking",
+            value="true",
+            change=lambda: Change(left, _OF_BRAKING * weighing.fit.u_kg),
+            alternatives=others,
+        )
+    ]
+
+
+def external_force(case: Case) -> list[Sign]:
+    """Starts against something that pushes back."""
+    if not case.digs.height:
+        return []
+    body = case.machine.machine
+    least_N = _PILE * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
+    digs = case.digs.filter(pl.col("growth_N") > least_N)
+    if digs.is_empty():
+        return []
+    growth, std = (digs[name].to_numpy() for name in ("growth_N", "growth_std_N"))
+    worst = int(np.argmax(growth / std))
+    begin, end = (int(digs[name][worst]) for name in ("start_t_ns", "end_t_ns"))
+    return [
+        Sign(
+            float(growth[worst] / std[worst]) / SURELY * np.sqrt(digs.height),
+            f"in {counted(digs.height, 'start')} a resistance grows, by up to "
+            f"{growth[worst]:.0f} ± {std[worst]:.0f} N; they are left out",
+            channel=case.force_channel,
+            span_ns=(begin, end),
+        )
+    ]

@@ -1,0 +1,124 @@
+"""Loads that grow while a manoeuvre drives: f = (m + g t) a + (b + g) v, with g in kg/s.
+
+What comes in is brought to the machine's speed, which costs g v. Each manoeuvre has its own mass
+and growth; friction and constant forces are those of all manoeuvres together.
+"""
+
+from statistics import NormalDist
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.findings.cause import Sign
+from analysis.findings.constant_forces import constants
+from analysis.findings.finding_inputs import Case
+from analysis.findings.whitened_rows import FORCE, blocks, force_system, sums, variance_of
+from estimators.errors import counted
+from estimators.numerics.fit_loss import group_rows
+
+#: A log without a load that grows may seem to have one so often.
+_CHANCE: Final = 5e-4
+#: What pours in may pour fast; a load that falls while the machine drives must be surer by this.
+_FALLS: Final = 1.25
+#: Fewer rows, or less of a column that is left, tell nothing.
+_FEWEST: Final = 10
+_LEFT: Final = 0.02
+#: Who drives for longer does not load any more: what then ends the drive would weigh by its time.
+_LONGEST_S: Final = 15.0
+#: What every log may have besides; columns of more noise would leave it in this one's way.
+_USUAL: Final = ("const", "direction")
+
+
+class _Growth(NamedTuple):
+    """A manoeuvre whose load grows.
+
+    Attributes:
+        first: its first grid sample.
+        kg_s: how fast.
+        deviations: from 0, over what chance stays below.
+    """
+
+    first: int
+    kg_s: float
+    deviations: float
+
+
+def load_changed(case: Case) -> list[Sign]:
+    """Manoeuvres whose load grows or falls while they drive."""
+    found = [*_left_out(case), *_fitted(case)]
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _fitted(case: Case) -> list[Sign]:
+    """Those that are fitted although their load grows."""
+    found = _growths(case)
+    if not found:
+        return []
+    worst = max(found, key=lambda each: each.deviations)
+    begin = int(case.aligned["t_ns"].to_numpy()[worst.first])
+    return [
+        Sign(
+            worst.deviations * len(found) ** 0.5,
+            f"in {counted(len(found), 'manoeuvre')} the load changes, by up to "
+            f"{worst.kg_s:+.0f} kg/s",
+            span_ns=(begin, begin),
+        )
+    ]
+
+
+def _left_out(case: Case) -> list[Sign]:
+    """Those that the answer leaves out."""
+    weighing = case.evidence.weighing
+    if weighing is None or not weighing.growing:
+        return []
+    worst = max(weighing.growing, key=lambda each: abs(each.kg) / each.std_kg)
+    t = case.aligned["t_ns"].to_numpy()
+    begin = int(t[min(worst.first, t.size - 1)])
+    return [
+        Sign(
+            abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(weighing.growing))),
+            f"in {counted(len(weighing.growing), 'manoeuvre')} the load changes, by up to "
+            f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; they are left out",
+            span_ns=(begin, begin),
+        )
+    ]
+
+
+def _growths(case: Case) -> list[_Growth]:
+    """The manoeuvres whose load grows, or falls, by more than chance."""
+    fit, noise, motion = case.fit, case.column_noise, constants(case).motion
+    if fit is None or noise is None or motion is None:
+        return []
+    parts = [part for part in group_rows(motion.group) if part.size >= _FEWEST * FORCE]
+    if len(parts) < 3:  # then nothing says what is usual
+        return []
+    viscous = max(fit.viscous, 0.0)
+    system = force_system(motion, noise, case.mass_of_samples(motion), viscous)
+    taken = blocks(motion.group, FORCE).reshape(-1, FORCE)
+    group = motion.group[taken[:, 0]]
+    usual = [column for name, column in system.columns.items() if name in _USUAL]
+    base = np.column_stack([system.base, *usual])
+    q = np.linalg.qr(base / np.linalg.norm(base, axis=0))[0]
+    left = system.y - q @ (q.T @ system.y)
+    limit = -NormalDist().inv_cdf(_CHANCE / 2.0 / len(parts))
+    found: list[_Growth] = []
+    for part in parts:
+        loads = taken[:, 0] < part[0] + _LONGEST_S * motion.rate_hz
+        rows = np.flatnonzero((group == motion.group[part[0]]) & loads)
+        mine = taken[rows].ravel()
+        t_s = (mine - part[0]) / motion.rate_hz
+        grown = sums(t_s * motion.acceleration[mine] + motion.speed[mine], FORCE) / FORCE
+        own = np.column_stack([system.base[rows, 0] * system.size_N, grown]) / system.size_N
+        across = own - q[rows] @ (q[rows].T @ own)
+        gram = own.T @ across
+        rest = gram[1, 1] - gram[0, 1] ** 2 / gram[0, 0]
+        if not rest > _LEFT * float(own[:, 1] @ own[:, 1]):
+            continue
+        score = own.T @ left[rows]
+        kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
+        others = np.delete(left, rows)
+        deviations = abs(kg_s) * float(np.sqrt(rest / variance_of(others))) / limit
+        deviations /= _FALLS if kg_s < 0.0 else 1.0
+        if deviations > 1.0:
+            found.append(_Growth(int(part[0]), kg_s, deviations))
+    return found

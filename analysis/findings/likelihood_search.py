@@ -1,0 +1,256 @@
+"""Which causes raise the likelihood of the two equations, one after the other.
+
+At each step every cause is tried with one parameter beside mass, friction and what was found
+before; that which raises the likelihood most is taken. Causes that would raise it nearly as much
+are its class: this log does not tell them apart.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from analysis.findings.altered_motion import moved
+from analysis.findings.channel_causes import spiked
+from analysis.findings.constant_forces import constants
+from analysis.findings.finding_inputs import Case
+from analysis.findings.refit import whole_stretches
+from analysis.findings.whitened_rows import Explained, force_system, wheel_system
+from analysis.weighing.motion_samples import Equation
+
+#: Gains (twice the log likelihood) that differ by less are not told apart.
+APART: Final = 6.0
+#: Parameters below these are no causes.
+_LEAST: Final = {
+    **{f"delay:{channel}": 0.002 for channel in ("force", "speed", "imu")},
+    "wheel_radius": 0.003,
+    "driveline": 0.01,
+    "braking": 0.002,
+}
+#: So are those of brakes and of what looks alike by less than this share.
+_OF_BRAKES: Final = 0.5
+#: A cause is taken from this gain on, and so many of them.
+_TAKEN: Final = 11.0
+_MOST: Final = 4
+#: A delay from here on is tried whole, and taken when it leaves so much less.
+_LONG_S: Final = 0.03
+_MUCH: Final = 0.5
+#: Wheels of which whatever is left has so many times the variance of noise are not listened to.
+_MISSES: Final = 8.0
+#: Delays that the wheels do not tell apart.
+_BESIDE: Final = {"delay:speed": "delay:imu", "delay:imu": "delay:speed"}
+#: A delay is looked for again where it was found, until it moves by less.
+_FOUND_S: Final = 3e-4
+_ROUNDS: Final = 5
+_LONGEST_S: Final = 0.2
+
+
+@dataclass(frozen=True)
+class Pick:
+    """A cause with its parameter.
+
+    Attributes:
+        name: of the column.
+        value: of its parameter.
+        std: its standard deviation.
+        gain: by how much it raises twice the log likelihood.
+        rivals: names of others that would raise it nearly as much.
+    """
+
+    name: str
+    value: float
+    std: float
+    gain: float
+    rivals: tuple[str, ...]
+
+
+def picks(case: Case) -> Mapping[str, Pick]:
+    """What each cause raises the likelihood by, those first that were taken."""
+    if "picks" not in case.kept:
+        case.kept["picks"] = _picked(case)
+    return case.kept["picks"]  # type: ignore[return-value]
+
+
+def _picked(case: Case) -> dict[str, Pick]:
+    fit, noise = case.fit, case.column_noise
+    if fit is None or noise is None or constants(case).motion is None:
+        return {}
+    motion = constants(case).motion or fit.motion
+    near = spiked(case)
+    if near.any():  # a spike is no motion, whatever it looks like
+        motion = whole_stretches(motion.without(near))
+    taken: list[str] = []
+    out: dict[str, Pick] = {}
+    late = _late(case, motion)
+    if late is not None:
+        motion, found = _settled(case, motion, taken, late)
+        out[late.name] = replace(found, gain=late.gain)
+        taken.append(late.name)
+    for _ in range(_MOST):
+        tried = _tried(case, motion, taken)
+        if not tried:
+            break
+        best = _telling(tried)
+        if best.gain < _TAKEN:
+            out.update({name: pick for name, pick in tried.items() if name not in out})
+            break
+        found = best
+        rivals = {
+            name
+            for name, pick in tried.items()
+            if best.gain - pick.gain < _apart(best, name) and _can_be(pick)
+        }
+        if best.name.startswith("delay"):
+            begun = motion
+            motion, found = _settled(case, begun, taken, best)
+            if best.name in _BESIDE and _BESIDE[best.name] in tried:
+                motion, found, other = _whose(case, begun, taken, (motion, found))
+                rivals = rivals - {*_BESIDE} | {*other}
+        rivals -= {found.name, *out}
+        out[found.name] = replace(
+            found, gain=best.gain, rivals=tuple(n for n in tried if n in rivals)
+        )
+        taken.append(found.name)
+    else:
+        out.update({n: p for n, p in _tried(case, motion, taken).items() if n not in out})
+    return out
+
+
+def _apart(best: Pick, name: str) -> float:
+    """Gains that differ by less are not told apart."""
+    # under a throttle that is held, brakes of an unknown course are a constant force as well, or
+    # one that is not linear in the acceleration
+    pair = {best.name, name}
+    alike = "braking" in pair and pair & {"const", "direction", "driveline"}
+    return max(APART, _OF_BRAKES * best.gain) if alike else APART
+
+
+def _telling(tried: Mapping[str, Pick]) -> Pick:
+    """The cause that raises the likelihood most; of its class one that can be and matters."""
+    best = max(tried.values(), key=lambda pick: pick.gain)
+    if _can_be(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
+        return best
+    others = [
+        pick
+        for pick in tried.values()
+        if best.gain - pick.gain < _apart(best, pick.name)
+        and _can_be(pick)
+        and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
+        and pick.gain >= _TAKEN
+    ]
+    return max(others, key=lambda pick: pick.gain, default=best)
+
+
+def _can_be(pick: Pick) -> bool:
+    """Wheels do not turn slower than the ground that they push: that is another one's shape."""
+    return pick.name != "slip" or pick.value > 0.0
+
+
+def _late(case: Case, motion: Equation) -> Pick | None:
+    """A delay so long that no derivative makes up for it: the joint fit's, tried whole."""
+    fit = case.fit
+    if fit is None or abs(fit.lag_s) < _LONG_S:
+        return None
+    late = moved(motion, "force", fit.lag_s)
+    before, after = (_left(case, of)[0] for of in (motion, late))
+    if before.square_left * before.variance < (1.0 + _MUCH) * after.square_left * after.variance:
+        return None
+    # the wheels tell whether it is the accelerometer that is early or late
+    turned = moved(motion, "imu", -fit.lag_s)
+    without, with_it = (_left(case, of)[1] for of in (motion, turned))
+    by_imu = (
+        without is not None
+        and with_it is not None
+        and with_it.square_left * with_it.variance < without.square_left * without.variance
+    )
+    gain = before.square_left * before.variance / after.variance - after.square_left
+    if by_imu:
+        return Pick("delay:imu", -fit.lag_s, 1e-3, gain, ())
+    return Pick("delay:force", fit.lag_s, 1e-3, gain, ())
+
+
+def _settled(case: Case, motion: Equation, taken: list[str], pick: Pick) -> tuple[Equation, Pick]:
+    """Move the channel back by what was found, until nothing is left of its delay."""
+    channel, total, std = pick.name.partition(":")[2], 0.0, pick.std
+    begun, step = motion, pick.value
+    for _ in range(_ROUNDS):
+        total = float(np.clip(total + step, -_LONGEST_S, _LONGEST_S))
+        motion = moved(begun, channel, total)
+        again = _tried(case, motion, taken).get(pick.name)
+        if again is None:
+            break
+        step, std = again.value, again.std
+        if abs(step) < _FOUND_S:
+            break
+    return motion, replace(pick, value=total, std=std)
+
+
+def _whose(
+    case: Case, begun: Equation, taken: list[str], settled: tuple[Equation, Pick]
+) -> tuple[Equation, Pick, tuple[str, ...]]:
+    """Whether wheels are early or the accelerometer is late: alike to both, not to the force.
+
+    Args:
+        case: the log.
+        begun: the motion before either was moved back.
+        taken: causes that were found before.
+        settled: the motion after the one that was found, and how late it is.
+
+    Returns:
+        The motion and the delay that leave less of the force, and the other one's name where it
+        leaves hardly more.
+    """
+    motion, own = settled
+    turned = replace(own, name=_BESIDE[own.name], value=-own.value)
+    other = moved(begun, turned.name.partition(":")[2], turned.value)
+    # tried whole: noise of the force makes its derivative too large, and a delay too small
+    left, left_other = (_left(case, each, taken)[0] for each in (motion, other))
+    apart = left.square_left * left.variance - left_other.square_left * left_other.variance
+    apart /= min(left.variance, left_other.variance)
+    near = abs(apart) < APART
+    if apart > 0.0:
+        return other, turned, (own.name,) if near else ()
+    return motion, own, (turned.name,) if near else ()
+
+
+def _tried(case: Case, motion: Equation, taken: list[str]) -> dict[str, Pick]:
+    """Every cause beside those that were taken."""
+    parts = _systems(case, motion, taken)
+    names = list(dict.fromkeys(name for part in parts for name in part.information))
+    out: dict[str, Pick] = {}
+    for name in names:
+        if name in taken:
+            continue
+        square = sum(part.square(name) for part in parts)
+        if not square > 0.0:
+            continue
+        value = sum(part.product(name) for part in parts) / square
+        out[name] = Pick(name, value, square**-0.5, value**2 * square, ())
+    return out
+
+
+def _systems(case: Case, motion: Equation, taken: list[str]) -> list[Explained]:
+    """Both equations without what was taken; the wheels' where it can be listened to."""
+    force, wheels = _left(case, motion, taken)
+    # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
+    together = wheels is not None and wheels.variance < _MISSES
+    return [force, wheels] if wheels is not None and together else [force]
+
+
+def _left(
+    case: Case, motion: Equation, taken: Sequence[str] = ()
+) -> tuple[Explained, Explained | None]:
+    """Force and wheels without what was taken."""
+    fit, noise = case.fit, case.column_noise
+    assert fit is not None
+    assert noise is not None
+    force = force_system(
+        motion,
+        noise,
+        case.mass_of_samples(motion),
+        max(fit.viscous, 0.0),
+        brakes=not case.machine.settings.gate.exclude_braking,
+    )
+    wheels = wheel_system(motion, noise)
+    return Explained.of(force, taken), None if wheels is None else Explained.of(wheels, taken)

@@ -1,0 +1,103 @@
+"""Causes that another one hides: what a log shows once that one is mended.
+
+A force of the wrong sign, or in another unit, leaves nothing that could be weighed, so that nothing
+else shows. What mends it is a scale, and the log is looked at once more with it.
+"""
+
+import tomllib
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import polars as pl
+
+from analysis.findings.cause_table import CAUSES
+from analysis.model.machine import Machine
+
+#: Of a longer log its beginning is looked at once more.
+_LONGEST_S: Final = 3600.0
+#: A log is looked at so many times more.
+_MOST: Final = 3
+_HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
+_SCALE: Final = "scale"
+
+
+def beginning(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The first hour in which a log has all of its topics, and what is before it.
+
+    Args:
+        raw: by topic: log_time_ns and more, in its order.
+    """
+    end_ns = max(int(frame["log_time_ns"][0]) for frame in raw.values()) + int(_LONGEST_S * 1e9)
+    return {topic: frame.filter(pl.col("log_time_ns") < end_ns) for topic, frame in raw.items()}
+
+
+def behind(
+    found: pl.DataFrame,
+    machine: Machine,
+    look: Callable[[Machine], pl.DataFrame | None],
+    *,
+    whole: bool,
+) -> pl.DataFrame:
+    """Put behind a cause that hides others what the log shows without it.
+
+    Args:
+        found: `findings`.
+        machine: that the log was replayed with.
+        look: the findings of the log with another machine file; None where it cannot be replayed.
+        whole: whether that is the whole log, and not its beginning.
+
+    Returns:
+        `findings`: the causes that hide others, then those that the log has once they are mended.
+        As it was where nothing is hidden, or mending a cause leaves it where it was.
+    """
+    hiding: list[pl.DataFrame] = []
+    seen = found
+    for _ in range(_MOST):
+        first = seen.head(1)
+        changed = _mended(machine, first)
+        others = None if changed is None else look(changed)
+        if changed is None or others is None or _has(others, first["cause"][0]):
+            break
+        hiding.append(first)
+        machine, seen = changed, others
+    if not hiding:
+        return found
+    names = " and ".join(each["cause"][0].replace("_", " ") for each in hiding)
+    seen = seen.with_columns(evidence=pl.format("once {} is mended: {}", pl.lit(names), "evidence"))
+    both = pl.concat([*hiding, seen] if whole else [*hiding, seen, _later(found, hiding, seen)])
+    return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))
+
+
+def _has(found: pl.DataFrame, cause: str) -> bool:
+    return cause in found["cause"]
+
+
+def _later(found: pl.DataFrame, hiding: list[pl.DataFrame], seen: pl.DataFrame) -> pl.DataFrame:
+    """What the first look saw and the part that was looked at once more may not have."""
+    explained = [key for each in CAUSES for key in each.explains if _any_has(hiding, each.key)]
+    known = [*explained, *seen["cause"], *(each["cause"][0] for each in hiding)]
+    return found.filter(~pl.col("cause").is_in(known))
+
+
+def _any_has(hiding: list[pl.DataFrame], cause: str) -> bool:
+    return any(_has(each, cause) for each in hiding)
+
+
+def _mended(machine: Machine, first: pl.DataFrame) -> Machine | None:
+    """The machine without a cause that hides others; None where no scale mends one."""
+    if not first["cause"].is_in(_HIDES).any() or first["setting"][0] is None:
+        return None
+    return _scaled(machine, first["setting"][0], first["value"][0])
+
+
+def _scaled(machine: Machine, keys: str, values: str) -> Machine | None:
+    """The machine with other scales of channels; None where more than scales would change."""
+    scales = tomllib.loads(f"values = [{values}]")["values"]
+    channels = dict(machine.channels)
+    for key, scale in zip(keys.split(", "), scales, strict=True):
+        section, _, rest = key.partition(".")
+        name, _, field = rest.rpartition(".")
+        if section != "channels" or field != _SCALE:
+            return None
+        channels[name] = channels[name].model_copy(update={_SCALE: float(scale)})
+    return machine.model_copy(update={"channels": channels})

@@ -1,0 +1,183 @@
+"""What mending a cause would do to the mass: the fit once more, of a motion that is mended.
+
+One refit costs a fraction of a replay. What a replay would do besides (other windows accepted,
+another mean) is in the uncertainty.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Bools, Floats
+from analysis.findings.cause import Change
+from analysis.findings.finding_inputs import Case
+from analysis.model.settings import PriorSettings
+from analysis.weighing.joint_fit import again
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.motion_samples import Equation, NoiseOfColumns, begins
+from analysis.weighing.wheel_kinematics import Kinematics, kinematics
+
+#: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
+_OF_REPLAY: Final = 0.5
+#: Of the change itself: what is mended is not all that the cause did.
+_OF_SIZE: Final = 0.05
+#: Rounds of a refit; of many stretches the first ones alone find lag and slip, in one round more
+#: where the lag moves by so much, and all of them are fitted once.
+_ROUNDS: Final = 3
+_PILOT: Final = 24
+_LAG_MOVES_S: Final = 1e-3
+#: So far samples are looked for by what moves force and speed in time.
+_REACH_S: Final = 0.4
+
+#: What is left of starts that were cut is not what they were, to this share of the change.
+_CUT: Final = 0.5
+
+#: An accelerometer whose zero alone changes is none to the wheels.
+_SAME_M_S2: Final = 1e-9
+
+#: Stretches of a log that are fitted once more.
+_TRIED: Final = 48
+#: Fewer samples are not fitted.
+_FEWEST: Final = 200
+_SHORTEST: Final = 20
+
+Mend = Callable[[Equation], Equation]
+
+
+def left_out(case: Case, rows: Bools) -> Change | None:
+    """Fit once more without samples, which leaves some starts as another answer would have them.
+
+    Args:
+        case: the log.
+        rows: (n,) grid samples that say nothing.
+    """
+    return anew(case, lambda motion: motion.without(rows), _CUT)
+
+
+def anew(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
+    """Fit once more where the answer as it is says little of what a replay will say.
+
+    Args:
+        case: the log.
+        mend: makes the motion as it would be.
+        relative_u: as of `mended`.
+    """
+    change = mended(case, mend, relative_u)
+    if change is None or case.fit is None:
+        return None
+    return Change(change.kg, float(np.hypot(change.u_kg, case.fit.u_kg)))
+
+
+def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
+    """Fit once more from the joint fit on, and compare with the mass of the motion as it is.
+
+    Args:
+        case: the log.
+        mend: makes the motion as it would be.
+        relative_u: standard uncertainty of what is mended, as a share of it.
+    """
+    fit = case.fit
+    if fit is None:
+        return None
+    before, after = _before_kg(case, fit), _mass_kg(case, mend(fit.motion))
+    if before is None or after is None:
+        return None
+    kg = after - before
+    of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
+    return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
+
+
+def _before_kg(case: Case, fit: JointFit) -> float | None:
+    """The mass of the motion as it is: the fit's own, or that of the same part of a long log."""
+    if "refitted" not in case.kept:
+        whole = np.unique(fit.motion.group[fit.motion.used]).size <= _TRIED
+        if whole and fit.states is not None:
+            case.kept["states"] = fit.states.count
+        if whole:
+            case.kept["wheels"] = fit.kinematics
+        case.kept["refitted"] = fit.mass_kg if whole else _mass_kg(case, fit.motion)
+    return case.kept["refitted"]  # type: ignore[return-value]
+
+
+def _mass_kg(case: Case, motion: Equation) -> float | None:
+    fit, noise = case.fit, case.column_noise
+    if fit is None or noise is None:
+        return None
+    priors = case.machine.settings.priors
+    known = _goes_alike(fit.motion, motion)
+    # of a long log a part says as much of what a cause does
+    motion = whole_stretches(motion.beginning(_TRIED))
+    if motion.used.sum() < _FEWEST or not motion.drives:
+        return None
+    motion = motion.around_fitted(_REACH_S)
+    states = None if fit.states is None else fit.states.among(motion)
+    if states is not None and states.count != case.kept.setdefault("states", states.count):
+        return None
+    earlier = case.kept.get("wheels")
+    wheels = earlier if isinstance(earlier, Kinematics) else fit.kinematics
+    if not known or earlier is None:
+        wheels = kinematics(motion, noise, priors, wheels)
+    if known:
+        case.kept["wheels"] = wheels
+    begun = replace(fit, motion=motion, kinematics=wheels, states=states)
+    found = _refitted(begun, noise, priors, known=known).mass_kg
+    return found if np.isfinite(found) else None
+
+
+def _goes_alike(before: Equation, after: Equation) -> bool:
+    """Whether wheels and accelerometer say of each other what they said.
+
+    Their comparison takes a constant of the accelerometer off.
+    """
+    if not (
+        after.speed is before.speed and after.force is before.force and after.group is before.group
+    ):
+        return False
+    pairs = (
+        (before.acceleration, after.acceleration),
+        (before.specific_force, after.specific_force),
+        (before.without_gravity, after.without_gravity),
+    )
+    return all(
+        old is new or (old is not None and new is not None and _differ_by_constant(old, new))
+        for old, new in pairs
+    )
+
+
+def _differ_by_constant(old: Floats, new: Floats) -> bool:
+    return float(np.ptp(new - old)) < _SAME_M_S2
+
+
+def _refitted(
+    begun: JointFit, noise: NoiseOfColumns, priors: PriorSettings, *, known: bool
+) -> JointFit:
+    """Fit from another one's parameters on; its lag by the first stretches where there are more.
+
+    Args:
+        begun: what is known.
+        noise: of the columns.
+        priors: of the nuisances.
+        known: whether neither force nor speed changes, and with them no lag.
+    """
+    part = begun.motion.beginning(_PILOT)
+    if part is begun.motion or not part.drives:
+        return again(begun, noise, priors, rounds=_ROUNDS - known)
+    if known:
+        return again(begun, noise, priors)
+    states = None if begun.states is None else begun.states.among(part)
+    pilot = again(replace(begun, motion=part, states=states), noise, priors)
+    if abs(pilot.found.lag_s - begun.found.lag_s) > _LAG_MOVES_S:
+        pilot = again(pilot, noise, priors)
+    theta = begun.theta.copy()
+    theta[begun.count] = pilot.viscous
+    return again(replace(begun, found=pilot.found, theta=theta), noise, priors)
+
+
+def whole_stretches(motion: Equation) -> Equation:
+    """The motion with its stretches numbered anew: what was left out may have cut some in two."""
+    parts = np.where(motion.used, np.cumsum(begins(motion.group)) - 1, -1)
+    size = np.bincount(parts[parts >= 0], minlength=1)
+    short = (parts >= 0) & (size[np.maximum(parts, 0)] < _SHORTEST)
+    return replace(motion, group=parts.astype(np.int64)).without(short)

@@ -1,0 +1,201 @@
+"""Stamps: gaps, uneven sampling, a clock that jumps and clocks that run apart."""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Bools
+from analysis.diagnosis.measured_channels import Floats, Ints
+from analysis.findings.cause import Sign
+from analysis.findings.finding_inputs import Case
+from analysis.stages.signals.filters import period_ns
+from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
+
+#: Share of a topic's steps that are missing before it counts.
+_MISSING: Final = 0.002
+#: Holes of all topics that are longer are pauses between two logs, but for their edges.
+_PAUSE_NS: Final = 2_000_000_000
+_EDGE_NS: Final = 100_000_000
+#: Scatter of a topic's steps, as a share of its period, that interpolation does not mind.
+_UNEVEN: Final = 0.15
+#: A jump is at least so long, and so many deviations of the latency.
+_JUMP_S: Final = 0.003
+_JUMP_DEVIATIONS: Final = 8.0
+#: Latencies are compared in so many parts.
+_PARTS: Final = 40
+#: A drift at least so clear, and so long over the log.
+_DRIFT_DEVIATIONS: Final = 6.0
+_DRIFT_S: Final = 0.003
+
+
+def gaps(case: Case) -> list[Sign]:
+    """Steps of a topic longer than `gap_periods` of its own period."""
+    found: list[Sign] = []
+    settings = case.machine.settings.align
+    topics = _a_channel_a_topic(case)
+    others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
+    for name, (t, _) in topics.items():
+        period = float(period_ns(t))
+        steps = np.diff(t)
+        holes = np.flatnonzero(steps > settings.gap_periods * period)
+        holes = holes[~_paused(t[holes], t[holes + 1], others[name])]
+        if not holes.size:
+            continue
+        missing = float(steps[holes].sum()) / float(t[-1] - t[0])
+        longest = int(holes[np.argmax(steps[holes])])
+        found.append(
+            Sign(
+                1.0 + missing / _MISSING,
+                f"{holes.size} gaps, the longest {steps[longest] / 1e9:.2f} s, together "
+                f"{missing:.1%} of the log",
+                channel=name,
+                span_ns=case.since_start(t[longest], t[longest + 1]),
+            )
+        )
+    return _largest(found)
+
+
+def _paused(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
+    """Which holes are pauses of the recorder: seconds in which no topic has a sample."""
+    alone = np.zeros(begin.size, np.bool_)
+    for t in others:
+        inside = np.searchsorted(t, end - _EDGE_NS) - np.searchsorted(t, begin + _EDGE_NS)
+        alone |= inside > 0
+    return ~alone & (end - begin > _PAUSE_NS) & bool(others)
+
+
+def irregular(case: Case) -> list[Sign]:
+    """The scatter of a topic's steps, gaps aside, over its period."""
+    found: list[Sign] = []
+    for name, (t, _) in _a_channel_a_topic(case).items():
+        uneven = uneven_headers(case.raw[case.machine.channels[name].topic or "table"])
+        if uneven is not None:
+            found.append(
+                Sign(
+                    uneven[0] / _UNEVEN,
+                    f"the steps of its header stamps scatter by {uneven[0]:.0%} of the period, "
+                    f"those of log time by {uneven[1]:.0%}: log time places it",
+                    channel=name,
+                )
+            )
+            continue
+        period = float(period_ns(t))
+        steps = np.diff(t) / period
+        steps = steps[steps < case.machine.settings.align.gap_periods]
+        if steps.size < 100:
+            continue
+        scatter = float(np.std(steps))
+        found.append(
+            Sign(
+                scatter / _UNEVEN,
+                f"its steps scatter by {scatter:.0%} of the period of {period / 1e6:.1f} ms",
+                channel=name,
+            )
+        )
+    return _largest(found)
+
+
+def clock_jump(case: Case) -> list[Sign]:
+    """A step in what log time lies behind header stamps, beyond its drift."""
+    found: list[Sign] = []
+    for topic, (log, latency_s) in _latencies(case).items():
+        level, std_s = _levels(latency_s)
+        if level is None:
+            continue
+        at, jump_s, left_s = _step(level)
+        # a clock that drifts has no one step
+        if left_s > _off_line(level):
+            continue
+        strength = abs(jump_s) / max(_JUMP_DEVIATIONS * std_s, _JUMP_S)
+        place = at * log.size // _PARTS
+        when = int(log[min(place, log.size - 1)])
+        found.append(
+            Sign(
+                strength,
+                f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
+                "against log time",
+                channel=case.channel_of(topic),
+                span_ns=case.since_start(when, when),
+            )
+        )
+    return _largest(found)
+
+
+def clock_drift(case: Case) -> list[Sign]:
+    """Two topics' header stamps against their log times."""
+    signals = case.evidence.signals
+    if signals is None or signals.drift is None:
+        return []
+    drift, span_s = signals.drift, signals.span_s
+    apart_s = drift.drift_ppm * 1e-6 * span_s
+    strength = min(drift.drift_ppm / (_DRIFT_DEVIATIONS * drift.drift_std_ppm), apart_s / _DRIFT_S)
+    fit = case.fit
+    # which of the two is wrong the force tells: it becomes late, or does not
+    wrong = _drifting(case, drift.faster, drift.slower)
+    explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"
+    return [
+        Sign(
+            float(np.nan_to_num(strength)),
+            f"the clock of {drift.faster} runs {drift.drift_ppm:.0f} ± {drift.drift_std_ppm:.0f} "
+            f"ppm faster than that of {drift.slower}{explains}",
+            channel=case.channel_of(wrong),
+        )
+    ]
+
+
+def _drifting(case: Case, faster: str, slower: str) -> str:
+    """Of two clocks that run apart, the one of the force where there is one."""
+    force = case.force_channel
+    topic = None if force is None else case.machine.channels[force].topic
+    return slower if slower == topic else faster
+
+
+def _a_channel_a_topic(case: Case) -> dict[str, tuple[Ints, Floats]]:
+    """One channel of each topic that the equation needs."""
+    topics: dict[str | None, str] = {}
+    for name in case.needed:
+        topics.setdefault(case.machine.channels[name].topic, name)
+    return {name: case.series[name] for name in topics.values()}
+
+
+def _latencies(case: Case) -> dict[str, tuple[Ints, Floats]]:
+    """By topic: log times in ns, and log time less header stamp in s, from its least on."""
+    out: dict[str, tuple[Ints, Floats]] = {}
+    for topic, frame in case.raw.items():
+        if "header_stamp_ns" not in frame.columns or frame.height < 10 * _PARTS:
+            continue
+        stamps, log = frame["header_stamp_ns"], frame["log_time_ns"].to_numpy()
+        if stamps.null_count() or int(stamps.min() or 0) < FIRST_DATE_NS:  # type: ignore[arg-type]
+            continue
+        latency = log - stamps.to_numpy()
+        out[topic] = log, (latency - latency.min()) / 1e9
+    return out
+
+
+def _levels(latency_s: Floats) -> tuple[Floats | None, float]:
+    """(parts,) the usual latency of each part, and the deviation of one."""
+    parts = np.array_split(latency_s, _PARTS)
+    level = np.array([float(np.median(part)) for part in parts])
+    changes = np.abs(np.diff(level))
+    return level, max(float(np.median(changes)) * 1.4826, 1e-5)
+
+
+def _step(level: Floats) -> tuple[int, float, float]:
+    """Where the level steps most, by how much, and what a step leaves of its scatter."""
+    count = np.arange(1, level.size)
+    before = np.cumsum(level)[:-1] / count
+    after = (level.sum() - np.cumsum(level)[:-1]) / (level.size - count)
+    gain = count * (level.size - count) * (after - before) ** 2
+    at = int(np.argmax(gain)) + 1
+    left = np.concatenate([level[:at] - level[:at].mean(), level[at:] - level[at:].mean()])
+    return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
+
+
+def _off_line(level: Floats) -> float:
+    """What a line leaves of its scatter."""
+    x = np.arange(level.size, dtype=np.float64)
+    return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))
+
+
+def _largest(found: list[Sign]) -> list[Sign]:
+    return [max(found, key=lambda sign: sign.strength)] if found else []

@@ -1,0 +1,315 @@
+"""Channels that have lost their sign, their side or their unit."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Floats
+from analysis.findings.accelerometer_share import share_seen
+from analysis.findings.cause import Sign
+from analysis.findings.constant_forces import INDEPENDENT_S
+from analysis.findings.finding_inputs import ACC, Case
+from analysis.findings.refit import anew, mended
+from analysis.model.schema import values
+from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.motion_samples import Equation
+
+#: A correlation beyond this has a sign.
+_SIGN: Final = 0.3
+#: So has a gain beyond so many of its deviations.
+_SURE_SIGN: Final = 8.0
+#: Of a force that has lost its sign, this share of the samples opposes the motion that decelerate
+#: for so long in all, in s,
+_UNSIGNED: Final = 0.1
+_BRAKES_S: Final = 0.3
+#: at any rate so many of them,
+_FEWEST_BRAKING: Final = 3
+#: and this share of its readings is below zero.
+_BELOW_0: Final = 0.002
+_BACKWARDS_M_S: Final = 0.05
+#: A sign is there or not, so that it stands before what has a size.
+_STANDS_FIRST: Final = 30.0
+#: Left and right that correlate below this oppose each other.
+_OPPOSE: Final = -0.5
+#: A turn must be so much above the gyroscope's noise to tell the sides apart, in rad/s.
+_TURNS_RAD_S: Final = 0.03
+#: Ratios of units that are taken for each other, and what they are.
+_SPEED_UNITS: Final = {
+    3.6: "km/h as m/s",
+    1.0 / 0.44704: "mile/h as m/s",
+    1.0 / 0.3048: "ft/s as m/s",
+    1000.0: "mm/s as m/s",
+}
+_ACC_AXES: Final = (ACC, "specific_force_y_m_s2", "specific_force_z_m_s2")
+_ACC_UNITS: Final = {1.0 / 9.80665: "g as m/s²", 1000.0: "mm/s² as m/s²"}
+_FORCE_UNITS: Final = {
+    1000.0: "mN as N",
+    1e-3: "kN as N",
+    1.0 / 4.4482216: "lbf as N",
+    1.0 / 9.80665: "kgf as N",
+    8.8507: "lbf·in as N·m",
+}
+#: An ungated mass, or a gain, is taken for one below this relative deviation.
+_SURE: Final = 0.05
+#: So is the fit's mass where its standard uncertainty is a smaller share of it.
+_KNOWN: Final = 0.15
+#: A ratio is a unit's within this share; a load and friction bend a mass more.
+_NEAR: Final = 0.06
+_NEAR_MASS: Final = 0.35
+
+
+def flipped(case: Case) -> list[Sign]:
+    """One of force, speed and accelerometer against the other two; one side against the other."""
+    found = [*_axis_flipped(case), *_side_flipped(case)]
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _axis_flipped(case: Case) -> list[Sign]:
+    of_force = case.checks.get("force_sign", np.nan)
+    gain, std = share_seen(case) or (np.nan, np.nan)
+    by_imu = abs(gain) > _SURE_SIGN * std
+    if not np.isfinite(of_force):
+        return []
+    names: tuple[str, ...] = ()
+    if of_force < -_SIGN and not (by_imu and gain < 0.0):
+        names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+    elif by_imu and gain < 0.0:
+        names = case.measured(ACC) if of_force < -_SIGN else case.speed_channels
+    if not names:
+        return []
+    setting, value = case.scaled(names, -1.0)
+    strength = max(abs(of_force if of_force < -_SIGN else gain) / _SIGN, 1.0)
+    return [
+        Sign(
+            10.0 * strength,
+            f"force and acceleration correlate by {of_force:+.2f} with the speed's share taken out"
+            + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else ""),
+            channel=names[0],
+            setting=setting,
+            value=value,
+            change=lambda: anew(case, lambda motion: _turned(motion, names[0]), 0.05),
+        )
+    ]
+
+
+def _side_flipped(case: Case) -> list[Sign]:
+    """Left and right torque that oppose each other while the machine drives straight."""
+    sides = case.measured("torque_left_N_m", "torque_right_N_m")
+    if len(sides) < 2:
+        return []
+    left, right = (values(case.aligned, name) for name in sides)
+    used = case.evidence.is_phase("accelerating", "cruising", "braking")
+    used &= np.isfinite(left) & np.isfinite(right)
+    if used.sum() < 200 or not (used & case.evidence.is_phase("accelerating")).any():
+        return []
+    together = float(np.corrcoef(left[used], right[used])[0, 1])
+    if together > _OPPOSE or any(_never_negative(case, name) for name in sides):
+        return []
+    along = case.evidence.straight.speed
+    speeding = used & case.evidence.is_phase("accelerating")
+    wrong = sides[
+        int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
+    ]
+    setting, value = case.scaled((wrong,), -1.0)
+    return [
+        Sign(
+            _STANDS_FIRST * abs(together),
+            f"left and right torque correlate by {together:+.2f} while it drives straight",
+            channel=wrong,
+            setting=setting,
+            value=value,
+        )
+    ]
+
+
+def unsigned(case: Case) -> list[Sign]:
+    """A force that is never below zero, though it drives back or something brakes it."""
+    name = case.force_channel
+    if name is None:
+        return []
+    opposing = case.checks.get("raw_opposing_share", np.nan)
+    if not np.isfinite(opposing):
+        opposing = case.checks.get("opposing_share", np.nan)
+    straight = case.evidence.straight
+    if not straight.known.any():
+        return []
+    fewest = rows_in(_BRAKES_S, case.machine.settings.align.rate_hz, _FEWEST_BRAKING)
+    backwards = float((straight.speed[straight.known] < -_BACKWARDS_M_S).mean()) > 0.05
+    brakes = np.count_nonzero(straight.braking) >= fewest and opposing <= _UNSIGNED
+    if not _never_negative(case, name) or not (backwards or brakes):
+        return []
+    high = float(np.quantile(case.series[name][1], 0.99))
+    return [
+        Sign(
+            _STANDS_FIRST,
+            f"of up to {high:.3g}, not one of its readings is below zero, though the machine "
+            + (
+                "drives back"
+                if backwards
+                else f"slows down in {np.count_nonzero(straight.braking)} samples"
+            ),
+            channel=name,
+        )
+    ]
+
+
+def _never_negative(case: Case, name: str) -> bool:
+    """Whether a channel has lost its sign: noise about zero would be below it as well."""
+    return float((case.series[name][1] < 0.0).mean()) < _BELOW_0
+
+
+def swapped(case: Case) -> list[Sign]:
+    """Wheels that turn the machine the other way than the gyroscope says."""
+    gyro = "yaw_rate_rad_s"
+    sides = case.measured("speed_left_m_s", "speed_right_m_s")
+    width = case.machine.machine.track_width_m
+    if len(sides) < 2 or gyro not in case.aligned.columns or width is None:
+        return []
+    left, right, rate = (values(case.aligned, name) for name in (*sides, gyro))
+    turns = (right - left) / width
+    used = np.isfinite(turns) & np.isfinite(rate) & ~case.stands
+    if used.sum() < 200:
+        return []
+    step = rows_in(INDEPENDENT_S, case.machine.settings.align.rate_hz)
+    x, y = rate[used][::step], turns[used][::step]
+    if float(np.sqrt((x**2).mean())) < _TURNS_RAD_S or not y.any():
+        return []
+    together = float(x @ y) / float(np.sqrt((x @ x) * (y @ y)))
+    if together > -_SIGN:
+        return []
+    torques = case.measured("torque_left_N_m", "torque_right_N_m")
+    names = (*sides, *torques)
+    channels = case.machine.channels
+    pairs = [(names[i], names[i ^ 1]) for i in range(len(names))]
+    keys = ", ".join(f"channels.{name}.field" for name, _ in pairs)
+    fields = ", ".join(f'"{channels[other].field}"' for _, other in pairs)
+    return [
+        Sign(
+            10.0 * abs(together) / _SIGN,
+            f"turns by the wheels correlate by {together:+.2f} with the gyroscope's",
+            channel=sides[0],
+            setting=keys,
+            value=fields,
+            # what drives straight does not know its sides
+            change=lambda: mended(case, lambda motion: motion),
+            alternatives=("sign_flipped",),
+        )
+    ]
+
+
+def wrong_unit(case: Case) -> list[Sign]:
+    """Ratios of speed, acceleration and force that are those of usual units."""
+    # a mass in the wrong unit may be the acceleration's
+    found = _of_gravity(case) or _of_speed(case) or _of_force(case)
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _of_gravity(case: Case) -> list[Sign]:
+    """The accelerometer's z axis at standstill against gravity, whatever the wheels do."""
+    names = case.measured(*_ACC_AXES)
+    reads, _ = case.level(_ACC_AXES[2])
+    share = reads / case.machine.machine.gravity_m_s2
+    near = [r for r in _ACC_UNITS if share > 0.0 and abs(np.log(share / r)) < _NEAR]
+    if not near or ACC not in names:
+        return []
+    setting, value = case.scaled(names, 1.0 / near[0])
+    return [
+        Sign(
+            10.0 * abs(float(np.log(share))) / _SIGN,
+            f"standing, it reads {reads:.4g} m/s² of gravity along z: {_ACC_UNITS[near[0]]}",
+            channel=ACC,
+            setting=setting,
+            value=value,
+            change=lambda: anew(case, lambda motion: _times(motion, ACC, 1.0 / near[0]), 0.05),
+        )
+    ]
+
+
+def _of_speed(case: Case) -> list[Sign]:
+    """The accelerometer against the wheels, and against gravity."""
+    gain = case.checks.get("acceleration_gain", np.nan)
+    seen = share_seen(case)
+    # what hardly moves has any gain
+    if not gain > 0.0 or seen is None or not seen[1] < _SURE * abs(seen[0]):
+        return []
+    own = dict.fromkeys(_ACC_UNITS, case.measured(*_ACC_AXES))
+    of_speed = {1.0 / times: case.speed_channels for times in _SPEED_UNITS}
+    named = {**_ACC_UNITS, **{1.0 / times: what for times, what in _SPEED_UNITS.items()}}
+    out: list[Sign] = []
+    for ratio, names in {**of_speed, **own}.items():
+        off = abs(np.log(gain / ratio))
+        if off > _NEAR or not names:
+            continue
+        # the accelerometer's scale from the wheels' side, or the other way round
+        times = 1.0 / ratio if names[0] == ACC else ratio
+        setting, value = case.scaled(names, times)
+        out.append(
+            Sign(
+                10.0 * abs(float(np.log(gain))) / _SIGN,
+                f"accelerometer over wheels is {gain:.4g}, near {ratio:.4g}: {named[ratio]}",
+                channel=names[0],
+                setting=setting,
+                value=value,
+                change=lambda names=names, times=times: anew(
+                    case, lambda motion: _times(motion, names[0], times), 0.05
+                ),
+            )
+        )
+    return out
+
+
+def _of_force(case: Case) -> list[Sign]:
+    """The mass against the empty machine's."""
+    ratio = case.checks.get("empty_mass_ratio", np.nan)
+    empty_kg = case.machine.machine.empty_mass_kg
+    fit = case.fit
+    if fit is not None and empty_kg and fit.mass_kg > 0:
+        ratio = fit.mass_kg / empty_kg
+    names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+    if fit is None:
+        poor = not case.checks.get("relative_std", np.inf) < _SURE
+    else:
+        # with all that is uncertain of it: a lag that is beyond its prior leaves any ratio
+        poor = not case.checks.get("relative_u", np.inf) < _KNOWN
+    if not np.isfinite(ratio) or ratio <= 0.0 or poor or not names:
+        return []
+    near = min(_FORCE_UNITS, key=lambda times: abs(np.log(ratio / times)))
+    if abs(np.log(ratio / near)) > _NEAR_MASS or abs(np.log(ratio)) < 3.0 * abs(
+        np.log(ratio / near)
+    ):
+        return []
+    setting, value = case.scaled(names, 1.0 / near)
+    return [
+        Sign(
+            10.0 * abs(float(np.log(ratio))) / _SIGN,
+            f"the mass is {ratio:.3g} times that of the empty machine: {_FORCE_UNITS[near]}",
+            channel=names[0],
+            setting=setting,
+            value=value,
+            change=lambda: anew(case, lambda motion: _times(motion, names[0], 1.0 / near), 0.05),
+        )
+    ]
+
+
+def _turned(motion: Equation, channel: str) -> Equation:
+    return _times(motion, channel, -1.0)
+
+
+def _times(motion: Equation, channel: str, times: float) -> Equation:
+    """The motion with a channel multiplied."""
+    if channel == ACC:
+
+        def of(x: Floats | None) -> Floats | None:
+            return None if x is None else x * times
+
+        return replace(
+            motion,
+            acceleration=motion.acceleration * times,
+            specific_force=of(motion.specific_force),
+            without_gravity=of(motion.without_gravity),
+        )
+    if channel.startswith(("speed", "position")):
+        turned = np.sign(times)
+        return replace(motion, speed=motion.speed * times, direction=motion.direction * turned)
+    return replace(motion, force=motion.force * times)

@@ -1,0 +1,266 @@
+"""The two equations that causes are tried on, as rows whose noise is white and of unit size.
+
+Force: f = m a + b v, by means of a few samples inside the stretches. Wheels: v = v₀ + ∫a + c t, by
+means inside each stretch, without its own line; the accelerometer's noise adds up over it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Floats
+from analysis.diagnosis.measured_channels import Ints
+from analysis.weighing.motion_samples import Equation, NoiseOfColumns
+from estimators.numerics.fit_loss import group_rows
+
+#: Samples of a mean of the force's rows, and of the wheels'.
+FORCE: Final = 5
+_WHEELS: Final = 10
+#: Stretches of fewer means say nothing of the wheels.
+_FEWEST: Final = 10
+#: Noise that adds up is told from means of so many samples.
+_LONG: Final = 100
+#: Residuals that are correlated over so many rows count for less.
+_LAGS: Final = 10
+#: A cause of whose column the others leave less is not told from what a model never has.
+_LEFT: Final = 0.012
+#: Samples of the parabola that gives a derivative.
+_RATE: Final = 9
+
+
+@dataclass(frozen=True)
+class System:
+    """Rows of an equation.
+
+    Attributes:
+        y: (n,) what is to be explained.
+        base: (n, p) what explains it without any fault.
+        columns: by cause, (n,) what one unit of it adds; causes without one are not seen here.
+        noise: (p, p) what noise of the base adds to its sums of products.
+        noise_with: by cause, (p,) what it adds to those with its column.
+        noise_of: by cause, what noise of its column, that y has with the other sign, adds to the
+            square of that column.
+        size_N: what a row of the force was divided by.
+    """
+
+    y: Floats
+    base: Floats
+    columns: dict[str, Floats]
+    noise: Floats
+    noise_with: dict[str, Floats]
+    noise_of: dict[str, float]
+    size_N: float = 1.0
+
+
+def force_system(
+    motion: Equation,
+    noise: NoiseOfColumns,
+    mass_kg: Floats,
+    friction: float,
+    *,
+    brakes: bool = False,
+) -> System:
+    """Rows of the force.
+
+    Args:
+        motion: the samples.
+        noise: of the columns.
+        mass_kg: (n,) of the load of each sample, what differs of which is taken off.
+        friction: viscous, what slip costs.
+        brakes: whether braking counts as driving.
+    """
+    taken = blocks(motion.group, FORCE)
+    usual_kg = float(np.median(mass_kg[motion.used]))
+    std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(FORCE) @ g))
+    # a force without noise is known to its last digit
+    std = max(std, np.finfo(np.float64).eps * motion.largest_force) or 1.0
+    a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
+    rate = _rate(motion.force, motion.rate_hz)[taken]
+    columns = {
+        "delay:force": -rate,
+        "delay:imu": rate,
+        "clock_drift": -rate * (taken / max(motion.force.size - 1, 1)),
+        "slip": -friction * np.abs(v) * f,
+        "driveline": a * f,
+        "const": np.ones(f.size),
+    }
+    if motion.both_ways:
+        columns["direction"] = motion.direction[taken]
+    if brakes:
+        columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
+
+    def mean(x: Floats) -> Floats:
+        return sums(x, FORCE) / FORCE / std
+
+    own = noise.covariance(FORCE) / std**2
+    force = float(f.sum()) / FORCE
+    along = float((np.sign(v) * f).sum()) / FORCE
+    return System(
+        mean(f - (mass_kg[taken] - usual_kg) * a),
+        np.column_stack([mean(a), mean(v)]),
+        {name: mean(column) for name, column in columns.items()},
+        taken.size // FORCE * own[:2, :2],
+        {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
+        {},
+        std,
+    )
+
+
+def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
+    """Rows of the wheels against the accelerometer; None without one."""
+    reads = motion.specific_force if motion.without_gravity is None else motion.without_gravity
+    if reads is None:
+        return None
+    step_s = 1.0 / motion.rate_hz
+    rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
+    of_speed = max(float(noise.covariance(_WHEELS)[1, 1]), rounding_m_s**2)
+    of_acc = float(noise.covariance(_LONG)[0, 0]) * _LONG * step_s**2 * _WHEELS
+    found: list[Floats] = []
+    of_gained = 0.0
+    for part in group_rows(motion.group):
+        count = part.size // _WHEELS
+        if count < _FEWEST:
+            continue
+        part = part[: count * _WHEELS]
+        a, v, f = reads[part], motion.speed[part], motion.force[part]
+        gained = (np.cumsum(a) - a / 2.0) * step_s
+        white, added = _whitener(count, of_speed, of_acc)
+        of_gained += added
+        means = sums(np.concatenate([v - gained, gained, np.abs(v) * f, a]), _WHEELS) / _WHEELS
+        found.append(white @ means.reshape(4, count).T)
+    if not found:
+        return None
+    y, gained, slips, reads = np.concatenate(found).T.copy()
+    columns = {"wheel_radius": gained, "slip": slips, "delay:speed": -reads, "delay:imu": reads}
+    return System(
+        y, np.zeros((y.size, 0)), columns, np.zeros((0, 0)), {}, {"wheel_radius": of_gained}
+    )
+
+
+@lru_cache(maxsize=256)
+def _whitener(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
+    """(count - 2, count) that makes the noise of a stretch white and takes its line off.
+
+    Beside it the accelerometer's share of that noise, added up over the rows.
+    """
+    k = np.arange(count, dtype=np.float64)
+    adds_up = of_acc * np.minimum(k[:, None], k[None, :])
+    covariance = of_speed * np.eye(count) + adds_up
+    white = np.linalg.inv(np.linalg.cholesky(covariance))
+    line = white @ np.column_stack([np.ones(count), k])
+    across = np.linalg.qr(line, mode="complete")[0][:, 2:]
+    rows = np.asarray(across.T @ white, np.float64)
+    return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
+
+
+def blocks(group: Ints, samples: int) -> Ints:
+    """The samples of whole blocks of so many of one stretch."""
+    own = [part[: part.size // samples * samples] for part in group_rows(group)]
+    return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
+
+
+def sums(x: Floats, samples: int) -> Floats:
+    """Sums of blocks of so many, (blocks,)."""
+    blocks = x.reshape(-1, samples)
+    total = blocks[:, 0].copy()
+    for k in range(1, samples):
+        total += blocks[:, k]
+    return total
+
+
+def _rate(force: Floats, rate_hz: float) -> Floats:
+    """The derivative of the force in N/s."""
+    half = _RATE // 2
+    steps = (
+        np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
+    )
+    return np.convolve(force, steps, "same")
+
+
+@dataclass(frozen=True)
+class Explained:
+    """One equation without what its base and the causes that were taken explain.
+
+    Attributes:
+        information: by cause, what is left about its parameter.
+        score: by cause, what is left along it.
+        square_left: the sum of squares that is left, over the variance of a row's noise.
+        variance: of that noise, for sums of many rows.
+    """
+
+    information: dict[str, float]
+    score: dict[str, float]
+    square_left: float
+    variance: float
+
+    @classmethod
+    def of(cls, system: System, taken: Sequence[str]) -> "Explained":
+        """Take off what the base and these causes explain, noise of their columns aside."""
+        own = [name for name in taken if name in system.columns]
+        others = [name for name in system.columns if name not in own]
+        known = np.column_stack([system.base, *(system.columns[name] for name in own)])
+        tried = np.column_stack(
+            [np.zeros((system.y.size, 0)), *(system.columns[n] for n in others)]
+        )
+        count = system.base.shape[1]
+        gram = known.T @ known
+        gram[:count, :count] -= system.noise
+        cross = known.T @ tried
+        for place, name in enumerate(others):
+            cross[:count, place] -= system.noise_with.get(name, np.zeros(count))
+        for place, name in enumerate(own, count):
+            both = system.noise_with.get(name, np.zeros(count))
+            gram[:count, place] -= both
+            gram[place, :count] -= both
+            gram[place, place] -= system.noise_of.get(name, 0.0)
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-10, hermitian=True)
+        inverse /= np.outer(size, size)
+        right = known.T @ system.y
+        right[count:] += [system.noise_of.get(name, 0.0) for name in own]
+        theta = inverse @ right
+        left = system.y - known @ theta
+        # what noise of the columns adds to a score
+        score = tried.T @ left
+        for place, name in enumerate(others):
+            score[place] += system.noise_with.get(name, np.zeros(count)) @ theta[:count]
+            score[place] += system.noise_of.get(name, 0.0)
+        squares = (tried**2).sum(axis=0)
+        squares -= [system.noise_of.get(name, 0.0) for name in others]
+        information = squares - np.einsum("ij,ij->j", cross, inverse @ cross)
+        kept = [k for k in range(len(others)) if information[k] > _LEFT * squares[k]]
+        # noise by what all causes together leave, whichever it is
+        noise = left
+        if kept:
+            q = np.linalg.qr(np.column_stack([known, tried[:, kept]]))[0]
+            noise = left - q @ (q.T @ left)
+        variance = variance_of(noise)
+        return cls(
+            {others[k]: float(information[k]) / variance for k in kept},
+            {others[k]: float(score[k]) / variance for k in kept},
+            float(left @ left) / variance,
+            variance,
+        )
+
+    def square(self, name: str) -> float:
+        """The information that is left about a cause."""
+        return self.information.get(name, 0.0)
+
+    def product(self, name: str) -> float:
+        """What is left, along a cause."""
+        return self.score.get(name, 0.0)
+
+
+def variance_of(noise: Floats) -> float:
+    """Of a row, times what correlation makes of a sum of them; not below that of the channels."""
+    own = float(noise @ noise) / max(noise.size, 1)
+    if not own > 0.0:
+        return 1.0
+    alike = [
+        float(noise[lag:] @ noise[:-lag]) / noise.size / own
+        for lag in range(1, min(_LAGS, noise.size // 4) + 1)
+    ]
+    return max(own * max(1.0 + 2.0 * float(np.sum(alike)), 0.5), 0.5)

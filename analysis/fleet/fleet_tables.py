@@ -1,0 +1,170 @@
+"""The tables of a fleet: what is kept of every recording, declared once.
+
+A row of every table begins with the result that it is of (`key`), the machine, the day and the unix
+time of the first sample; a name of a frame is the name of its table.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import polars as pl
+
+from analysis.model.run_record import Run
+from analysis.model.schema import FRAMES, Column, Frame
+from analysis.model.verdict import Verdict
+
+#: Frames of a run that are kept as they are.
+KEPT: Final = ("loads", "segments", "cycles", "findings")
+
+
+def _f(name: str, unit: str, meaning: str) -> Column:
+    return Column(name, pl.Float64, unit, meaning)
+
+
+#: Of which result a row is.
+OF_RESULT: Final = (
+    Column("key", pl.String, "1", "of the result: log, machine, settings and version"),
+    Column("machine", pl.String, "1", "name by the fleet file"),
+    Column("day", pl.String, "1", "day of the first sample where the machine is, or undated"),
+    Column("t0_unix_ns", pl.Int64, "ns", "unix time of the first sample"),
+)
+RESULTS: Final = Frame(
+    "results",
+    "a row a recording: what it gave, and what it was made of",
+    (
+        Column("source", pl.String, "1", "where the log was"),
+        Column("log_sha256", pl.String, "1", "digests of its files, by commas"),
+        Column("size_bytes", pl.Int64, "B", "size of its files"),
+        Column("stamp", pl.String, "1", "what its storage said of its last change"),
+        Column("basis", pl.String, "1", "digest of machine, settings, calibration and versions"),
+        Column("payscope", pl.String, "1", "version that made it"),
+        Column("status", pl.String, "1", "replayed, or refused"),
+        Column("reason", pl.String, "1", "why it was refused (empty where not)"),
+        Column("can_weigh", pl.Boolean, "1", "whether a mass may be given"),
+        Column("failed_checks", pl.String, "1", "checks that failed, by commas"),
+        Column("losses", pl.Int64, "1", "losses of the log"),
+        Column("first_loss", pl.String, "1", "the first of them, in a sentence"),
+        _f("duration_s", "s", "from the first sample to the last"),
+        _f("gap_s", "s", "of that without a recording"),
+        _f("idle_s", "s", "of that in stands of more than half a minute"),
+        _f("longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"),
+        _f("accepted_1", "1", "share of the time that the gate accepted"),
+        Column("cycles", pl.Int64, "1", "cycles that were seen"),
+        Column("cycles_counted", pl.Int64, "1", "cycles in the sum"),
+        Column("cycles_without_mass", pl.Int64, "1", "cycles of which no start tells it"),
+        _f("payload_kg", "kg", "sum of payloads"),
+        _f("payload_u_random_kg", "kg", "its random standard uncertainty"),
+        _f("payload_u_common_kg", "kg", "its common standard uncertainty"),
+        _f("payload_u_kg", "kg", "standard uncertainty, both"),
+        Column("scale_from", pl.String, "1", "what tells the scale of payloads"),
+        Column("scale_unknown", pl.String, "1", "whose u nothing tells, of the payloads"),
+        _f("gain_1", "1", "empty machine in the log over that of the machine file"),
+        _f("gain_u_1", "1", "its standard uncertainty"),
+        _f("lost_cycles", "1", "cycles expected where nothing was recorded"),
+        _f("lost_kg", "kg", "what they would have carried"),
+        _f("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
+        _f("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
+        Column("calibration", pl.String, "1", "id of the evidence in use (empty: none)"),
+        Column("not_calibrated_for", pl.String, "1", "what the log says against it (empty: none)"),
+        Column("results_fingerprint", pl.String, "1", "of all frames of the replay"),
+        Column("made_unix_ns", pl.Int64, "ns", "unix time of the replay"),
+    ),
+)
+GATE_SHARES: Final = Frame(
+    "gate_shares",
+    "a row a reason of the gate: its share of the recorded time",
+    (
+        Column("reason", pl.String, "1", "accepted, or why not"),
+        _f("share_1", "1", "share of the time"),
+    ),
+)
+QUALITY: Final = Frame(
+    "quality",
+    "a row a topic: how regularly it was recorded",
+    (
+        Column("topic", pl.String, "1", "its name"),
+        Column("messages", pl.Int64, "1", "messages that were read"),
+        _f("rate_hz", "Hz", "one over the median period"),
+        _f("longest_s", "s", "longest time between two messages"),
+        _f("late_1", "1", "share of messages more than one and a half periods late"),
+    ),
+)
+#: Every table, `results` last: a result is there when its row of it is.
+TABLES: Final[Mapping[str, Frame]] = {
+    **{name: FRAMES[name] for name in KEPT},
+    "gate_shares": GATE_SHARES,
+    "quality": QUALITY,
+    "results": RESULTS,
+}
+
+
+def table_schema(name: str) -> pl.Schema:
+    """Columns of a table: those of its frame behind those that say which result a row is of."""
+    columns = (*OF_RESULT, *TABLES[name].columns)
+    return pl.Schema({column.name: _kept_as(column) for column in columns})
+
+
+def _kept_as(column: Column) -> pl.DataType:
+    """Words are kept as words, which every reader of Parquet has."""
+    dtype = column.dtype() if isinstance(column.dtype, type) else column.dtype
+    return pl.String() if isinstance(dtype, pl.Enum) else dtype
+
+
+def table(name: str, frame: pl.DataFrame, of: Mapping[str, object]) -> pl.DataFrame:
+    """Rows of a frame as rows of its table.
+
+    Args:
+        name: of both.
+        frame: with some or all of its columns; the others are null.
+        of: key, machine, day and t0_unix_ns.
+    """
+    schema = table_schema(name)
+    given = frame.with_columns(**{each: pl.lit(value) for each, value in of.items()})
+    return given.select(
+        (pl.col(each) if each in given.columns else pl.lit(None)).cast(dtype).alias(each)
+        for each, dtype in schema.items()
+    )
+
+
+def tables_of(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """All that is kept of a run, but for `results`.
+
+    Args:
+        run: a replay.
+        more: frames `gate_shares` and `quality`.
+    """
+    nothing = pl.DataFrame()
+    return {
+        name: more[name] if name in more else run.frames.get(name, nothing)
+        for name in TABLES
+        if name != "results"
+    }
+
+
+def result_of(run: Run) -> dict[str, object]:
+    """What a run says of its recording, by the columns of `results` that it knows."""
+    about, frames = run.provenance, run.frames
+    verdict = Verdict.of(frames["verdict"])
+    shift = frames["shift"].row(0, named=True)
+    load = frames["loads"].row(0, named=True) if frames["loads"].height else {}
+    gate = frames["gate"]
+    same = ("duration_s", "gap_s", "idle_s", "cycles", "cycles_counted", "cycles_without_mass")
+    sums = ("payload_kg", "payload_u_random_kg", "payload_u_common_kg", "payload_u_kg")
+    scale = ("scale_from", "scale_unknown", "gain_1", "gain_u_1")
+    return {
+        "status": "replayed",
+        "reason": "",
+        "can_weigh": verdict.can_weigh,
+        "failed_checks": ", ".join(
+            check.check
+            for check in verdict.checks
+            if check.passed is False and check.about == "mass"
+        ),
+        "losses": len(about.losses),
+        "first_loss": str(about.losses[0]) if about.losses else "",
+        **{name: shift[name] for name in (*same, *sums, *scale, "lost_cycles", "lost_kg")},
+        "accepted_1": gate["accepted_x"].mean() if gate.height else None,
+        "friction_x_N_s_m": load.get("friction_x_N_s_m"),
+        "friction_x_std_N_s_m": load.get("friction_x_std_N_s_m"),
+        "results_fingerprint": about.fingerprint.results if about.fingerprint else "",
+    }

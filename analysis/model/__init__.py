@@ -1,0 +1,1 @@
+"""The words of everything else: machine, settings, schema, methods, run, verdict, answer."""

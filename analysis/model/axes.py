@@ -1,0 +1,118 @@
+"""The two axes that are estimated by windows: straight motion (7) and spins (8).
+
+x:  a_x m + v_x b [+ sign(v) c] = f_x
+z:  ω̇_z Izz + ω_z b_ψ = τ_z
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.schema import values
+from analysis.model.settings import Settings
+from estimators.estimate import Trace
+from estimators.planar import planar_rows
+
+Floats = NDArray[np.float64]
+
+#: What the z axis cannot do without.
+YAW_COLUMNS: Final = ("torque_z_N_m", "yaw_rate_rad_s", "yaw_acc_rad_s2")
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One axis: its letter in the gate's columns, and what the frames call what it tells.
+
+    Attributes:
+        letter: x or z.
+        parameters: columns of value and deviation, in the order of the regressor's columns.
+        residual_rms: column of the residuals' r.m.s.
+    """
+
+    letter: str
+    parameters: tuple[tuple[str, str], ...]
+    residual_rms: str
+
+
+X: Final = Axis(
+    "x",
+    (
+        ("mass_kg", "mass_std_kg"),
+        ("friction_x_N_s_m", "friction_x_std_N_s_m"),
+        ("coulomb_x_N", "coulomb_x_std_N"),
+    ),
+    "residual_rms_N",
+)
+Z: Final = Axis(
+    "z",
+    (
+        ("inertia_z_kg_m2", "inertia_z_std_kg_m2"),
+        ("friction_z_N_m_s", "friction_z_std_N_m_s"),
+    ),
+    "residual_rms_N_m",
+)
+
+
+def axes(excitation: pl.DataFrame) -> tuple[Axis, ...]:
+    """The axes that the channels allow: z needs a yaw torque, rate and acceleration."""
+    return (X, Z) if set(YAW_COLUMNS) <= set(excitation.columns) else (X,)
+
+
+def regressor(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
+    """A (rows, p) and f (rows,) of an axis, NaN where a sample is missing."""
+    return straight(excitation, settings) if axis is X else spin(excitation)
+
+
+def straight(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
+    """A (rows, 2 or 3) and f (rows,): the x row of (7) alone, NaN where a sample is missing.
+
+    The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
+    accelerometer's 9.81 m/s² in a_z.
+    """
+    direction = values(excitation, "direction_x_1") if settings.forces.coulomb else None
+    A = planar_rows.straight(
+        values(excitation, "regressor_acc_x_m_s2"), values(excitation, "speed_x_m_s"), direction
+    )
+    return np.ascontiguousarray(A), values(excitation, "force_x_N")
+
+
+def spin(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
+    """A (rows, 2) and τ (rows,): the yaw row of (8) alone, NaN where a sample is missing."""
+    A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
+    return np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
+
+
+def theta_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:
+    """Name the parameters (rows, p) and their deviations as the frames do."""
+    columns: dict[str, Floats] = {}
+    for i, (name, name_std) in enumerate(axis.parameters[: theta.shape[1]]):
+        columns[name] = theta[:, i]
+        columns[name_std] = std[:, i]
+    return columns
+
+
+def trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
+    """What a trace says of each of its rows, as the frames name it."""
+    return {
+        **theta_columns(axis, traced.theta, traced.std),
+        axis.residual_rms: traced.residual_rms,
+        "condition_1": traced.condition,
+    }
+
+
+def theta_of(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
+    """The parameters (rows, p) and deviations (rows, p) that `theta_columns` named."""
+    present = [pair for pair in axis.parameters if pair[0] in estimates.columns]
+    theta = np.column_stack([values(estimates, name) for name, _ in present])
+    std = np.column_stack([values(estimates, name) for _, name in present])
+    return theta, std
+
+
+def rows_of(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
+    """The rows of an axis; every row where there is x alone."""
+    if "axis" not in estimates.columns:
+        return estimates if axis is X else estimates.clear()
+    return estimates.filter(pl.col("axis") == axis.letter)

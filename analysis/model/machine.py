@@ -1,0 +1,333 @@
+"""The machine: its body, its channels and its settings, as a machine file states them."""
+
+import re
+from collections.abc import Mapping
+from datetime import date
+from typing import Annotated, Any, Final, Self
+from zoneinfo import ZoneInfo, available_timezones
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
+
+from analysis.expressions.parse import Expression, ExpressionError, names, parse, slopes
+from analysis.model.schema import CHANNEL_COLUMNS
+from analysis.model.settings import Settings
+from estimators.errors import nearest
+
+# TOML can write nan and inf, which are no scale, delay or length
+_FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+_DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
+_MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
+#: Channels of wheels: in rad/s their scale is the wheel's radius.
+_WHEEL_SPEEDS = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
+_WHEEL_RADIUS = "wheel_radius_m"
+#: A scale within this factor of the radius, either way, is meant as one,
+_SAME_WHEEL = 0.5
+#: and differs from it by this share: tyres wear and sink in by less.
+_WHEELS_DIFFER = 0.08
+_ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
+
+
+def _known_timezone(name: str) -> str:
+    if name not in available_timezones():
+        raise ValueError(f"no time zone '{name}'; use a name like 'America/Santiago' or 'UTC'")
+    return name
+
+
+class ImuMounting(BaseModel):
+    """How the IMU sits on the machine: roll, pitch, yaw (intrinsic z-y'-x''), and where.
+
+    The standard uncertainty of its place is that of each direction.
+    """
+
+    model_config = _FORBID
+
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_deg: float = 0.0
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position_u_m: float | None = Field(default=None, ge=0)
+
+
+class Body(BaseModel):
+    """What is known of the machine itself, with standard uncertainties (`..._u_...`)."""
+
+    model_config = _FORBID
+
+    name: str
+    empty_mass_kg: float | None = Field(None, gt=0)
+    empty_mass_u_kg: float | None = Field(None, ge=0)
+    #: When it was weighed, where the machine is.
+    empty_mass_day: Annotated[date, PlainSerializer(date.isoformat)] | None = None
+    wheel_radius_m: float | None = Field(None, gt=0)
+    wheel_radius_u_m: float | None = Field(None, ge=0)
+    track_width_m: float | None = Field(None, gt=0)
+    track_width_u_m: float | None = Field(None, ge=0)
+    force_share: float = Field(1.0, gt=0, le=1)
+    force_share_u: float | None = Field(None, ge=0)
+    #: Of the share's relative change under a load as heavy as the machine.
+    force_share_by_load_u: float | None = Field(None, ge=0)
+    force_gain_u: float | None = Field(None, ge=0)
+    rotating_mass_kg: float = Field(0.0, ge=0)
+    rotating_mass_u_kg: float = Field(0.0, ge=0)
+    repeatability_kg: float | None = Field(None, ge=0)
+    #: Whether it has a bucket to dig with: without one no start is driven into a pile.
+    digs: bool = True
+    gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
+    timezone: Annotated[str, AfterValidator(_known_timezone)] = "UTC"
+    imu: ImuMounting = ImuMounting()
+
+    @property
+    def zone(self) -> ZoneInfo:
+        """The time zone that a person reads times in."""
+        return ZoneInfo(self.timezone)
+
+
+#: Keys of `[machine]` that arithmetic may name.
+BODY_NUMBERS: Final = (
+    *("wheel_radius_m", "track_width_m", "gravity_m_s2", "force_share", "empty_mass_kg"),
+)
+
+
+class LogSection(BaseModel):
+    """Where a table keeps its time, and how it is written. None: recognised, or asked for."""
+
+    model_config = _FORBID
+
+    time: str | None = None
+    time_unit: str | None = None
+    separator: str | None = None
+    decimal: str | None = None
+    encoding: str | None = None
+    header_row: int | None = Field(default=None, ge=0)
+    units_row: int | None = Field(default=None, ge=0)
+    day_first: bool | None = None
+    rate_hz: float | None = Field(default=None, gt=0)
+    sheet: str | None = None
+
+    @model_serializer(mode="wrap")
+    def _given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What is given: keys of later versions change no machine file of an earlier one."""
+        return {name: value for name, value in handler(self).items() if value is not None}
+
+
+class Channel(BaseModel):
+    """Where one column comes from: a field of a topic, or other channels."""
+
+    model_config = _FORBID
+
+    topic: str | None = None
+    field: str | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    unit: str | None = None
+    delay_s: float = 0.0
+    derive: str | None = None
+
+    @property
+    def derivative_of(self) -> str | None:
+        """The channel that `derive = "d/dt NAME"` differentiates."""
+        match = _DERIVATIVE.fullmatch((self.derive or "").strip())
+        return match[1] if match else None
+
+    @property
+    def mean_of(self) -> tuple[str, str] | None:
+        """The two channels that `derive = "mean(A, B)"` averages."""
+        match = _MEAN.fullmatch((self.derive or "").strip())
+        return (match[1], match[2]) if match else None
+
+    @property
+    def angle_of(self) -> tuple[str, str] | None:
+        """The angle and the quaternion's field of `derive = "pitch(FIELD)"` or `"roll(FIELD)"`."""
+        match = _ANGLE.fullmatch((self.derive or "").strip())
+        return (match[1], match[2]) if match else None
+
+    @property
+    def expression(self) -> Expression | None:
+        """The arithmetic of `derive = "torque_N_m / 0.35 [m]"`; None where it is another form."""
+        if self.derive is None or self.derivative_of or self.mean_of or self.angle_of:
+            return None
+        return parse(self.derive.strip())
+
+    @property
+    def differentiates(self) -> bool:
+        """Whether it is made by a derivative."""
+        tree = self.expression if self.derive and not self.derivative_of else None
+        return self.derivative_of is not None or (tree is not None and any(slopes(tree)))
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The fields that are read from its topic; none where it is made of other channels."""
+        if self.angle_of:
+            return tuple(f"{self.angle_of[1]}.{part}" for part in "xyzw")
+        return () if self.field is None else (self.field,)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The channels that this one is derived from."""
+        if self.expression is not None:
+            return tuple(dict.fromkeys(n for n in names(self.expression) if n not in BODY_NUMBERS))
+        return self.mean_of or ((self.derivative_of,) if self.derivative_of else ())
+
+    @model_validator(mode="after")
+    def _field_or_derived(self) -> Self:
+        if (self.field is None) == (self.derive is None):
+            raise ValueError("give either 'field' (with 'topic') or 'derive'")
+        if self.angle_of:
+            if self.unit is not None or self.scale != 1.0 or self.offset:
+                raise ValueError("an angle of a quaternion takes no 'unit', 'scale' or 'offset'")
+            return self
+        try:
+            sources = self.sources
+        except ExpressionError as error:
+            raise ValueError(f"cannot derive '{self.derive}': {error}") from None
+        if self.derive is not None and not sources:
+            raise ValueError(
+                f'cannot derive \'{self.derive}\'; use "d/dt NAME", "mean(NAME, NAME)", '
+                'arithmetic as "torque_N_m / 0.35 [m]", '
+                'or "pitch(FIELD)" and "roll(FIELD)" of a quaternion'
+            )
+        if self.derive is not None and (self.topic is not None or self.unit is not None):
+            raise ValueError("a derived channel takes no 'topic' and no 'unit'")
+        if self.derive is not None and self.delay_s:
+            raise ValueError("a derived channel takes no 'delay_s'; its sources have theirs")
+        return self
+
+
+class Machine(BaseModel):
+    """A whole machine file."""
+
+    model_config = _FORBID
+
+    machine: Body
+    log: LogSection = LogSection()
+    channels: dict[str, Channel] = {}
+    settings: Settings = Settings.model_validate({})
+
+    @model_validator(mode="before")
+    @classmethod
+    def _scale_of_wheels(cls, given: Any) -> Any:
+        """`scale = "wheel_radius_m"` is the machine's, in m/rad."""
+        if not isinstance(given, Mapping) or not isinstance(given.get("channels"), Mapping):
+            return given
+        body = given.get("machine")
+        radius_m = body.get(_WHEEL_RADIUS) if isinstance(body, Mapping) else None
+        channels = dict(given["channels"])
+        for name, channel in channels.items():
+            if isinstance(channel, Mapping) and channel.get("scale") == _WHEEL_RADIUS:
+                if radius_m is None:
+                    raise ValueError(
+                        f'channels.{name}: scale = "wheel_radius_m" needs machine.wheel_radius_m'
+                    )
+                channels[name] = {**channel, "scale": radius_m}
+        return {**given, "channels": channels}
+
+    @model_validator(mode="after")
+    def _channels_fit(self) -> Self:
+        known = {column.name for column in CHANNEL_COLUMNS}
+        for name, channel in self.channels.items():
+            for source in channel.sources:
+                if source not in self.channels and channel.expression is not None:
+                    raise ValueError(
+                        f"channels.{name}: '{source}' is no channel and no key of [machine]; "
+                        f"{nearest(source, (*self.channels, *BODY_NUMBERS))}"
+                    )
+        # what arithmetic alone needs has a name of its own: current_A
+        known |= {
+            source
+            for channel in self.channels.values()
+            if channel.expression is not None
+            for source in channel.sources
+        }
+        for name, channel in self.channels.items():
+            if name not in known:
+                raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
+            if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
+                raise ValueError(f"channels.{name}: '{channel.derive}' is no {name}")
+            for source in channel.sources:
+                if source not in self.channels:
+                    raise ValueError(f"channels.{name}: '{source}' is not among the channels")
+            for key in names(channel.expression) if channel.expression is not None else ():
+                if key in BODY_NUMBERS and getattr(self.machine, key) is None:
+                    raise ValueError(f"channels.{name}: machine.{key} is not given")
+        self.derivation_order()
+        self._enough()
+        self._one_wheel_radius()
+        return self
+
+    def _one_wheel_radius(self) -> None:
+        """Wheels have one radius: that of their force, and in m/rad that of their speed."""
+        radius_m = self.machine.wheel_radius_m
+        if radius_m is None:
+            return
+        for name in _WHEEL_SPEEDS:
+            channel = self.channels.get(name)
+            if channel is None or channel.unit is not None or channel.scale == 1.0:
+                continue
+            ratio = abs(channel.scale) / radius_m
+            if _SAME_WHEEL <= ratio <= 1.0 / _SAME_WHEEL and abs(ratio - 1.0) > _WHEELS_DIFFER:
+                raise ValueError(
+                    f"channels.{name}.scale is {abs(channel.scale):g} m/rad and "
+                    f"machine.wheel_radius_m {radius_m:g}: two radii of one wheel; correct the one "
+                    'that is wrong, or say scale = "wheel_radius_m"'
+                )
+
+    def _enough(self) -> None:
+        """Force, speed and acceleration must come from somewhere."""
+        torques = {"torque_left_N_m", "torque_right_N_m"} <= set(self.channels)
+        if "force_x_N" not in self.channels and not torques:
+            raise ValueError(
+                "no force: give channels.force_x_N, or channels.torque_left_N_m and "
+                "channels.torque_right_N_m"
+            )
+        if "force_x_N" not in self.channels and self.machine.wheel_radius_m is None:
+            raise ValueError("wheel torques need machine.wheel_radius_m to become a force (17)")
+        if "speed_x_m_s" not in self.channels:
+            raise ValueError(
+                "no speed: give channels.speed_x_m_s, if need be derived: "
+                'derive = "d/dt position_x_m" or "mean(speed_left_m_s, speed_right_m_s)"'
+            )
+        chosen = self.settings.forces.acceleration
+        wanted = {"specific_force": "specific_force_x_m_s2", "kinematic": "acc_x_m_s2"}[chosen]
+        if wanted not in self.channels:
+            raise ValueError(
+                f"settings.forces.acceleration is '{chosen}', which needs "
+                f"channels.{wanted}; give it, or choose the other of specific_force, kinematic"
+            )
+
+    @property
+    def differentiates_speed(self) -> bool:
+        """Whether what multiplies the mass is the speed's derivative."""
+        channel = self.channels.get("acc_x_m_s2")
+        kinematic = self.settings.forces.acceleration == "kinematic"
+        return kinematic and channel is not None and channel.derivative_of == "speed_x_m_s"
+
+    @property
+    def differentiates_wheels(self) -> bool:
+        """Likewise of a speed that wheels measure, which may slip; a position does not."""
+        return self.differentiates_speed and self.channels["speed_x_m_s"].derivative_of is None
+
+    def derivation_order(self) -> list[str]:
+        """Channel names with sources first.
+
+        Raises:
+            ValueError: when channels are derived from each other in a circle.
+        """
+        order: list[str] = []
+        waiting = dict(self.channels)
+        while waiting:
+            ready = [n for n, c in waiting.items() if not any(s in waiting for s in c.sources)]
+            if not ready:
+                raise ValueError(f"channels derived in a circle: {', '.join(waiting)}")
+            for name in ready:
+                order.append(name)
+                del waiting[name]
+        return order

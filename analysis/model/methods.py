@@ -1,0 +1,185 @@
+"""The one table of methods: a row an estimator, and what it is fed and summarised by.
+
+Every place that runs, steps, summarises, colours or tests estimators iterates over it. A new
+estimator is a file in `estimators` and a row here; an option of its own is a field of
+`MethodOptions` as well.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from importlib import import_module
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Final, Protocol, cast
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from estimators.estimate import Floats, Trace
+    from estimators.methods.fgls import FglsOptions
+    from estimators.methods.huber import HuberOptions
+    from estimators.methods.ls import LsOptions
+    from estimators.methods.pooled import PooledOptions
+    from estimators.methods.rls import RlsOptions
+    from estimators.methods.rtls import RtlsOptions
+    from estimators.methods.tls import TlsOptions
+
+
+class Feed(Enum):
+    """What a method is fed."""
+
+    WINDOWS = "every accepted window"
+    SETTLED = "each sample once, of the accepted windows that no braking follows within sight"
+    SEGMENTS = "the accepted samples of each manoeuvre"
+
+
+class LogSummary(Enum):
+    """How a method's estimates become one for the log."""
+
+    MEAN = "the mean of its windows, weighted by 1/std²"
+    LAST = "its last state, which stands for all before it"
+    POOL = "one fit over every accepted sample"
+
+
+class MethodOptions(BaseModel):
+    """The options of the estimators, as `[settings.trace]` has them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    forgetting: float = Field(
+        0.998, gt=0.5, le=1, description="λ of the recursive estimators: half forgotten in 3.5 s"
+    )
+    directional_forgetting: bool = Field(
+        False, description="forget only along the direction of each new sample"
+    )
+    fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
+    huber_bend: float = Field(
+        1.345, gt=0, description="c: residuals up to c robust deviations weigh fully"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class AxisNoise:
+    """The noise of an axis.
+
+    Attributes:
+        ratios: of the columns and of the force or torque, for total least squares.
+        mean: (p + 1, p + 1) covariance in a row of [A f], after the moving mean; None where it is
+            not known.
+        lasting: likewise what sums of many samples vary by, a sample.
+    """
+
+    ratios: "TlsOptions"
+    mean: "Floats | None"
+    lasting: "Floats | None"
+
+
+class EstimatorModule(Protocol):
+    """What every module of an estimator has."""
+
+    @property
+    def trace(self) -> "Callable[..., Trace]":
+        """Estimates over a log, as it is fed by `Feed`."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """One estimator; its module is imported when it is first asked for, and compiled then.
+
+    Attributes:
+        name: in settings, frames and recordings; its module in `estimators`, which has `trace`,
+            and `fit` of a windowed method, `start` and `step` of a recursive one.
+        title: in a sentence.
+        feed: what `trace` is fed.
+        summary: how a log is summarised.
+        on_board: module and function in `estimators` of its form on board: by `feed`, of the window
+            that ends now, of the samples since the window before, or of a manoeuvre's samples.
+        options: its options from the settings and the noise of the axis.
+        takes_noise_off: whether it knows of noise in the regressor. The others take the regressor
+            for exact, as (6) does, and that noise draws their estimates towards zero.
+    """
+
+    name: str
+    title: str
+    feed: Feed
+    summary: LogSummary
+    on_board: str
+    options: Callable[[MethodOptions, AxisNoise], Any]
+    takes_noise_off: bool = False
+
+    @property
+    def estimator(self) -> EstimatorModule:
+        """Its module."""
+        return cast("EstimatorModule", import_module(f"estimators.methods.{self.name}"))
+
+    @property
+    def step(self) -> Callable[..., Any]:
+        """Its form on board."""
+        module, _, name = self.on_board.partition(".")
+        return attrgetter(name)(import_module(f"estimators.methods.{module}"))
+
+
+def _ls(_: MethodOptions, __: AxisNoise) -> "LsOptions":
+    from estimators.methods.ls import LsOptions
+
+    return LsOptions()
+
+
+def _rls(chosen: MethodOptions, _: AxisNoise) -> "RlsOptions":
+    from estimators.methods.rls import RlsOptions
+
+    return RlsOptions(chosen.forgetting, chosen.directional_forgetting)
+
+
+def _fgls(chosen: MethodOptions, _: AxisNoise) -> "FglsOptions":
+    from estimators.methods.fgls import FglsOptions
+
+    return FglsOptions(chosen.fgls_floor)
+
+
+def _tls(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
+    return noise.ratios
+
+
+def _pooled(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
+    from estimators.methods.pooled import PooledOptions
+
+    return PooledOptions(noise.mean)
+
+
+def _huber(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
+    from estimators.methods.huber import HuberOptions
+
+    return HuberOptions(chosen.huber_bend)
+
+
+def _rtls(chosen: MethodOptions, noise: AxisNoise) -> "RtlsOptions":
+    from estimators.methods.rtls import RtlsOptions
+
+    return RtlsOptions(noise.ratios, chosen.forgetting)
+
+
+def _by_name(*rows: Method) -> Mapping[str, Method]:
+    return {row.name: row for row in rows}
+
+
+_WINDOWED: Final = (Feed.WINDOWS, LogSummary.MEAN)
+_RECURSIVE: Final = (Feed.SETTLED, LogSummary.LAST)
+METHODS: Final = _by_name(
+    Method("ls", "LS", *_WINDOWED, "incremental.ls", _ls),
+    Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _rls),
+    Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _fgls),
+    Method("tls", "TLS", *_WINDOWED, "incremental.tls", _tls, takes_noise_off=True),
+    Method(
+        "pooled",
+        "pooled LS",
+        Feed.SEGMENTS,
+        LogSummary.POOL,
+        "incremental.Pool.estimate",
+        _pooled,
+        takes_noise_off=True,
+    ),
+    Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _huber),
+    Method("rtls", "recursive TLS", *_RECURSIVE, "incremental.rtls", _rtls, takes_noise_off=True),
+)

@@ -1,0 +1,138 @@
+"""Where uncertainty comes from: a source, and the factors that no log tells."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.model.machine import Machine
+
+
+@dataclass(frozen=True, slots=True)
+class UncertaintySource:
+    """Where uncertainty comes from.
+
+    Attributes:
+        name: of the source.
+        kind: random (more starts average it out), common (to the log) or scale (no log tells it).
+        u: standard uncertainty, in the unit of what it is of; None where it is not known.
+        meaning: what it is.
+        shrinks: what would shrink it.
+    """
+
+    name: str
+    kind: str
+    u: float | None
+    meaning: str
+    shrinks: str
+
+
+def largest_first(sources: Iterable[UncertaintySource]) -> list[UncertaintySource]:
+    """The sources by size, the unknown ones last."""
+    return sorted(sources, key=lambda source: np.inf if source.u is None else -source.u)
+
+
+def unknown_scale(sources: Iterable[UncertaintySource]) -> list[str]:
+    """The sources that the machine file should state and does not."""
+    return [source.name for source in sources if source.u is None]
+
+
+def combined(sources: Iterable[UncertaintySource], *kinds: str) -> float:
+    """The root sum of squares of the sources of some kinds, or of all."""
+    return float(np.sqrt(sum(s.u**2 for s in sources if s.u and (not kinds or s.kind in kinds))))
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Something that the machine file states, whose error no log tells from the answer's.
+
+    Attributes:
+        name: of the source.
+        applies: whether the machine has it.
+        u: its standard uncertainty, relative (of a factor of the force) or in metres (of a place);
+            None where the machine file does not say.
+        setting: the key that says it.
+        meaning: what it is.
+        by_load: whether the factor changes with the load: then the uncertainty is that of a load as
+            heavy as the machine.
+        remedy: what would tell it, besides the key.
+    """
+
+    name: str
+    applies: Callable[[Machine], bool]
+    u: Callable[[Machine], float | None]
+    setting: str
+    meaning: str
+    by_load: bool = False
+    remedy: str = "known loads"
+
+    def source(self, u: float | None) -> UncertaintySource:
+        """The source in a budget, with what it does to the quantity."""
+        shrinks = f"{self.remedy}; {self.setting} states what is known"
+        return UncertaintySource(self.name, "scale", u, self.meaning, shrinks)
+
+
+def _by_torque(machine: Machine) -> bool:
+    return "force_x_N" not in machine.channels
+
+
+def turned_by_sides(machine: Machine) -> bool:
+    """Whether the yaw torque is made of the torques of two sides."""
+    return "torque_z_N_m" not in machine.channels
+
+
+def _relative(u: float | None, value: float | None) -> float | None:
+    return None if u is None or value is None else u / value
+
+
+#: Factors of the force.
+SCALES: Final = (
+    Scale(
+        "force_gain",
+        lambda _: True,
+        lambda machine: machine.machine.force_gain_u,
+        "machine.force_gain_u",
+        "gain of the force or torque sensors",
+    ),
+    Scale(
+        "force_share",
+        lambda machine: machine.machine.force_share < 1.0,
+        lambda machine: _relative(machine.machine.force_share_u, machine.machine.force_share),
+        "machine.force_share_u",
+        "share of the force on the measured wheels",
+    ),
+    Scale(
+        "force_share_by_load",
+        lambda machine: machine.machine.force_share < 1.0,
+        lambda machine: machine.machine.force_share_by_load_u,
+        "machine.force_share_by_load_u",
+        "change of the measured wheels' share with the load that they carry",
+        by_load=True,
+    ),
+    Scale(
+        "wheel_radius",
+        _by_torque,
+        lambda machine: _relative(machine.machine.wheel_radius_u_m, machine.machine.wheel_radius_m),
+        "machine.wheel_radius_u_m",
+        "radius of the wheels",
+    ),
+)
+#: A factor of the yaw torque alone.
+TRACK_WIDTH: Final = Scale(
+    "track_width",
+    turned_by_sides,
+    lambda machine: _relative(machine.machine.track_width_u_m, machine.machine.track_width_m),
+    "machine.track_width_u_m",
+    "track width, which makes a yaw torque of the torques of both sides",
+    remedy="measuring it",
+)
+#: Where the accelerometer sits.
+IMU_POSITION: Final = Scale(
+    "imu_position",
+    lambda machine: machine.settings.forces.acceleration == "specific_force",
+    lambda machine: machine.machine.imu.position_u_m,
+    "machine.imu.position_u_m",
+    "where the accelerometer sits from the origin",
+    remedy="measuring it",
+)

@@ -1,0 +1,1 @@
+"""On board: gate and estimators one row at a time."""

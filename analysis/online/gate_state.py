@@ -1,0 +1,192 @@
+"""The gate on board: what it remembers of the rows so far, and what it says of the window now.
+
+Its decisions are those of `analysis.stages.gating.gate`, by the same rules, in bounded memory: a window holds a
+flagged row when the last one flagged is less than a window ago.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from analysis.model.axes import X
+from analysis.model.schema import PHASES
+from analysis.model.settings import Settings
+from analysis.stages.gating.gate import slipping, without_gravity
+from analysis.stages.gating.gate_rules import (
+    UNKNOWN,
+    Bools,
+    Floats,
+    Ints,
+    decide,
+    is_braking,
+    row_flags,
+)
+from analysis.stages.motion.phases import TURNS, span_rows
+from estimators.methods.incremental import WindowState, window_statistics
+from estimators.methods.ls import WindowStatistics
+from estimators.numerics import nearest_neighbours
+
+_NEVER: Final = -(10**18)
+#: Statistics of a window that misses samples.
+_INCOMPLETE: Final = WindowStatistics(*np.full((len(WindowStatistics._fields), 1), np.nan))
+_CODES: Final = {None: UNKNOWN, **{name: code for code, name in enumerate(PHASES)}}
+
+
+@dataclass(frozen=True, slots=True)
+class GateRow:
+    """A row of `gate`; a number that is missing is NaN."""
+
+    corr_x_1: float
+    mi_x_nat: float
+    predicted_std_x: float
+    noise_share_x_1: float
+    accepted: bool
+    reason: str
+    ksg_x_nat: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class GateState:
+    """What the gate remembers.
+
+    Attributes:
+        row: number of the row now, -1 before the first.
+        first_whole: number of the first row that misses nothing, None before it.
+        last: number of the last row that was flagged, by reason in the order of precedence.
+        accelerations: of the machine over the span of the speed rate, for slip.
+        known: whether the phase of this row is known.
+        kind: what the manoeuvre of this row stands alone for, "" for driving, None for no row.
+        segment_id: number of the last manoeuvre that began.
+        braking_lag: rows before braking that are not pooled; 1 where braking is welcome.
+    """
+
+    row: int
+    first_whole: int | None
+    last: Mapping[str, int]
+    accelerations: tuple[float, ...]
+    known: bool
+    kind: str | None
+    segment_id: int
+    braking_lag: int
+
+    @property
+    def last_braking(self) -> int:
+        """Number of the last row that braked, where braking is excluded."""
+        return self.last["braking"]
+
+
+def start_gate(settings: Settings) -> GateState:
+    """Before the first row."""
+    nothing = np.zeros(1, np.bool_)
+    reasons = row_flags(X, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate)
+    return GateState(
+        row=-1,
+        first_whole=None,
+        last=dict.fromkeys(("gap", *reasons), _NEVER),
+        accelerations=(float("nan"),) * span_rows(settings),
+        known=False,
+        kind=None,
+        segment_id=-1,
+        braking_lag=span_rows(settings) + settings.smooth.samples
+        if settings.gate.exclude_braking
+        else 1,
+    )
+
+
+def step_gate(
+    before: GateState,
+    window: WindowState,
+    row: Mapping[str, Any],
+    settings: Settings,
+    noise: Floats | None,
+) -> tuple[GateRow, GateState]:
+    """Judge the window that ends at this row.
+
+    Args:
+        before: the state after the row before.
+        window: the window, this row in it.
+        row: a row of `excitation`.
+        settings: window, threshold, what is refused.
+        noise: (p + 1, p + 1) of a row of [A f], None where it is not known.
+    """
+    now = _remember(before, window, row, settings)
+    samples = settings.gate.window_samples
+    holds = {why: np.array([now.row - last < samples]) for why, last in now.last.items()}
+    complete = now.row >= samples - 1 and not holds["gap"][0]
+
+    def nearest(_: Ints) -> Floats:
+        return nearest_neighbours.window_mutual_information(
+            window.z[0].copy(),
+            window.z[-1].copy(),
+            samples,
+            np.array([samples - 1]),
+            settings.gate.ksg_neighbours,
+        )
+
+    decided = decide(
+        X,
+        window_statistics(window, noise) if complete else _INCOMPLETE,
+        np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
+        holds,
+        nearest,
+        settings.gate,
+    )
+    reason = decided.reasons[int(decided.chosen[0])]
+    return (
+        GateRow(
+            float(decided.corr[0]),
+            float(decided.mi_nat[0]),
+            float(decided.predicted_std[0]),
+            float(decided.noise_share[0]),
+            reason == "accepted",
+            reason,
+            float("nan") if decided.ksg_nat is None else float(decided.ksg_nat[0]),
+        ),
+        now,
+    )
+
+
+def _remember(
+    before: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
+) -> GateState:
+    """The state with this row in it."""
+    k, name = before.row + 1, row["phase"]
+    sample = window.z[:, -1]
+    phase = np.array([_CODES[name]], np.uint8)
+    known = name is not None
+    missing = not (np.isfinite(sample).all() and known)
+    accelerations = (*before.accelerations[1:], _machine_acceleration(row))
+    slips = _slips(row, accelerations, settings)
+    flags = row_flags(X, phase, sample[-1:], is_braking(phase), slips, settings.gate)
+    happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
+    kind = None
+    if known:
+        kind = name if name in TURNS or happens["braking"] else ""
+    return replace(
+        before,
+        row=k,
+        first_whole=k if before.first_whole is None and not missing else before.first_whole,
+        last={why: k if happens[why] else last for why, last in before.last.items()},
+        accelerations=accelerations,
+        known=known,
+        kind=kind,
+        segment_id=before.segment_id + (known and kind != before.kind),
+    )
+
+
+def _slips(row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings) -> Bools:
+    rate = np.array([number(row["speed_rate_x_m_s2"])])
+    return slipping(rate, np.array(accelerations), settings)
+
+
+def _machine_acceleration(row: Mapping[str, Any]) -> float:
+    pitch = np.array([number(row["pitch_rad"])]) if "pitch_rad" in row else None
+    measured = np.array([number(row.get("specific_force_x_m_s2"))])
+    return float(without_gravity(measured, pitch)[0])
+
+
+def number(value: float | None) -> float:
+    """A cell as a float, NaN where it is missing."""
+    return np.nan if value is None else float(value)

@@ -1,0 +1,253 @@
+"""On board: the gate and the estimators a row of `excitation` at a time, as the replay has them.
+
+State in, state out: a step takes bounded time and memory, and from `excitation` on every decision
+of the gate and every θ equals the replay's bit for bit. The deviations are their own (see
+`estimators.methods.incremental`): what the replay pools over the log is not known yet. A manoeuvre's pooled
+estimate comes when the manoeuvre is over and no braking can claim its last samples any more, that
+of a recursion when none can claim the window that it is fed.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.axes import X
+from analysis.model.methods import METHODS, AxisNoise, Feed, Method
+from analysis.model.settings import Settings
+from analysis.online.gate_state import GateRow, GateState, number, start_gate, step_gate
+from analysis.stages.noise.column_noise import axis_noise
+from estimators.estimate import Estimate
+from estimators.methods import incremental
+
+Floats = NDArray[np.float64]
+
+
+class TimedEstimate(NamedTuple):
+    """An estimate and the number of the row at which it stands."""
+
+    row: int
+    estimate: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A sample inside an accepted window that a braking which follows may still claim."""
+
+    row: int
+    segment_id: int
+    sample: Floats
+
+
+class Settling(NamedTuple):
+    """The number of an accepted row, and the window that ends there."""
+
+    row: int
+    window: incremental.WindowState
+
+
+@dataclass(frozen=True, slots=True)
+class OnlineState:
+    """All that is kept between two rows.
+
+    Attributes:
+        settings: window, gate, methods.
+        noise: of the columns.
+        window: the last `window_samples` rows and their sums.
+        gate: what the gate remembers of the rows.
+        pasts: of the recursive methods, by name.
+        settling: accepted windows that they will be fed unless braking follows.
+        fed_row: the last row that they were fed, -1 before the first.
+        accepted_row: the last row whose window was accepted, -1 before the first.
+        segments: manoeuvre of the last `window_samples` rows, the oldest first, -1 for none.
+        standstill: whether those rows stand.
+        pending: samples that will be pooled unless braking follows.
+        pool: the samples pooled into the manoeuvre `pooled_id` so far, the last being `pooled_row`.
+    """
+
+    settings: Settings
+    noise: AxisNoise
+    window: incremental.WindowState
+    gate: GateState
+    pool: incremental.Pool
+    segments: tuple[int, ...]
+    standstill: tuple[bool, ...]
+    pasts: Mapping[str, Any] = field(default_factory=dict)
+    settling: tuple[Settling, ...] = ()
+    fed_row: int = -1
+    accepted_row: int = -1
+    pending: tuple[Pending, ...] = ()
+    pooled_id: int = -1
+    pooled_row: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class OnlineStep:
+    """What one row leads to.
+
+    Attributes:
+        state: to step on from.
+        gate: what the gate saw in the window that ends here, and what it decided.
+        estimates: by method; the windowed ones at every accepted row, the recursive ones when
+            that row has settled, `pooled` when a manoeuvre is over.
+    """
+
+    state: OnlineState
+    gate: GateRow
+    estimates: Mapping[str, TimedEstimate]
+
+
+def start(settings: Settings, noise: pl.DataFrame | None = None) -> OnlineState:
+    """Before the first row.
+
+    Args:
+        settings: window, gate, methods.
+        noise: what a replay of the same machine found, or half a minute of standstill; without it
+            that of the settings counts where they name all of it, and else no window is refused
+            for noise, `pooled` takes the regressor for exact and TLS the usual ratios.
+    """
+    parameters = 3 if settings.forces.coulomb else 2
+    window = settings.gate.window_samples
+    return OnlineState(
+        settings,
+        axis_noise(X, settings, noise),
+        incremental.start_window(parameters, window),
+        start_gate(settings),
+        incremental.start_pool(parameters),
+        (-1,) * window,
+        (False,) * window,
+    )
+
+
+def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
+    """Take one row of `excitation`, as `DataFrame.iter_rows(named=True)` gives it.
+
+    Args:
+        state: after the row before; it is left as it was.
+        row: the regressor, the force, the phase and what the settings ask for; None is missing.
+    """
+    settings = state.settings
+    names = ["regressor_acc_x_m_s2", "speed_x_m_s"]
+    names += ["direction_x_1"] if settings.forces.coulomb else []
+    sample = np.array([number(row.get(name)) for name in (*names, "force_x_N")])
+    window = incremental.step_window(state.window, sample)
+    gate_row, gate = step_gate(state.gate, window, row, settings, state.noise.mean)
+    state = replace(
+        state,
+        window=window,
+        gate=gate,
+        segments=(*state.segments[1:], gate.segment_id if gate.known else -1),
+        standstill=(*state.standstill[1:], row["phase"] == "standstill"),
+    )
+    estimates: dict[str, TimedEstimate] = {}
+    if gate_row.accepted:
+        state, estimates = _estimate(state, gate.row)
+    while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
+        state, fed = _feed(state)
+        estimates |= fed
+    if any(_chosen(state, Feed.SEGMENTS)):
+        state, finished = _pool(state, gate.row)
+        estimates |= finished
+    return OnlineStep(state, gate_row, estimates)
+
+
+def finish(state: OnlineState) -> Iterator[Mapping[str, TimedEstimate]]:
+    """The estimates that were still to come: what has not braked by the last row does not."""
+    while state.settling:
+        state, fed = _feed(state)
+        yield fed
+    for pending in state.pending:
+        if state.gate.last_braking < pending.row:
+            state = _add(state, pending)
+    yield _pooled_estimates(state)
+
+
+def _estimate(state: OnlineState, row: int) -> tuple[OnlineState, dict[str, TimedEstimate]]:
+    """Every windowed method on the window that ends at `row`, which was accepted."""
+    settings, window = state.settings, state.window
+    estimates = {
+        method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
+        for method, options in _chosen(state, Feed.WINDOWS)
+    }
+    if any(_chosen(state, Feed.SETTLED)):
+        state = replace(state, settling=(*state.settling, Settling(row, window)))
+    if any(_chosen(state, Feed.SEGMENTS)):
+        newest = min(row - state.accepted_row, settings.gate.window_samples)
+        state = _pending(state, row, newest)
+    return replace(state, accepted_row=row), estimates
+
+
+def _chosen(state: OnlineState, feed: Feed) -> Iterator[tuple[Method, Any]]:
+    """The methods of the settings that are fed so, with their options."""
+    for name in state.settings.trace.methods:
+        method = METHODS[name]
+        if method.feed is feed:
+            yield method, method.options(state.settings.trace, state.noise)
+
+
+def _feed(state: OnlineState) -> tuple[OnlineState, dict[str, TimedEstimate]]:
+    """Feed the recursive methods the oldest window that settles, unless it brakes by now."""
+    settings, (row, window) = state.settings, state.settling[0]
+    state = replace(state, settling=state.settling[1:])
+    if state.gate.last_braking >= row:
+        return state, {}
+    newest = min(row - state.fed_row, settings.gate.window_samples)
+    mean = settings.smooth.samples
+    pasts = dict(state.pasts)
+    estimates: dict[str, TimedEstimate] = {}
+    for method, options in _chosen(state, Feed.SETTLED):
+        past = pasts.get(method.name)
+        pasts[method.name], estimate = method.step(window, past, newest, mean, options)
+        estimates[method.name] = TimedEstimate(row, estimate)
+    return replace(state, pasts=pasts, fed_row=row), estimates
+
+
+def _pending(state: OnlineState, row: int, newest: int) -> OnlineState:
+    """The newest samples of an accepted window will be pooled, unless they stand."""
+    pending = [
+        Pending(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
+        for back in range(newest, 0, -1)
+        if not state.standstill[-back]
+    ]
+    return replace(state, pending=(*state.pending, *pending))
+
+
+def _pool(state: OnlineState, row: int) -> tuple[OnlineState, Mapping[str, TimedEstimate]]:
+    """Pool the samples that no braking can claim any more; an estimate if a manoeuvre is over."""
+    gate = state.gate
+    waiting = list(state.pending)
+    while waiting and row - waiting[0].row >= gate.braking_lag - 1:
+        first = waiting.pop(0)
+        if gate.last_braking < first.row:
+            state = _add(state, first)
+    state = replace(state, pending=tuple(waiting))
+    over = not gate.known or gate.segment_id != state.pooled_id
+    if over and not any(each.segment_id == state.pooled_id for each in waiting):
+        return replace(state, pool=_empty(state), pooled_id=-1), _pooled_estimates(state)
+    return state, {}
+
+
+def _add(state: OnlineState, pending: Pending) -> OnlineState:
+    return replace(
+        state,
+        pool=state.pool.add(pending.sample),
+        pooled_id=pending.segment_id,
+        pooled_row=pending.row,
+    )
+
+
+def _empty(state: OnlineState) -> incremental.Pool:
+    return incremental.start_pool(len(state.window.z) - 1)
+
+
+def _pooled_estimates(state: OnlineState) -> Mapping[str, TimedEstimate]:
+    if state.pool.samples == 0:
+        return {}
+    mean = state.settings.smooth.samples
+    return {
+        method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
+        for method, options in _chosen(state, Feed.SEGMENTS)
+    }

@@ -1,0 +1,162 @@
+"""Figures 5 to 8: a start and stop, and the masses of campaigns by load."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import polars as pl
+
+from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.method_errors import run_errors
+from analysis.paper import printed_numbers
+from analysis.paper.confidence_intervals import mean_intervals
+from analysis.paper.replayed_campaign import ReplayedCampaign
+from analysis.paper.simulated_sources import CAMPAIGNS, START, Extract, Extracts
+
+#: Before a trial's start and after its end, so that the picture shows the gate open and close.
+_BEFORE_S: Final = 2.0
+_AFTER_S: Final = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Figure5:
+    """A start and stop, and the highest index (11) in nat by phase, where it has any."""
+
+    frame: pl.DataFrame
+    highest_nat: Mapping[str, float]
+
+
+def figure_5(campaign: ReplayedCampaign) -> Figure5:
+    """Force, acceleration, speed and index of one start and stop."""
+    frames, about = campaign.replayed.frames, campaign.replayed.provenance
+    trial = campaign.trials.row(0, named=True)
+    begin_ns = trial["throttle_ns"] - round(_BEFORE_S * 1e9) - about.t0_unix_ns
+    end_ns = trial["end_ns"] + round(_AFTER_S * 1e9) - about.t0_unix_ns
+    series = (
+        frames["excitation"]
+        .select("t_ns", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "phase")
+        .join(frames["gate"].select("t_ns", "mi_x_nat", "accepted_x"), on="t_ns")
+        .filter(pl.col("t_ns").is_between(begin_ns, end_ns))
+        .select(t_s=(pl.col("t_ns") - begin_ns) / 1e9, **{
+            name: pl.col(name)
+            for name in ("force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "mi_x_nat",
+                         "accepted_x", "phase")
+        })
+    )  # fmt: skip
+    highest_nat: dict[str, float] = {}
+    for phase in ("accelerating", "braking"):
+        highest = series.filter(pl.col("phase") == phase)["mi_x_nat"].max()
+        if isinstance(highest, float) and highest:
+            highest_nat[phase] = highest
+    return Figure5(series, highest_nat)
+
+
+def loads_of(campaign: ReplayedCampaign) -> pl.DataFrame:
+    """A row a method and load of one campaign, for Figures 6 to 8.
+
+    Returns:
+        The frame `calibration` with, r.m.s. over the load's trials in kg, `rms_kg` (every load in
+        the fit) and `rms_left_out_kg`.
+    """
+    estimates = campaign.estimates()
+    errors = run_errors(estimates).group_by("method", "load_kg").agg(
+        rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
+        rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
+    )  # fmt: skip
+    return calibrate_methods(estimates).join(
+        errors, ["method", "load_kg"], "left", maintain_order="left"
+    )
+
+
+LOADS: Final = Extract(CAMPAIGNS, loads_of)
+
+
+def _loads(extracts: Extracts) -> pl.DataFrame:
+    return pl.concat(extracts.all(LOADS), how="vertical_relaxed")
+
+
+@dataclass(frozen=True, eq=False)
+class Figure6:
+    """Raw masses by load.
+
+    Attributes:
+        frame: a row a method and load.
+        bias_kg: the largest difference of a mean to the truth.
+        implied_kg: what Table 2 implies for LS without load and with the largest.
+    """
+
+    frame: pl.DataFrame
+    bias_kg: float
+    implied_kg: tuple[float, float]
+
+
+def figure_6(extracts: Extracts) -> Figure6:
+    """Average the raw masses over the campaigns."""
+    means = mean_intervals(
+        _loads(extracts), ["method", "load_kg", "reference_kg"], ["estimate_kg", "estimate_std_kg"]
+    )
+    alphas, betas = printed_numbers.TABLE_2.values()
+    lines = pl.DataFrame(
+        {"method": printed_numbers.METHODS, "paper_alpha_1": alphas, "paper_beta_kg": betas}
+    )
+    table = means.join(lines, "method", "left", maintain_order="left").with_columns(
+        paper_implied_kg=(pl.col("reference_kg") - pl.col("paper_beta_kg"))
+        / pl.col("paper_alpha_1")
+    )
+    bias_kg = (table["estimate_kg"] - table["reference_kg"]).abs().max()
+    assert isinstance(bias_kg, float)
+    of_ls = table.filter(pl.col("method") == "ls").sort("load_kg")["paper_implied_kg"]
+    return Figure6(
+        frame=table.drop("paper_alpha_1", "paper_beta_kg"),
+        bias_kg=bias_kg,
+        implied_kg=(of_ls[0], of_ls[-1]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Figure7:
+    """Calibrated masses by load, and by method the scatter of one trial in kg."""
+
+    frame: pl.DataFrame
+    scatter_kg: Mapping[str, float]
+
+
+def figure_7(extracts: Extracts) -> Figure7:
+    """Average the calibrated masses over the campaigns."""
+    spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
+    table = mean_intervals(
+        _loads(extracts).with_columns(calibrated_std_kg=spread),
+        ["method", "load_kg", "reference_kg"],
+        ["calibrated_kg", "calibrated_std_kg", "error_kg", "error_left_out_kg"],
+    )
+    scatter = table.group_by("method", maintain_order=True).agg(pl.col("calibrated_std_kg").mean())
+    return Figure7(table, dict(scatter.iter_rows()))
+
+
+@dataclass(frozen=True, eq=False)
+class Figure8:
+    """Errors by load, and their ratio: load left out of the fit over load in the fit.
+
+    `ends_1` is its mean over smallest and largest load, `middle_1` over those between.
+    """
+
+    frame: pl.DataFrame
+    ends_1: float
+    middle_1: float
+
+
+def figure_8(extracts: Extracts) -> Figure8:
+    """Average the r.m.s. errors by load and method over the campaigns."""
+    table = mean_intervals(_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"])
+    ratios = table.group_by("load_kg", maintain_order=True).agg(
+        (pl.col("rms_left_out_kg") / pl.col("rms_kg")).mean().alias("ratio")
+    )
+    ends = pl.col("load_kg").is_in([ratios["load_kg"].min(), ratios["load_kg"].max()])
+    return Figure8(
+        frame=table,
+        ends_1=ratios.filter(ends).select(pl.col("ratio").mean()).item(),
+        middle_1=ratios.filter(~ends).select(pl.col("ratio").mean()).item(),
+    )
+
+
+FIGURE_5: Final = Extract(START, figure_5)

@@ -1,0 +1,220 @@
+"""Tables 2 to 4 over simulated campaigns, beside the printed ones."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, NamedTuple
+
+import polars as pl
+
+from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.paper import printed_numbers
+from analysis.paper.confidence_intervals import lowest, mean_intervals
+from analysis.paper.replayed_campaign import (
+    ERRORS,
+    ReplayedCampaign,
+    errors,
+    regated,
+    trial_bound_kg,
+)
+from analysis.paper.simulated_sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
+from analysis.paper.torque_chain import TorqueChain
+
+#: Methods whose smallest and largest error is compared: FGLS follows LS.
+_COMPARED: Final = ("ls", "rls", "tls", "pooled")
+
+
+class Line(NamedTuple):
+    """The calibration (19): slope with its 95 % interval, and offset."""
+
+    alpha_1: float
+    alpha_1_low: float
+    alpha_1_high: float
+    beta_kg: float
+
+
+@dataclass(frozen=True, eq=False)
+class Table2:
+    """Table 2 and what its lines of LS say.
+
+    Attributes:
+        frame: a row a `chain` ("ideal" or "front_axle") and `method`.
+        chain: of "front_axle".
+        printed: slope and offset (kg) of LS in the paper.
+        ideal: the line of LS with an ideal torque chain.
+        chained: likewise with the assumed one.
+        offset_share_1: the printed offset over the mean reference mass.
+    """
+
+    frame: pl.DataFrame
+    chain: TorqueChain
+    printed: tuple[float, float]
+    ideal: Line
+    chained: Line
+    offset_share_1: float
+
+
+def fitted_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
+    """Fit (19) to a campaign: a row a method, `chain`, `alpha_1` and `beta_kg`."""
+    return (
+        calibrate_methods(campaign.estimates())
+        .group_by("method", maintain_order=True)
+        .agg(pl.lit(chain).alias("chain"), pl.col("alpha_1", "beta_kg").first())
+    )
+
+
+IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fitted_lines, chain="ideal"))
+CHAINED_LINES: Final = Extract(CHAINED_CAMPAIGNS, partial(fitted_lines, chain="front_axle"))
+
+
+def table_2(extracts: Extracts) -> Table2:
+    """Average the lines over the campaigns."""
+    lines = pl.concat(
+        [*extracts.all(IDEAL_LINES), *extracts.all(CHAINED_LINES)], how="vertical_relaxed"
+    )
+    means = mean_intervals(lines, ["chain", "method"], ["alpha_1", "beta_kg"])
+    printed = pl.DataFrame({"method": printed_numbers.METHODS, **printed_numbers.TABLE_2}).rename(
+        {"alpha_1": "paper_alpha_1", "beta_kg": "paper_beta_kg"}
+    )
+    table = means.join(printed, "method", "left", maintain_order="left")
+    of_ls = {
+        row["chain"]: Line(*(row[name] for name in Line._fields))
+        for row in table.filter(pl.col("method") == "ls").iter_rows(named=True)
+    }
+    alpha_1, beta_kg = (
+        printed_numbers.by_method(row)["ls"] for row in printed_numbers.TABLE_2.values()
+    )
+    return Table2(
+        frame=table,
+        chain=TorqueChain(),
+        printed=(alpha_1, beta_kg),
+        ideal=of_ls["ideal"],
+        chained=of_ls["front_axle"],
+        offset_share_1=beta_kg / (printed_numbers.MASS_KG + printed_numbers.LOAD_RANGE_KG / 2.0),
+    )
+
+
+class Extremes(NamedTuple):
+    """Smallest and largest error of a method over a setting, the trial's own load left out.
+
+    `alike` are the values whose error is within the interval of the best, of `values` in all.
+    """
+
+    method: str
+    best: float
+    best_kg: float
+    worst: float
+    worst_kg: float
+    alike: tuple[float, ...]
+    values: int
+
+
+@dataclass(frozen=True, eq=False)
+class SweptTable:
+    """Table 3 or 4: errors over the values of one setting.
+
+    Attributes:
+        frame: a row a value and method.
+        best_printed: by method, the values of the smallest printed error, ties included.
+        extremes: of ours, a method each.
+        nearest_bound_1: by method (`pooled`, `rls`), the smallest error over the bound.
+        best_kg: the smallest of all errors with the trial's own load left out.
+    """
+
+    frame: pl.DataFrame
+    best_printed: Mapping[str, Sequence[float]]
+    extremes: tuple[Extremes, ...]
+    nearest_bound_1: Mapping[str, float]
+    best_kg: float
+
+
+def errors_over(
+    campaign: ReplayedCampaign, setting: str, values: Collection[float]
+) -> pl.DataFrame:
+    """Repeat gate and estimators with each value of a setting: a row a value and method."""
+    frames: list[pl.DataFrame] = []
+    for value in values:
+        again = regated(campaign, campaign.settings.changed({f"gate.{setting}": value}))
+        frames.append(
+            errors(again).with_columns(
+                pl.lit(float(value)).alias(setting), bound_kg=pl.lit(trial_bound_kg(again))
+            )
+        )
+    return pl.concat(frames)
+
+
+THRESHOLD: Final = "threshold_nat"
+WINDOW: Final = "window_samples"
+OVER_THRESHOLDS: Final = Extract(
+    CAMPAIGNS, partial(errors_over, setting=THRESHOLD, values=tuple(printed_numbers.TABLE_3_KG))
+)
+OVER_WINDOWS: Final = Extract(
+    CAMPAIGNS,
+    partial(errors_over, setting=WINDOW, values=tuple(map(round, printed_numbers.TABLE_4_KG))),
+)
+
+
+def table_3(extracts: Extracts) -> SweptTable:
+    """Average the errors by threshold over the campaigns."""
+    return _swept(extracts.all(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG)
+
+
+def table_4(extracts: Extracts) -> SweptTable:
+    """Average the errors by window length over the campaigns."""
+    return _swept(extracts.all(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG)
+
+
+def _swept(
+    campaigns: Sequence[pl.DataFrame], setting: str, printed: Mapping[float, Sequence[float]]
+) -> SweptTable:
+    table = _by_setting(pl.concat(campaigns, how="vertical_relaxed"), setting, printed)
+    best_kg = table["run_left_out_kg"].min()
+    assert isinstance(best_kg, float)
+    return SweptTable(
+        frame=table,
+        best_printed={
+            method: lowest({at: row[i] for at, row in printed.items()})
+            for i, method in enumerate(printed_numbers.METHODS)
+        },
+        extremes=tuple(
+            _extremes(str(method), setting, part)
+            for (method,), part in table.group_by("method", maintain_order=True)
+            if method in _COMPARED
+        ),
+        nearest_bound_1={
+            method: table.filter(pl.col("method") == method)
+            .select(pl.col("over_bound_1").min())
+            .item()
+            for method in ("pooled", "rls")
+        },
+        best_kg=best_kg,
+    )
+
+
+def _by_setting(
+    campaigns: pl.DataFrame, setting: str, printed: Mapping[float, Sequence[float]]
+) -> pl.DataFrame:
+    means = mean_intervals(campaigns, [setting, "method"], [*ERRORS, "bound_kg", "runs"])
+    known = pl.DataFrame(
+        [
+            {setting: at, "method": method, "paper_kg": error}
+            for at, row in printed.items()
+            for method, error in printed_numbers.by_method(row).items()
+        ]
+    )
+    return (
+        means.with_columns(pl.col(setting).cast(pl.Float64))
+        .join(known, [setting, "method"], "left", maintain_order="left")
+        .with_columns(
+            over_bound_1=pl.col("run_kg") / pl.col("bound_kg"),
+            of_load_range_1=pl.col("run_left_out_kg") / printed_numbers.LOAD_RANGE_KG,
+        )
+    )
+
+
+def _extremes(method: str, setting: str, part: pl.DataFrame) -> Extremes:
+    known = dict(part.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
+    (best, *_), worst = lowest(known), max(known, key=lambda at: known[at])
+    high = part.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]
+    alike = tuple(at for at, error in known.items() if high is not None and error <= high)
+    return Extremes(method, best, known[best], worst, known[worst], alike, len(known))

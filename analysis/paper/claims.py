@@ -1,0 +1,262 @@
+"""Claims of the abstract and of the conclusion, each beside what simulated campaigns say of it.
+
+Every number is given as a share of the machine's mass, as the paper does, and of the payload range,
+which is what a scale is judged by.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Literal, TypeAlias
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.campaign.method_errors import run_errors
+from analysis.model.settings import Settings
+from analysis.paper import printed_numbers
+from analysis.paper.confidence_intervals import mean_intervals, rms_interval
+from analysis.paper.excitation_figures import WINDOW_S
+from analysis.paper.replayed_campaign import ReplayedCampaign, accepting
+from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
+from analysis.paper.table1 import AT_LENGTH
+from analysis.stages.gating.gate import gate
+
+#: What recursive least squares is fed: what the gate accepts, all but braking, everything.
+Fed: TypeAlias = Literal["gated", "no braking", "ungated"]
+#: What it is fed over a long cruise, and whether it forgets directionally.
+CRUISE_FED: Final[tuple[tuple[Fed, bool], ...]] = (
+    ("ungated", False),
+    ("gated", False),
+    ("gated", True),
+    ("ungated", True),
+)
+
+#: Reasons to refuse a window that have nothing to do with information or braking.
+_INCOMPLETE: Final = ("warming_up", "gap")
+_NORMAL: Final = 1.96
+#: Errors that differ by no more are called alike.
+_ALIKE: Final = 1.2
+
+
+def fed(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> ReplayedCampaign:
+    """Accept other windows of a campaign.
+
+    Args:
+        campaign: replayed.
+        how: which windows the estimators are fed.
+        settings: the gate, which estimators, and how they forget.
+    """
+    if how == "ungated":
+        settings = settings.changed({"gate.exclude_braking": False})
+    gated = gate(campaign.replayed.frames["excitation"], settings)
+    if how != "gated":
+        refused = _INCOMPLETE if how == "ungated" else (*_INCOMPLETE, "braking")
+        gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))
+    return accepting(campaign, gated, settings)
+
+
+def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
+    """Errors of RLS at the end of the cruise of a single trial, one of each of `CRUISE_FED`."""
+    return tuple(_cruise_error_kg(campaign, how, directional) for how, directional in CRUISE_FED)
+
+
+def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) -> float:
+    """The error of RLS at the end of the cruise; NaN without estimate."""
+    methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
+    again = fed(campaign, how, campaign.settings.changed(methods))
+    cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
+    before = again.replayed.frames["estimates/rls"].filter(pl.col("t_ns") <= cruised_ns)
+    if before.is_empty():
+        return float("nan")
+    return float(before["mass_kg"][-1] - campaign.trials["mass_kg"][0])
+
+
+def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
+    """Errors of one campaign that the claims are about.
+
+    Returns:
+        A row a method and what it was fed (RLS also without the criterion): `method`, `fed`, in kg
+        `rms_kg` and `rms_left_out_kg` of the trials' masses after (19), and `mean_abs_kg`, the mean
+        size of their error with every load in the fit.
+    """
+    rls = campaign.settings.changed({"trace.methods": ("rls",)})
+    without: tuple[Fed, ...] = ("no braking", "ungated")
+    estimates = {"gated": campaign.estimates()} | {
+        how: fed(campaign, how, rls).estimates() for how in without
+    }
+    return pl.concat(
+        run_errors(masses)
+        .group_by("method", maintain_order=True)
+        .agg(
+            pl.lit(how).alias("fed"),
+            rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
+            rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
+            mean_abs_kg=pl.col("error_kg").abs().mean(),
+        )
+        for how, masses in estimates.items()
+    )
+
+
+CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, campaign_claims)
+CRUISE_ERRORS: Final = Extract(CRUISES, cruise_errors_kg)
+TEN_SECONDS: Final = AT_LENGTH[WINDOW_S]
+
+
+@dataclass(frozen=True, eq=False)
+class Claims:
+    """The claims and what was found of each.
+
+    Attributes:
+        frame: a row a finding: `claim` (rms, simulation, experiment, reduction), `of` (what the
+            error is of: constant, window, trial, cruise), `method`, `fed`, `directional`, `windows`
+            (that gave a mass), `found_kg` with its 95 % interval, `smaller_percent` (than RLS
+            without the criterion), `of_mass_percent`, `of_load_range_percent`.
+        rms_limit_kg: the claimed limit of the RMS error.
+        rms_held: whether it holds for every method.
+        rms_kg: smallest and largest RMS error.
+        constant_percent: error of a constant that ignores the data, of the machine's mass.
+        window_spread_1: 95 % of single windows of 10 s are within this share of the mass.
+        windows_claimed: how many windows a mean as precise as claimed takes.
+        bias_kg: mean error of LS in 10 s.
+        biased: whether it is more than chance.
+        experiment_mass_percent: smallest and largest mean size of a trial's error.
+        experiment_range_percent: likewise of the payload range.
+        reduced: whether each error is as much smaller as claimed.
+        saved_by: what makes RLS better in a campaign of short starts.
+    """
+
+    frame: pl.DataFrame
+    rms_limit_kg: float
+    rms_held: bool
+    rms_kg: tuple[float, float]
+    constant_percent: float
+    window_spread_1: float
+    windows_claimed: float
+    bias_kg: float
+    biased: bool
+    experiment_mass_percent: tuple[float, float]
+    experiment_range_percent: tuple[float, float]
+    reduced: tuple[bool, ...]
+    saved_by: Literal["nothing", "refusing braking", "the index"]
+
+
+def claims(extracts: Extracts) -> Claims:
+    """Compare every claim with windows, campaigns and cruises."""
+    means = mean_intervals(
+        pl.concat(extracts.all(CAMPAIGN_ERRORS), how="vertical_relaxed"),
+        ["method", "fed"],
+        ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
+    )
+    gated = means.filter(pl.col("fed") == "gated")
+    windows = extracts.one(TEN_SECONDS).filter(pl.col("method").is_in(printed_numbers.METHODS))
+    rows = [
+        *(_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
+        _row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
+        *(_window_row(row) for row in windows.iter_rows(named=True)),
+        *(_row("experiment", "trial", row, "mean_abs_kg") for row in gated.iter_rows(named=True)),
+        *_cruise_rows(np.array(extracts.all(CRUISE_ERRORS))),
+        *_campaign_rows(means),
+    ]
+    frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(
+        of_mass_percent=pl.col("found_kg") / printed_numbers.MASS_KG * 100.0,
+        of_load_range_percent=pl.col("found_kg") / printed_numbers.LOAD_RANGE_KG * 100.0,
+    )
+    rms = frame.filter((pl.col("claim") == "rms") & (pl.col("of") == "trial"))
+    constant = frame.filter(pl.col("of") == "constant")
+    experiment = frame.filter(pl.col("claim") == "experiment")
+    limit_kg = printed_numbers.RMS_SHARE * printed_numbers.MASS_KG
+    ls = windows.filter(pl.col("method") == "ls").row(0, named=True)
+    spread_1 = _NORMAL * ls["rmse_kg"] / printed_numbers.MASS_KG
+    smaller = frame["smaller_percent"].drop_nulls()
+    return Claims(
+        frame=frame,
+        rms_limit_kg=limit_kg,
+        rms_held=bool((rms["found_kg"] < limit_kg).all()),
+        rms_kg=_range(rms["found_kg"]),
+        constant_percent=constant["of_mass_percent"].item(),
+        window_spread_1=spread_1,
+        windows_claimed=(spread_1 / printed_numbers.SIMULATION_ERROR[1]) ** 2,
+        bias_kg=ls["bias_kg"],
+        biased=abs(ls["bias_kg"]) > _NORMAL * ls["bias_std_kg"],
+        experiment_mass_percent=_range(experiment["of_mass_percent"]),
+        experiment_range_percent=_range(experiment["of_load_range_percent"]),
+        reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
+        saved_by=_saved_by(means),
+    )
+
+
+def _row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """A finding whose number and interval stand in `row` under `name`."""
+    return {
+        "claim": claim,
+        "of": of,
+        "method": row.get("method"),
+        "fed": row.get("fed"),
+        "directional": row.get("directional", False),
+        "windows": row.get("trials") if of == "window" else None,
+        "found_kg": row[name],
+        "found_kg_low": row.get(f"{name}_low"),
+        "found_kg_high": row.get(f"{name}_high"),
+        "smaller_percent": row.get("smaller_percent"),
+    }
+
+
+def _window_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    half = _NORMAL * row["bias_std_kg"]
+    ends = {"bias_kg_low": row["bias_kg"] - half, "bias_kg_high": row["bias_kg"] + half}
+    return _row("simulation", "window", {**row, **ends}, "bias_kg")
+
+
+def _cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
+    """Findings from errors (cruises, 4), a column each of `CRUISE_FED`."""
+    rng = np.random.default_rng(0)
+    found = [rms_interval(errors, rng) for errors in errors_kg.T]
+    ungated_kg = found[0][0]
+    return [
+        _row(
+            "reduction",
+            "cruise",
+            {
+                "method": "rls",
+                "fed": how,
+                "directional": directional,
+                **dict(zip(("rms", "rms_low", "rms_high"), each, strict=True)),
+                "smaller_percent": _smaller(each[0], ungated_kg) if number else None,
+            },
+            "rms",
+        )
+        for number, ((how, directional), each) in enumerate(zip(CRUISE_FED, found, strict=True))
+    ]
+
+
+def _campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
+    rls = means.filter(pl.col("method") == "rls")
+    ungated_kg = rls.filter(pl.col("fed") == "ungated")["rms_left_out_kg"][0]
+    rows: list[dict[str, Any]] = []
+    for row in rls.iter_rows(named=True):
+        gated = row["fed"] != "ungated"
+        smaller = _smaller(row["rms_left_out_kg"], ungated_kg) if gated else None
+        rows.append(
+            _row("reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg")
+        )
+    return rows
+
+
+def _smaller(error_kg: float, ungated_kg: float) -> float:
+    return 100.0 * (1.0 - error_kg / ungated_kg)
+
+
+def _saved_by(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "the index"]:
+    """Compare RLS on short starts: gated, without braking, ungated."""
+    rls = means.filter(pl.col("method") == "rls")
+    by_fed = dict(rls.select("fed", "rms_left_out_kg").iter_rows())
+    if by_fed["gated"] > (1.0 - printed_numbers.REDUCTION) * by_fed["ungated"]:
+        return "nothing"
+    return "refusing braking" if by_fed["no braking"] < _ALIKE * by_fed["gated"] else "the index"
+
+
+def _range(column: pl.Series) -> tuple[float, float]:
+    low, high = column.min(), column.max()
+    assert isinstance(low, float)
+    assert isinstance(high, float)
+    return low, high

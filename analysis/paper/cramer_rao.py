@@ -1,0 +1,43 @@
+"""Cramér–Rao bounds of the mass: how good the best unbiased estimate of a window can be.
+
+Functional errors-in-variables: force, acceleration and speed are all measured with white noise and
+the true motion is unknown, so every sample says f - a m - v b = 0 to within
+σ² = σ_f² + m² σ_a² + b² σ_v², and cov θ ≥ σ² (ZᵀZ)⁻¹ with the noise-free regressor Z. It bounds
+what treats samples as unrelated, as (7) does; who also knew that a = dv/dt could do better.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.scenario.scenario import SimulatedSensors
+
+Floats = NDArray[np.float64]
+
+
+def equation_noise(sensors: SimulatedSensors, mass_kg: float, friction_N_s_m: float) -> float:
+    """Standard deviation σ in N of one sample of f - a m - v b, before any moving mean."""
+    return float(
+        np.sqrt(
+            sensors.force_noise_N**2
+            + (mass_kg * sensors.acc_noise_m_s2) ** 2
+            + (friction_N_s_m * sensors.speed_noise_m_s) ** 2
+        )
+    )
+
+
+def mass_bounds_kg(noise_N: float, aa: Floats, av: Floats, vv: Floats) -> Floats:
+    """Smallest standard deviation of the mass, in kg.
+
+    Args:
+        noise_N: σ of a sample (`equation_noise`).
+        aa: (...,) sum of the squared noise-free accelerations of the samples that enter.
+        av: (...,) sum of acceleration times speed.
+        vv: (...,) sum of the squared speeds.
+
+    Returns:
+        (...,); infinite where the samples do not tell mass from friction.
+    """
+    determinant = aa * vv - av**2
+    # to working precision
+    known = determinant > 1e-14 * aa * vv
+    return noise_N * np.sqrt(np.where(known, vv, np.inf) / np.where(known, determinant, 1.0))

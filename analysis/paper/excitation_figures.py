@@ -1,0 +1,234 @@
+"""Figures 2 to 4: the excitation, and the estimates under it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from analysis.model.schema import values
+from analysis.model.settings import Settings
+from analysis.paper import printed_numbers
+from analysis.paper.replayed_campaign import ReplayedCampaign, accepting
+from analysis.paper.simulated_sources import LINEAR, ROTATION, Extract
+from analysis.stages.gating.gate import gate
+from estimators.estimate import Floats, Trace
+from estimators.methods import fgls, ls, rls, tls
+from estimators.planar import planar_rows
+
+#: The window that the text calls optimal.
+WINDOW_S: Final = 10.0
+#: Since the first window: the time in which the methods still converge.
+EARLY_S: Final = 10.0
+_SHOWN_S: Final = 60.0
+#: At the end of a log the machine stands: so long, noise is all that there is.
+_STANDING_S: Final = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Figure2:
+    """The motion, the machine's time constant, and what is left of a step after T."""
+
+    frame: pl.DataFrame
+    constant_s: float
+    unsettled_1: float
+
+
+def figure_2(campaign: ReplayedCampaign) -> Figure2:
+    """Force, acceleration and speed under the triangle."""
+    truth = campaign.trials.row(0, named=True)
+    constant_s = truth["mass_kg"] / truth["friction_N_s_m"]
+    return Figure2(
+        frame=_shown(campaign.replayed.frames["excitation"]).select(
+            "t_s", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s"
+        ),
+        constant_s=constant_s,
+        unsettled_1=float(np.exp(-printed_numbers.RESPONSE_S / constant_s)),
+    )
+
+
+class Rms(NamedTuple):
+    """Root mean square errors of the mass in kg: in the first `EARLY_S`, and later."""
+
+    early_kg: float
+    later_kg: float
+
+
+@dataclass(frozen=True, eq=False)
+class Figure3:
+    """Estimates over time in a linear motion.
+
+    Attributes:
+        frame: a row an instant and method, with the truth.
+        true_mass_kg: the mass.
+        rms_kg: by method, over the whole figure.
+        converging: of LS and RLS.
+        memory_samples: how many samples the weights of RLS are worth.
+        window_samples: of the others.
+    """
+
+    frame: pl.DataFrame
+    true_mass_kg: float
+    rms_kg: Mapping[str, float]
+    converging: Mapping[str, Rms]
+    memory_samples: float
+    window_samples: int
+
+
+def figure_3(campaign: ReplayedCampaign) -> Figure3:
+    """Mass and friction over time under the triangular force."""
+    rate_hz = campaign.settings.align.rate_hz
+    settings = campaign.settings.changed(
+        {
+            "gate.window_samples": round(WINDOW_S * rate_hz),
+            "trace.methods": printed_numbers.METHODS,
+            # the drive itself slows the machine down
+            "gate.exclude_braking": False,
+        }
+    )
+    estimates = _driven(campaign, settings).replayed.frames
+    truth = campaign.trials.row(0, named=True)
+    series = pl.concat(
+        _shown(estimates[f"estimates/{method}"]).select(
+            "t_s",
+            pl.lit(method).alias("method"),
+            "mass_kg",
+            "mass_std_kg",
+            "friction_x_N_s_m",
+            "friction_x_std_N_s_m",
+            true_mass_kg=pl.lit(truth["mass_kg"]),
+            true_friction_x_N_s_m=pl.lit(truth["friction_N_s_m"]),
+        )
+        for method in printed_numbers.METHODS
+    )
+    return Figure3(
+        frame=series,
+        true_mass_kg=truth["mass_kg"],
+        rms_kg=_rms(series, "mass_kg", "true_mass_kg"),
+        converging=_converging(series),
+        memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
+        window_samples=settings.gate.window_samples,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Figure4:
+    """Estimates over time in a rotation.
+
+    Attributes:
+        frame: a row an instant and method, with the truth.
+        true_inertia_z_kg_m2: the yaw inertia.
+        true_friction_z_N_m_s: the friction of turning.
+        rms_kg_m2: by method, over the whole figure.
+        bias_kg_m2: by method, likewise.
+    """
+
+    frame: pl.DataFrame
+    true_inertia_z_kg_m2: float
+    true_friction_z_N_m_s: float
+    rms_kg_m2: Mapping[str, float]
+    bias_kg_m2: Mapping[str, float]
+
+
+def figure_4(campaign: ReplayedCampaign) -> Figure4:
+    """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
+    excitation = campaign.replayed.frames["excitation"]
+    A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
+    A, f = np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
+    rate_hz = campaign.settings.align.rate_hz
+    window = round(WINDOW_S * rate_hz)
+    known = np.isfinite(A).all(axis=1) & np.isfinite(f)
+    # the brakes that end the drive are no part of (8)
+    known &= excitation["t_ns"].to_numpy() <= round(_SHOWN_S * 1e9)
+    complete = np.convolve(known, np.ones(window))[: f.size] > window - 0.5
+    standing = np.flatnonzero(np.isfinite(f))[-round(_STANDING_S * rate_hz) :]
+    noise = (*A[standing].std(axis=0), f[standing].std())
+    truth = campaign.trials.row(0, named=True)
+    series = pl.concat(
+        _spin_series(method, _trace(method, A, f, window, complete, noise), excitation)
+        for method in printed_numbers.METHODS
+    ).with_columns(
+        true_inertia_z_kg_m2=pl.lit(truth["inertia_z_kg_m2"]),
+        true_friction_z_N_m_s=pl.lit(truth["friction_z_N_m_s"]),
+    )
+    biases = series.group_by("method").agg(
+        (pl.col("inertia_z_kg_m2") - pl.col("true_inertia_z_kg_m2")).mean()
+    )
+    return Figure4(
+        frame=series,
+        true_inertia_z_kg_m2=truth["inertia_z_kg_m2"],
+        true_friction_z_N_m_s=truth["friction_z_N_m_s"],
+        rms_kg_m2=_rms(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2"),
+        bias_kg_m2=dict(biases.iter_rows()),
+    )
+
+
+def _driven(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
+    """Estimates from every complete window that the figure shows: the end of the drive is not."""
+    gated = gate(campaign.replayed.frames["excitation"], settings)
+    incomplete = pl.col("reason_x").cast(pl.String).is_in(("warming_up", "gap"))
+    shown = ~incomplete & (pl.col("t_ns") <= round(_SHOWN_S * 1e9))
+    return accepting(campaign, gated.with_columns(accepted_x=shown), settings)
+
+
+def _trace(
+    method: str, A: Floats, f: Floats, window: int, complete: np.ndarray, noise: tuple[float, ...]
+) -> Trace:
+    match method:
+        case "ls":
+            return ls.trace(A, f, window, complete)
+        case "rls":
+            return rls.trace(A, f, window, complete)
+        case "fgls":
+            return fgls.trace(A, f, window, complete)
+        case _:
+            return tls.trace(A, f, window, complete, tls.TlsOptions(noise[:-1], noise[-1]))
+
+
+def _spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.DataFrame:
+    return _shown(
+        pl.DataFrame(
+            {
+                "t_ns": excitation["t_ns"].to_numpy()[traced.index],
+                "method": [method] * traced.index.size,
+                "inertia_z_kg_m2": traced.theta[:, 0],
+                "inertia_z_std_kg_m2": traced.std[:, 0],
+                "friction_z_N_m_s": traced.theta[:, 1],
+                "friction_z_std_N_m_s": traced.std[:, 1],
+            }
+        )
+    ).drop("t_ns")
+
+
+def _shown(frame: pl.DataFrame) -> pl.DataFrame:
+    seconds = frame.with_columns(t_s=pl.col("t_ns") / 1e9)
+    return seconds.filter(pl.col("t_s") <= _SHOWN_S)
+
+
+def _rms(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
+    """R.m.s. error of each method over the whole figure."""
+    errors = series.group_by("method", maintain_order=True).agg(
+        ((pl.col(value) - pl.col(true)) ** 2).mean().sqrt()
+    )
+    return dict(errors.iter_rows())
+
+
+def _converging(series: pl.DataFrame) -> dict[str, Rms]:
+    """R.m.s. error of LS and RLS at first, and later."""
+    squares = series.with_columns(
+        square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,
+        early=pl.col("t_s") < pl.col("t_s").min() + EARLY_S,
+    )
+    rms = {
+        (method, early): float(np.sqrt(square))
+        for method, early, square in squares.group_by("method", "early")
+        .agg(pl.col("square").mean())
+        .iter_rows()
+    }
+    return {method: Rms(rms[method, True], rms[method, False]) for method in ("ls", "rls")}
+
+
+FIGURE_2: Final = Extract(LINEAR, figure_2)
+FIGURE_3: Final = Extract(LINEAR, figure_3)
+FIGURE_4: Final = Extract(ROTATION, figure_4)

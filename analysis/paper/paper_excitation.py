@@ -1,0 +1,121 @@
+"""The paper's excitation: a triangular force or torque, over and over, from standing.
+
+Once the start is forgotten the motion repeats; windows of it are measured many at once.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
+from analysis.simulation import Scenario, solve_motion
+from analysis.simulation.scenario.manoeuvres import Excite
+from analysis.simulation.scenario.scenario import SimulatedSensors
+from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
+from analysis.stages.motion.smooth import trailing_mean
+
+Floats = NDArray[np.float64]
+
+#: Phases a sample at which a window may start.
+PHASES: Final = 10
+#: After so many periods what the start was like is forgotten: 48 time constants m/b.
+_SETTLED_PERIODS: Final = 4
+#: Periods that Figures 2 to 4 show, and one more.
+_PERIODS: Final = 5
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredWindows:
+    """Many windows as the estimators are given them.
+
+    Attributes:
+        A: (count, samples, 2) acceleration and speed.
+        f: (count, samples) force.
+        bound_kg: (count,) the Cramér–Rao bound of as many samples before the mean.
+        strict_bound_kg: (count,) with the samples before the window that its first means hold.
+    """
+
+    A: Floats
+    f: Floats
+    bound_kg: Floats
+    strict_bound_kg: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyDrive:
+    """One period of a steady oscillation, without noise.
+
+    Attributes:
+        mass_kg: the true mass.
+        friction_N_s_m: the true friction.
+        motion: (phases, 3) acceleration in m/s², speed in m/s and force in N, `PHASES` rows a
+            sample of the sensors.
+    """
+
+    mass_kg: float
+    friction_N_s_m: float
+    motion: Floats
+
+    def windows(
+        self,
+        sensors: SimulatedSensors,
+        samples: int,
+        smooth_samples: int,
+        count: int,
+        rng: np.random.Generator,
+    ) -> MeasuredWindows:
+        """Measure windows that start at random phases: fresh noise, then the moving mean."""
+        before = smooth_samples - 1
+        start = rng.integers(self.motion.shape[0], size=(count, 1))
+        steps = PHASES * np.arange(-before, samples)
+        true = self.motion[(start + steps) % self.motion.shape[0]]
+        noise = (sensors.acc_noise_m_s2, sensors.speed_noise_m_s, sensors.force_noise_N)
+        measured = true + noise * rng.standard_normal(true.shape)
+        # the mean of a row's first samples reaches into the row before: those are cut off
+        smoothed = [
+            trailing_mean(column.ravel(), smooth_samples).reshape(column.shape)[:, before:]
+            for column in np.moveaxis(measured, -1, 0)
+        ]
+        return MeasuredWindows(
+            A=np.stack(smoothed[:2], -1),
+            f=smoothed[2],
+            bound_kg=self._bounds_kg(sensors, true[:, before:]),
+            strict_bound_kg=self._bounds_kg(sensors, true),
+        )
+
+    def _bounds_kg(self, sensors: SimulatedSensors, true: Floats) -> Floats:
+        a, v = true[..., 0], true[..., 1]
+        noise_N = equation_noise(sensors, self.mass_kg, self.friction_N_s_m)
+        sums = ((x * y).sum(axis=1) for x, y in ((a, a), (a, v), (v, v)))
+        return mass_bounds_kg(noise_N, *sums)
+
+
+def excited(scenario: Scenario, *, force: ForceWave | None, torque: TorqueWave | None) -> Scenario:
+    """The scenario with one run without load, under these waveforms for five periods."""
+    period_s = (force or torque or ForceWave()).period_s
+    drive = Excite(duration_s=_PERIODS * period_s, force=force, torque=torque)
+    campaign = scenario.campaign.model_copy(
+        update={"loads_kg": (0.0,), "runs": 1, "manoeuvres": (drive,)}
+    )
+    return scenario.model_copy(update={"campaign": campaign})
+
+
+def steady_drive(scenario: Scenario, force: ForceWave | None = None) -> SteadyDrive:
+    """One period of the steady oscillation under a force, by default the paper's triangle.
+
+    Args:
+        scenario: machine and sensors' rate.
+        force: the waveform.
+    """
+    force = force or ForceWave()
+    motion = solve_motion(excited(scenario, force=force, torque=None), 0.0)
+    steps = round(force.period_s * scenario.sensors.rate_hz * PHASES)
+    time_s = force.period_s * (_SETTLED_PERIODS + np.arange(steps) / steps)
+    true = motion.sample(time_s)
+    return SteadyDrive(
+        motion.body.mass_kg,
+        motion.body.friction_x_N_s_m,
+        np.column_stack([true.acc_x_m_s2, true.speed_x_m_s, true.force_x_N]),
+    )

@@ -1,0 +1,123 @@
+"""A simulated campaign, replayed and compared with its truth: the errors of its calibrated masses.
+
+A trial is one run of a campaign (`campaign.runs`). Tables 3 and 4 leave open whether an error is
+that of a single trial or of a load's mean, and whether a load is in the fit of (19) that corrects
+it; all four are given.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.campaign.by_method import calibrate_methods
+from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.method_errors import rms_errors, run_errors
+from analysis.model.run_record import Run
+from analysis.model.settings import Settings
+from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
+from analysis.simulation import Scenario
+from analysis.stages.estimation.trace import trace
+from analysis.stages.gating.gate import gate, samples_of
+
+#: The four errors, r.m.s. in kg over all trials, or over the loads' means.
+ERRORS = ("run_kg", "run_left_out_kg", "mean_kg", "mean_left_out_kg")
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayedCampaign:
+    """A simulated campaign and the replay of its logs.
+
+    Attributes:
+        scenario: of the simulation.
+        replayed: the replay of its logs in one time line.
+        trials: the truth of every trial (`SimulatedLog.trials`).
+        noise_free: the true motion (`SimulatedLog.noise_free`), all logs in one.
+    """
+
+    scenario: Scenario
+    replayed: Run
+    trials: pl.DataFrame
+    noise_free: pl.DataFrame
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of the replay."""
+        return self.replayed.provenance.settings
+
+    def estimates(self) -> pl.DataFrame:
+        """One mass a method and trial."""
+        return run_estimates(self.replayed, self.trials)
+
+
+def regated(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
+    """Repeat gate and estimators with other settings; nothing before the gate changes."""
+    excitation = campaign.replayed.frames["excitation"]
+    return accepting(campaign, gate(excitation, settings), settings)
+
+
+def accepting(
+    campaign: ReplayedCampaign, gated: pl.DataFrame, settings: Settings
+) -> ReplayedCampaign:
+    """Repeat the estimates of a campaign from the windows that `gated` accepts."""
+    frames = campaign.replayed.frames
+    estimates = trace(frames["excitation"], gated, settings)
+    about = campaign.replayed.provenance
+    replayed = Run(
+        {
+            "excitation": frames["excitation"],
+            "gate": gated,
+            **{f"estimates/{method}": frame for method, frame in estimates.items()},
+        },
+        about.model_copy(update={"settings": settings, "fingerprint": None}),
+    )
+    return replace(campaign, replayed=replayed)
+
+
+def errors(campaign: ReplayedCampaign) -> pl.DataFrame:
+    """Errors of the calibrated masses.
+
+    Returns:
+        A row a method: `method`, `runs` (that gave a mass), and in kg, r.m.s., `run_kg` and
+        `run_left_out_kg` over single trials, `mean_kg` and `mean_left_out_kg` over load means.
+    """
+    estimates = campaign.estimates()
+    single = run_errors(estimates).group_by("method", maintain_order=True).agg(
+        pl.col("mass_kg").count().alias("runs"),
+        (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
+        (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),
+    )  # fmt: skip
+    means = rms_errors(calibrate_methods(estimates)).select(
+        "method", mean_kg="rmse_kg", mean_left_out_kg="rmse_left_out_kg"
+    )
+    return single.join(means, "method", "left", maintain_order="left")
+
+
+def trial_bound_kg(campaign: ReplayedCampaign) -> float:
+    """Cramér–Rao bound of a trial's mass, r.m.s. over the trials that have an accepted window.
+
+    From all samples in accepted windows of the trial, but those that truly brake, where (7) does
+    not hold.
+    """
+    frames, scenario = campaign.replayed.frames, campaign.scenario
+    window = campaign.settings.gate.window_samples
+    used = samples_of(frames["gate"]["accepted_x"].to_numpy(), window)
+    unix_ns = frames["excitation"]["t_ns"] + campaign.replayed.provenance.t0_unix_ns
+    a, v = pl.col("acc_x_m_s2"), pl.col("speed_x_m_s")
+    motion = (
+        pl.DataFrame({"time_ns": unix_ns})
+        .filter(used)
+        .sort("time_ns")
+        .join_asof(campaign.noise_free.sort("time_ns"), on="time_ns")
+        .join_asof(campaign.trials.sort("start_ns"), left_on="time_ns", right_on="start_ns")
+        .filter((pl.col("time_ns") < pl.col("end_ns")) & (pl.col("phase") != "braking"))
+        .group_by("load_kg", "run", "mass_kg", "friction_N_s_m", maintain_order=True)
+        .agg(aa=(a * a).sum(), av=(a * v).sum(), vv=(v * v).sum())
+    )
+    noise_N = [
+        equation_noise(scenario.sensors, row["mass_kg"], row["friction_N_s_m"])
+        for row in motion.iter_rows(named=True)
+    ]
+    sums = (motion[name].to_numpy() for name in ("aa", "av", "vv"))
+    bounds_kg = np.array(noise_N) * mass_bounds_kg(1.0, *sums)
+    return float(np.sqrt((bounds_kg**2).mean())) if bounds_kg.size else float("nan")

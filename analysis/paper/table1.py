@@ -1,0 +1,264 @@
+"""Table 1: the error of the mass by window length, against the Cramér–Rao bound of the windows.
+
+The motion is solved once, as one period of the steady oscillation under the triangle of (7); each
+trial is a window that starts at a random phase of it, with fresh sensor noise, the trailing moving
+mean, and no gate. Every method sees the same samples: recursive least squares starts from OLS over
+the first 0.2 s of the window and is read at its end.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import log
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.paper import printed_numbers
+from analysis.paper.confidence_intervals import CONFIDENCE, lowest, rms_interval
+from analysis.paper.paper_excitation import MeasuredWindows, SteadyDrive
+from analysis.paper.simulated_sources import OSCILLATION, Extract, Extracts, SteadyStudy
+from analysis.simulation.scenario.scenario import SimulatedSensors
+from estimators.methods import fgls, ls, rls, tls
+from estimators.methods.rls import RlsOptions
+
+Floats = NDArray[np.float64]
+
+#: The paper's, and total least squares on raw units.
+METHODS: Final = (*printed_numbers.METHODS, "tls_raw")
+_RLS_START_S: Final = 0.2
+#: Samples to hold at once.
+_BLOCK: Final = 400_000
+#: A normal error is larger than so many of its standard deviations once in twenty times.
+RARE: Final = 1.96
+#: An error that is at most so many times the bound reaches it.
+_NEAR: Final = 1.25
+#: From this length on, the paper's response time T, windows tell mass from friction.
+LONG_S: Final = printed_numbers.RESPONSE_S
+
+
+@dataclass(frozen=True, eq=False)
+class Table1:
+    """Table 1 and how it compares.
+
+    Attributes:
+        frame: from `window_errors`, every length.
+        beside: how many numbers the paper prints.
+        below_bound: of these, how many lie below the Cramér–Rao bound.
+        rare: of these, how many are larger than `RARE` times ours.
+        best_printed_s: by method, the length of the smallest printed error.
+        best_s: likewise of ours.
+        long_over_bound_1: smallest and largest error of LS and TLS over the bound, from `LONG_S`.
+        long_rms_1: r.m.s. over these lengths of the method further from the bound, with its 95 %
+            interval.
+        long_reached: whether both reach the bound; None where so few windows cannot tell.
+        forgetting_1: λ of RLS.
+        half_s: time in which it forgets half.
+        longest: the row of RLS at the longest window.
+        raw: the row of TLS on raw units at the noise of `raw_units`.
+        scaled: likewise of TLS on columns scaled by their noise.
+    """
+
+    frame: pl.DataFrame
+    beside: int
+    below_bound: int
+    rare: int
+    best_printed_s: Mapping[str, float]
+    best_s: Mapping[str, float]
+    long_over_bound_1: tuple[float, float]
+    long_rms_1: tuple[float, float, float]
+    long_reached: bool | None
+    forgetting_1: float
+    half_s: float
+    longest: Mapping[str, Any]
+    raw: Mapping[str, Any]
+    scaled: Mapping[str, Any]
+
+
+def table_1(extracts: Extracts) -> Table1:
+    """Compare the errors of all lengths with the printed ones."""
+    table = pl.concat([extracts.one(extract) for extract in AT_LENGTH.values()])
+    beside = table.filter(pl.col("paper_kg").is_not_null())
+    ours = {
+        str(method): lowest(dict(part.select("window_s", "rmse_kg").iter_rows()))[0]
+        for (method,), part in table.group_by("method", maintain_order=True)
+    }
+    long = table.filter((pl.col("window_s") >= LONG_S) & pl.col("method").is_in(["ls", "tls"]))
+    over_bound = long["over_bound_1"].to_list()
+    long_rms = _rms_over_bound(long)
+    forgetting = RlsOptions().forgetting
+    noisier = {row["method"]: row for row in extracts.one(RAW_UNITS).iter_rows(named=True)}
+    return Table1(
+        frame=table,
+        beside=beside.height,
+        below_bound=beside.filter(pl.col("paper_kg") < pl.col("bound_kg")).height,
+        rare=beside.filter(pl.col("paper_kg") > RARE * pl.col("rmse_kg")).height,
+        best_printed_s={
+            method: lowest({at: row[i] for at, row in printed_numbers.TABLE_1_KG.items()})[0]
+            for i, method in enumerate(printed_numbers.METHODS)
+        },
+        best_s=ours,
+        long_over_bound_1=(min(over_bound), max(over_bound)),
+        long_rms_1=long_rms,
+        long_reached=_reached(max(over_bound), long_rms),
+        forgetting_1=forgetting,
+        half_s=log(0.5) / log(forgetting) / SimulatedSensors().rate_hz,
+        longest=table.filter(pl.col("method") == "rls").sort("window_s").row(-1, named=True),
+        raw=noisier["tls_raw"],
+        scaled=noisier["tls"],
+    )
+
+
+def _rms_over_bound(long: pl.DataFrame) -> tuple[float, float, float]:
+    """R.m.s. of the errors over their bounds, of the worse method, with its χ² interval."""
+    from scipy.stats import chi2
+
+    by_method = long.group_by("method", maintain_order=True).agg(
+        square=(pl.col("over_bound_1") ** 2).mean(), windows=pl.col("trials").sum()
+    )
+    square, windows = by_method.sort("square").select("square", "windows").row(-1)
+    tail = (1.0 - CONFIDENCE) / 2.0
+    low, high = (square * windows / chi2.ppf(share, windows) for share in (1.0 - tail, tail))
+    return square**0.5, float(low) ** 0.5, float(high) ** 0.5
+
+
+def _reached(largest: float, rms: tuple[float, float, float]) -> bool | None:
+    _, low, high = rms
+    if low > _NEAR:
+        return False
+    return True if max(largest, high) <= _NEAR else None
+
+
+def window_errors(
+    drive: SteadyDrive,
+    sensors: SimulatedSensors,
+    windows: int,
+    *,
+    smooth_samples: int = 10,
+    windows_s: Sequence[float] = tuple(printed_numbers.TABLE_1_KG),
+    methods: Sequence[str] = METHODS,
+) -> pl.DataFrame:
+    """Root mean square errors of the mass over many windows.
+
+    Args:
+        drive: the motion.
+        sensors: rate, noise of single samples, seed.
+        windows: how many of each length.
+        smooth_samples: of the trailing moving mean.
+        windows_s: lengths.
+        methods: of `METHODS`.
+
+    Returns:
+        A row a length and method: `window_s`, `method`, `paper_kg` (null where it has none),
+        `rmse_kg` with its 95 % interval `rmse_kg_low` and `rmse_kg_high`, `bias_kg` and its
+        standard error `bias_std_kg`, `bound_kg` (r.m.s. of the windows' own bounds, from as many
+        samples before the mean as the window has), `strict_bound_kg` (with the samples before it
+        that its first means hold), `over_bound_1`, `trials` (that gave a mass).
+    """
+    rows: list[dict[str, object]] = []
+    for window_s in windows_s:
+        # a length's windows are the same whichever other lengths are asked for
+        rng = np.random.default_rng([sensors.seed, round(window_s * 1e3)])
+        bound_kg, strict_kg, errors = _errors_kg(
+            drive, sensors, window_s, smooth_samples, windows, methods, rng
+        )
+        printed = printed_numbers.by_method(printed_numbers.TABLE_1_KG.get(window_s))
+        for method, error in errors.items():
+            rmse, low, high = rms_interval(error, rng)
+            known = error[np.isfinite(error)]
+            rows.append(
+                {
+                    "window_s": window_s,
+                    "method": method,
+                    "paper_kg": printed.get(method),
+                    "rmse_kg": rmse,
+                    "rmse_kg_low": low,
+                    "rmse_kg_high": high,
+                    "bias_kg": float(known.mean()) if known.size else None,
+                    "bias_std_kg": float(known.std() / np.sqrt(known.size)) if known.size else None,
+                    "bound_kg": bound_kg,
+                    "strict_bound_kg": strict_kg,
+                    "over_bound_1": rmse / bound_kg,
+                    "trials": known.size,
+                }
+            )
+    return pl.DataFrame(rows, schema_overrides={"paper_kg": pl.Float64})
+
+
+def raw_units(drive: SteadyDrive, sensors: SimulatedSensors, windows: int) -> pl.DataFrame:
+    """`window_errors` at 2 s and a noise under which total least squares needs scaled columns."""
+    noisier = sensors.model_copy(update={"force_noise_N": 150.0, "acc_noise_m_s2": 0.03})
+    return window_errors(drive, noisier, windows, windows_s=(2.0,), methods=("tls", "tls_raw"))
+
+
+def _errors_kg(
+    drive: SteadyDrive,
+    sensors: SimulatedSensors,
+    window_s: float,
+    smooth_samples: int,
+    windows: int,
+    methods: Sequence[str],
+    rng: np.random.Generator,
+) -> tuple[float, float, dict[str, Floats]]:
+    """R.m.s. of both bounds, and by method the errors (windows,), block by block."""
+    samples = round(window_s * sensors.rate_hz)
+    block = max(_BLOCK // samples, 1)
+    bounds: list[Floats] = []
+    errors: dict[str, list[Floats]] = {method: [] for method in methods}
+    for first in range(0, windows, block):
+        count = min(block, windows - first)
+        seen = drive.windows(sensors, samples, smooth_samples, count, rng)
+        bounds.append(np.stack([seen.bound_kg, seen.strict_bound_kg]))
+        for method in methods:
+            errors[method].append(_masses_kg(method, seen, sensors) - drive.mass_kg)
+    bound_kg, strict_kg = np.sqrt((np.concatenate(bounds, axis=1) ** 2).mean(axis=1))
+    return float(bound_kg), float(strict_kg), {m: np.concatenate(e) for m, e in errors.items()}
+
+
+def _masses_kg(method: str, seen: MeasuredWindows, sensors: SimulatedSensors) -> Floats:
+    """The mass of every window, (windows,), NaN where it has none."""
+    _, samples, parameters = seen.A.shape
+    if method == "rls":
+        start = round(_RLS_START_S * sensors.rate_hz)
+        all_of_it = np.ones(samples, np.bool_)
+        return np.array(
+            [
+                rls.trace(A, f, start, all_of_it).theta[-1, 0]
+                for A, f in zip(seen.A, seen.f, strict=True)
+            ]
+        )
+    A, f = seen.A.reshape(-1, parameters), seen.f.ravel()
+    ends = np.zeros(f.size, np.bool_)
+    ends[samples - 1 :: samples] = True
+    match method:
+        case "ls":
+            traced = ls.trace(A, f, samples, ends)
+        case "fgls":
+            traced = fgls.trace(A, f, samples, ends)
+        case "tls":
+            noise = (sensors.acc_noise_m_s2, sensors.speed_noise_m_s)
+            options = tls.TlsOptions(noise, sensors.force_noise_N)
+            traced = tls.trace(A, f, samples, ends, options)
+        case "tls_raw":
+            traced = tls.trace(A, f, samples, ends, tls.TlsOptions((1.0, 1.0), 1.0))
+        case _:
+            raise ValueError(f"no method '{method}' in Table 1")
+    return traced.theta[:, 0]
+
+
+def _at_length(study: SteadyStudy, window_s: float) -> pl.DataFrame:
+    return window_errors(study.drive, study.sensors, study.windows, windows_s=(window_s,))
+
+
+def _raw_units(study: SteadyStudy) -> pl.DataFrame:
+    return raw_units(study.drive, study.sensors, study.windows)
+
+
+#: The rows of each length.
+AT_LENGTH: Final = {
+    window_s: Extract(OSCILLATION, partial(_at_length, window_s=window_s))
+    for window_s in printed_numbers.TABLE_1_KG
+}
+RAW_UNITS: Final = Extract(OSCILLATION, _raw_units)

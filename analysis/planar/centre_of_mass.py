@@ -1,0 +1,390 @@
+"""The centre of mass from arcs (stage 3), and every parameter that motion in the plane determines.
+
+An arc holds v and ω constant, so the index (11) is undefined there: its gate is the phase `arc` for
+a window and the predicted deviation of the centre of mass. One arc determines nothing by itself;
+mass, inertia and friction come from straight motion and spins of the same log. What a real machine
+has besides (`terms`) is fitted under its priors, and what no log tells is in the uncertainty.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.axes import Axis, X, Z
+from analysis.model.machine import Machine
+from analysis.model.schema import FRAMES, build
+from analysis.model.settings import Settings
+from analysis.model.uncertainty_sources import combined, unknown_scale
+from analysis.model.verdict import Verdict
+from analysis.planar.planar_budget import gradient_of, sources, standard_uncertainty
+from analysis.planar.planar_motion import drive_of
+from analysis.planar.planar_regressor import Regressor
+from analysis.planar.planar_samples import Plane, plane_noise, plane_of
+from analysis.planar.planar_terms import TERMS, terms_of
+from analysis.stages.estimation import fit_quality
+from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.gating.segments import manoeuvres
+from estimators.estimate import Bools, Floats, Ints
+from estimators.planar import base_parameters
+from estimators.planar.base_parameters import BaseEstimate, Prior
+from estimators.planar.planar_rows import PARAMETERS
+
+_MOMENTS: Final = ("first_moment_x_kg_m", "first_moment_y_kg_m")
+#: Columns of value and deviation of every parameter.
+_COLUMNS: Final = {
+    **dict((*X.parameters, *Z.parameters)),
+    **{name: name.replace("_kg_m", "_std_kg_m") for name in _MOMENTS},
+}
+_COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
+_UNKNOWN: Final = ("scale_unknown", "com_scale_unknown")
+#: Fits of a motion: the terms' columns are made of the mass and moments of the round before.
+_ROUNDS: Final = 2
+#: Which rows, and which of the six columns, straight motion, spins and all motion are fitted by.
+_FORCE, _TORQUE, _BOTH = slice(0, 1), slice(1, 2), slice(0, 2)
+_ALL: Final = tuple(range(len(PARAMETERS)))
+_STAGES: Final = ((X, _FORCE, (0, 4)), (Z, _TORQUE, (1, 5)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Log:
+    """What every fit of a log needs."""
+
+    plane: Plane
+    excitation: pl.DataFrame
+    machine: Machine
+
+
+@dataclass(frozen=True, slots=True)
+class _NamedEstimate:
+    """A fit, and the names of its priors."""
+
+    estimate: BaseEstimate
+    priors: tuple[str, ...]
+
+
+def planar(
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    verdict: Verdict,
+    machine: Machine,
+    noise: pl.DataFrame | None = None,
+) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Make `planar`: a row an arc, one for all arcs together, and one for all motion together.
+
+    Args:
+        excitation: motion, forces and phases.
+        gated: which windows are accepted, for what straight motion and spins tell.
+        verdict: what it forbids is not used and not told.
+        machine: what is known of it; what is refused, limits, priors.
+        noise: of the columns, where it is known.
+
+    Returns:
+        `planar`, without rows where the machine does not turn. What the motion does not determine
+        is null, and `combinations` says what it determines instead. And `planar_budget`, what the
+        uncertainty of all motion together is made of.
+    """
+    log = _Log(plane_of(excitation, machine.settings, noise), excitation, machine)
+    joint = _joint(log, verdict)
+    start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
+    start = start if np.isfinite(start).all() else np.zeros(6)
+    rows = list(_arcs(log, gated, verdict, start))
+    rows += [joint[0]] if joint else []
+    declared = FRAMES["planar"].columns
+    table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
+    parts = _budget(*joint, machine) if joint else []
+    declared = FRAMES["planar_budget"].columns
+    budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
+    return build("planar", table.to_dict()), build("planar_budget", budget.to_dict())
+
+
+def _arcs(
+    log: _Log, gated: pl.DataFrame, verdict: Verdict, start: Floats
+) -> Iterator[dict[str, Any]]:
+    """Each arc that lasts a window, and all of them as one fit."""
+    plane, settings = log.plane, log.machine.settings
+    steady = plane.usable & (log.excitation["phase"] == "arc").fill_null(False).to_numpy()
+    arc_id = np.where(steady, manoeuvres(log.excitation, settings), -1)
+    ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
+    lasting = counts >= settings.gate.window_samples
+    if not lasting.any():
+        return
+    # an arc is one stretch of the log
+    rows = np.flatnonzero(steady)
+    firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
+    known = Prior.about_zero({}, 2)
+    for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.tells_inertia), strict=True):
+        if told:
+            known = known.and_also(_stage(log, gated, start, *stage))
+    # a yaw torque counts once spins have vouched for it
+    both = "friction_z_N_m_s" in known.names
+    parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
+    parts += [("arcs", slice(firsts[0], lasts[-1] + 1))] if firsts.size > 1 else []
+    lasting_ids = ids[lasting]
+    for kind, part in parts:
+        of = np.full(arc_id.size, -1)
+        of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
+        fitted = _fit(log, of, start, known, _BOTH if both else _FORCE)
+        row = _row(kind, log, of >= 0, fitted, known.names)
+        reason = "accepted"
+        if not np.isfinite(row["com_x_m"]):
+            reason = "ill_conditioned"
+        elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
+            reason = "low_information"
+        yield _told(row, reason, withheld=not verdict.can_weigh)
+
+
+def _stage(
+    log: _Log,
+    gated: pl.DataFrame,
+    start: Floats,
+    axis: Axis,
+    rows: slice,
+    columns: tuple[int, ...],
+) -> Prior:
+    """What straight motion or spins tell an arc, with the terms that only they have."""
+    nothing = Prior.about_zero({}, 2)
+    if axis is Z and not log.plane.has_torque:
+        return nothing
+    used = accepted_samples(log.excitation, gated, log.machine.settings, axis)
+    used &= log.plane.known
+    if not used.any():
+        return nothing
+    fitted = _fit(log, np.where(used, 0, -1), start, nothing, rows, columns).estimate
+    if not np.isfinite(fitted.theta).all():
+        return nothing
+    own = [n for n, name in enumerate(fitted.parameters) if _is_of(name, axis)]
+    mean = np.zeros((2, len(own)))
+    mean[rows] = fitted.by_axis[:, own]
+    names = tuple(fitted.parameters[n] for n in own)
+    return Prior(names, mean, fitted.covariance[np.ix_(own, own)])
+
+
+def _is_of(name: str, axis: Axis) -> bool:
+    """Whether a parameter or a term is of one axis alone."""
+    return name in PARAMETERS or any(
+        term.name == name and term.axes == axis.letter for term in TERMS
+    )
+
+
+def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate] | None:
+    """One fit over all motion, where there is turning enough and a yaw torque; else None."""
+    plane, settings = log.plane, log.machine.settings
+    used = plane.usable & plane.moving
+    if not plane.has_torque or (used & plane.turning).sum() < settings.gate.window_samples:
+        return None
+    of = np.where(used, 0, -1)
+    start = base_parameters.fit(
+        plane.motion, plane.f, PARAMETERS, of, noise=plane_noise(plane, used)
+    ).coefficients
+    fitted = _fit(log, of, start, Prior.about_zero({}, 2), _BOTH)
+    row = _row("joint", log, used, fitted, ())
+    estimate = fitted.estimate
+    variance = np.var(plane.f, axis=0, where=used[:, None])
+    # of a force that never changes nothing is explained
+    unexplained = np.divide(
+        estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
+    )
+    row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
+    believed = _believable(plane, estimate, row, settings) and not verdict.is_contradicted
+    reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
+    return _told(row, reason, withheld=not believed), fitted
+
+
+def _believable(
+    plane: Plane, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
+) -> bool:
+    """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
+    limits = settings.verdict
+    explained = min(row["r_squared_x_1"], row["r_squared_z_1"])
+    # of a mass and an inertia; those that the motion does not determine are not told anyway
+    told = np.isfinite(estimate.theta[:2])
+    theta, std = estimate.theta[:2][told], estimate.std[:2][told]
+    force = plane.f[:, 0]
+    driving = fit_quality.along_share(plane.motion.speed, force, plane.known & (plane.pace > 0))
+    opposing = 1.0 - fit_quality.along_share(
+        plane.motion.speed, force, plane.known & (plane.pace < 0)
+    )
+    return (
+        explained >= limits.r_squared_min
+        and bool((theta > 0.0).all() and (std <= limits.relative_std_max * theta).all())
+        and not driving < limits.driving_share_min
+        and not opposing < limits.opposing_share_min
+    )
+
+
+def _fit(
+    log: _Log,
+    segment_id: Ints,
+    start: Floats,
+    known: Prior,
+    rows: slice,
+    columns: tuple[int, ...] = _ALL,
+) -> _NamedEstimate:
+    """Fit the samples of segment_id >= 0 with the terms of these rows.
+
+    Args:
+        log: all of it.
+        segment_id: (n,) stretch of each sample.
+        start: (6,) mass, inertia, moments and frictions to begin with.
+        known: what stages before have told, terms included.
+        rows: of force, of yaw torque, or both.
+        columns: which of the six.
+    """
+    told = _round(log, segment_id, start, known, rows, columns)
+    for _ in range(_ROUNDS - 1):
+        coefficients = start.copy()
+        found = told.estimate.coefficients[: len(columns)]
+        if np.isfinite(found).all():
+            coefficients[list(columns)] = found
+        told = _round(log, segment_id, coefficients, known, rows, columns)
+    return told
+
+
+def _round(
+    log: _Log,
+    segment_id: Ints,
+    coefficients: Floats,
+    known: Prior,
+    rows: slice,
+    columns: tuple[int, ...],
+) -> _NamedEstimate:
+    """One fit, with the terms of a machine of these coefficients (6,)."""
+    where = np.flatnonzero(segment_id >= 0)
+    part = slice(int(where[0]), int(where[-1]) + 1)
+    of_columns = np.array(columns)
+    drive = drive_of(log.plane, log.excitation, log.machine, coefficients)
+    terms = terms_of(drive, "xz"[rows])
+    names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
+    width = {term.name: std for term, std in terms if term.name not in known.names}
+    noise = plane_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
+    prior = _of_rows(known, rows, names).and_also(Prior.about_zero(width, noise.shape[0]))
+    regressor = Regressor.of(drive.cut(part), of_columns, [term for term, _ in terms], rows)
+    fitted = base_parameters.fit(
+        regressor,
+        log.plane.f[part, rows],
+        names,
+        np.ascontiguousarray(segment_id[part]),
+        prior,
+        np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
+        regressor.loading,
+    )
+    return _NamedEstimate(fitted, prior.names)
+
+
+def _of_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
+    """The part of a prior that a fit of these rows has parameters of."""
+    own = [n for n, name in enumerate(known.names) if name in names]
+    return Prior(
+        tuple(known.names[n] for n in own),
+        known.mean[rows][:, own],
+        known.covariance[np.ix_(own, own)],
+    )
+
+
+def _row(
+    kind: str, log: _Log, used: Bools, fitted: _NamedEstimate, known: tuple[str, ...]
+) -> dict[str, Any]:
+    """What a fit says, by column."""
+    estimate, plane = fitted.estimate, log.plane
+    found = estimate.identifiability
+    t_ns = plane.t_ns[used]
+    row: dict[str, Any] = {
+        "kind": kind,
+        "start_t_ns": int(t_ns[0]),
+        "end_t_ns": int(t_ns[-1]),
+        "samples": int(t_ns.size),
+        "speed_x_m_s": float(plane.motion.speed[used].mean()),
+        "yaw_rate_rad_s": float(plane.motion.yaw_rate[used].mean()),
+        "condition_1": found.condition,
+        "rank": found.rank,
+        "identifiable": ", ".join(
+            name
+            for name, single in zip(found.parameters, found.identifiable, strict=True)
+            if single
+        ),
+        "combinations": "; ".join(found.texts()),
+    }
+
+    def u(gradient: Floats) -> float:
+        return standard_uncertainty(estimate, gradient, fitted.priors, log.machine)
+
+    for name, value in zip(estimate.parameters, estimate.theta, strict=True):
+        if name in PARAMETERS and name not in known:
+            row[name], row[_COLUMNS[name]] = float(value), u(gradient_of(estimate, name))
+    for axis, moment in zip("xy", _MOMENTS, strict=True):
+        value, gradient = estimate.slope(moment, "mass_kg")
+        row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u(gradient)
+    row["predicted_std_com_m"] = row["com_x_std_m"]
+    told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
+    row["scale_unknown"] = _unknown(
+        fitted, [gradient_of(estimate, name) for name in sorted(told)], log.machine
+    )
+    row["com_scale_unknown"] = _unknown(
+        fitted, [estimate.slope(moment, "mass_kg")[1] for moment in _MOMENTS], log.machine
+    )
+    for name, rms in zip(
+        ("residual_rms_N", "residual_rms_N_m"), estimate.residual_rms, strict=False
+    ):
+        row[name] = float(rms)
+    return row
+
+
+def _unknown(fitted: _NamedEstimate, gradients: list[Floats], machine: Machine) -> str:
+    """What the machine file should state and does not, for any of these quantities."""
+    told = [g for g in gradients if np.isfinite(g).all()]
+    each = [sources(fitted.estimate, g, fitted.priors, machine) for g in told]
+    names = (name for found in each for name in unknown_scale(found))
+    return ", ".join(dict.fromkeys(names))
+
+
+#: What the budget is told of: quantity, and its unit.
+_QUANTITIES: Final = {
+    "inertia_z_kg_m2": "kg·m²",
+    "first_moment_x_kg_m": "kg·m",
+    "first_moment_y_kg_m": "kg·m",
+    "com_x_m": "m",
+    "com_y_m": "m",
+}
+
+
+def _budget(
+    row: Mapping[str, Any], fitted: _NamedEstimate, machine: Machine
+) -> list[dict[str, Any]]:
+    """Where the uncertainty of each quantity that all motion tells comes from."""
+    parts: list[dict[str, Any]] = []
+    for quantity, unit in _QUANTITIES.items():
+        if row.get(quantity) is None or not np.isfinite(row[quantity]):
+            continue
+        if quantity in PARAMETERS:
+            gradient = gradient_of(fitted.estimate, quantity)
+        else:
+            moment = _MOMENTS["xy".index(quantity[4])]
+            gradient = fitted.estimate.slope(moment, "mass_kg")[1]
+        found = sources(fitted.estimate, gradient, fitted.priors, machine)
+        total = combined(found)
+        parts += [
+            {
+                "quantity": quantity,
+                "cause": source.name,
+                "kind": source.kind,
+                "u": source.u,
+                "unit": unit,
+                "share_1": None if source.u is None else (source.u / total) ** 2,
+                "meaning": source.meaning,
+                "shrinks": source.shrinks,
+            }
+            for source in found
+        ]
+    return parts
+
+
+def _told(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+    """The row with its outcome: no number of a fit that is refused or withheld."""
+    row = {**row, "reason": reason, "withheld": withheld}
+    if withheld or reason != "accepted":
+        hidden = {*_COLUMNS, *_COLUMNS.values(), *_COM, *_UNKNOWN}
+        row = {name: None if name in hidden else value for name, value in row.items()}
+    return row

@@ -1,0 +1,104 @@
+"""What the uncertainty of inertia, moments and centre of mass is made of."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from analysis.model.machine import Machine
+from analysis.model.uncertainty_sources import (
+    IMU_POSITION,
+    SCALES,
+    TRACK_WIDTH,
+    UncertaintySource,
+    combined,
+    largest_first,
+    turned_by_sides,
+)
+from analysis.planar.planar_terms import TERMS
+from estimators.estimate import Floats
+from estimators.planar.base_parameters import BaseEstimate
+
+_TERMS: Final = {term.name: term for term in TERMS}
+#: Rows of the planar regressor.
+_TORQUE: Final = 1
+#: A gain that changes a quantity by less than this share of it cancels in it.
+_CANCELS: Final = 1e-9
+
+
+def gradient_of(estimate: BaseEstimate, name: str) -> Floats:
+    """(p,) what a parameter changes by with each: 1 with itself."""
+    return np.array([float(each == name) for each in estimate.parameters])
+
+
+def sources(
+    estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
+) -> list[UncertaintySource]:
+    """Every source of uncertainty of a quantity, the largest first, the unknown ones last.
+
+    Args:
+        estimate: the fit.
+        gradient: (p,) of the quantity by the parameters.
+        terms: names of its priors; a prior that is no term is told with the noise.
+        machine: what is known of the machine.
+    """
+    at = np.flatnonzero(gradient)
+    variance = float(gradient[at] @ estimate.covariance[np.ix_(at, at)] @ gradient[at])
+    moved = estimate.responses[:, at] @ gradient[at]
+    parts = dict(zip(terms, np.abs(moved), strict=True))
+    own = {name: u for name, u in parts.items() if name in _TERMS}
+    rest = np.sqrt(max(variance - sum(u**2 for u in own.values()), 0.0))
+    found = [
+        UncertaintySource(
+            "noise", "random", float(rest), "noise of this log, through its residuals", "more turns"
+        )
+    ]
+    stated: dict[str, float] = {}
+    for name, u in own.items():
+        term = _TERMS[name]
+        if term.stated is None:
+            found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
+        else:
+            stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
+    return largest_first([*found, *_stated(estimate, gradient, stated, machine)])
+
+
+def _stated(
+    estimate: BaseEstimate, gradient: Floats, fitted: dict[str, float], machine: Machine
+) -> Iterator[UncertaintySource]:
+    """What the machine file states, or should."""
+    at = np.flatnonzero(gradient)
+    shares = estimate.by_axis[:, at] @ gradient[at]
+    whole = float(shares.sum())
+    size = float(np.abs(estimate.by_axis[:, at] * gradient[at]).sum())
+    torque = float(shares[_TORQUE]) if shares.size > _TORQUE else 0.0
+    by_sides = shares.size > _TORQUE and turned_by_sides(machine)
+    body = machine.machine
+    for scale in (*SCALES, TRACK_WIDTH):
+        if not scale.applies(machine) or (scale is TRACK_WIDTH and not by_sides):
+            continue
+        change = torque if scale is TRACK_WIDTH else whole
+        # two sides have a gain each
+        sides = scale is SCALES[0] and by_sides
+        if abs(change) <= _CANCELS * size and not sides:
+            continue
+        if scale.by_load:
+            mass_kg = float(np.nan_to_num(estimate.coefficients[0]))
+            empty_kg = body.empty_mass_kg or mass_kg
+            change *= max(mass_kg / empty_kg - 1.0, 0.0) if empty_kg else 0.0
+        u = scale.u(machine)
+        part = fitted.get(scale.name, 0.0)
+        yield scale.source(None if u is None else float(np.hypot(u * change, part)))
+    if IMU_POSITION.applies(machine):
+        known = IMU_POSITION.u(machine) is not None
+        yield IMU_POSITION.source(fitted.get(IMU_POSITION.name, 0.0) if known else None)
+
+
+def standard_uncertainty(
+    estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
+) -> float:
+    """Of a quantity with everything that is known; NaN where the motion does not determine it."""
+    at = np.flatnonzero(gradient)
+    if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
+        return float("nan")
+    return combined(sources(estimate, gradient, terms, machine))

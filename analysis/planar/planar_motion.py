@@ -1,0 +1,195 @@
+"""A log's motion in the plane beside what is known of the machine: what the terms are made of."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.schema import values
+from analysis.planar.planar_samples import Plane
+from estimators.estimate import Bools, Floats
+from estimators.planar.planar_rows import PARAMETERS
+
+#: What a log reaches: this quantile of it.
+_REACHES = 0.95
+#: A yaw rate below this has no direction yet, rad/s: ten times the noise of a gyroscope.
+_TURNS_RAD_S = 0.02
+_AT = {name: number for number, name in enumerate(PARAMETERS)}
+
+
+class TurningSamples(NamedTuple):
+    """A slice of samples, (m,) each, and the drive that they are of.
+
+    Force and torque without a word are those of the model: the noise of measured ones would
+    explain itself.
+    """
+
+    acc_x: Floats
+    acc_y: Floats
+    speed: Floats
+    yaw_rate: Floats
+    yaw_acc: Floats
+    measured_force: Floats
+    measured_torque: Floats
+    force: Floats
+    torque: Floats
+    force_rate: Floats
+    torque_rate: Floats
+    slip_rate: Floats
+    direction_x: Floats
+    direction_z: Floats
+    progress: Floats
+    heading_rad: Floats
+    one: Floats
+    drive: "Drive"
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What the terms of a fit need: a plane, directions, and a machine that is nearly known.
+
+    Attributes:
+        plane: motion and forces.
+        machine: what the file says of it.
+        coefficients: (6,) of the plane's regressor; what is not determined is 0.
+        of_samples: (9, n) the fields of `TurningSamples` from its force to its heading.
+        largest_force: that the log drives with, N.
+        largest_torque: likewise, N·m.
+        largest_speed: likewise, m/s.
+        largest_yaw_rate: likewise, rad/s.
+        largest_acc_y: likewise, m/s².
+    """
+
+    plane: Plane
+    machine: Machine
+    coefficients: Floats
+    of_samples: Floats
+    largest_force: float
+    largest_torque: float
+    largest_speed: float
+    largest_yaw_rate: float
+    largest_acc_y: float
+
+    @property
+    def gravity_m_s2(self) -> float:
+        """Where the machine works."""
+        return self.machine.machine.gravity_m_s2
+
+    @property
+    def mass_kg(self) -> float:
+        """As the fit before has it, or as the file has it where that told none."""
+        told = self._found("mass_kg")
+        return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
+
+    @property
+    def inertia_z_kg_m2(self) -> float:
+        """Of that fit, 0 where it told none; and so on."""
+        return self._found("inertia_z_kg_m2")
+
+    @property
+    def moment_x_kg_m(self) -> float:
+        """First moment ahead."""
+        return self._found("first_moment_x_kg_m")
+
+    @property
+    def moment_y_kg_m(self) -> float:
+        """First moment to the left."""
+        return self._found("first_moment_y_kg_m")
+
+    @property
+    def turning_friction(self) -> float:
+        """Viscous friction of turning, in N·m·s."""
+        return self._found("friction_z_N_m_s")
+
+    @property
+    def half_track_m(self) -> float:
+        """The lever of each side's force, 1 where the file has no track width."""
+        return (self.machine.machine.track_width_m or 2.0) / 2.0
+
+    @property
+    def weight(self) -> float:
+        """Of the machine, in N."""
+        return self.mass_kg * self.gravity_m_s2
+
+    def _found(self, name: str) -> float:
+        return float(self.coefficients[_AT[name]])
+
+    def cut(self, part: slice) -> "Drive":
+        """The same of a slice of samples."""
+        return replace(self, plane=self.plane.cut(part), of_samples=self.of_samples[:, part])
+
+    def motion(self, part: slice) -> TurningSamples:
+        """The samples of a slice."""
+        moved = self.plane.motion
+        return TurningSamples(
+            moved.specific_force_x[part],
+            moved.specific_force_y[part],
+            moved.speed[part],
+            moved.yaw_rate[part],
+            moved.yaw_acceleration[part],
+            *self.plane.f[part].T,
+            *self.of_samples[:, part],
+            one=np.ones(moved.speed[part].size),
+            drive=self,
+        )
+
+
+def drive_of(
+    plane: Plane, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
+) -> Drive:
+    """Work out what the terms need.
+
+    Args:
+        plane: motion and forces, of all samples of `excitation`.
+        excitation: direction of motion.
+        machine: its file.
+        coefficients: (6,) of the fit before, 0 for what it did not determine.
+    """
+    motion, rate_hz = plane.motion, machine.settings.align.rate_hz
+    used = plane.usable & plane.moving
+    force, torque = (motion[:] @ coefficients).T
+    span = max(machine.settings.smooth.samples // 2, 1)
+    step_s = 2.0 * span / rate_hz
+
+    def rate(x: Floats) -> Floats:
+        out = np.zeros(x.size)
+        out[span:-span] = (x[2 * span :] - x[: -2 * span]) / step_s
+        return out
+
+    t = np.arange(motion.speed.size) / rate_hz
+    # the mean over a change of sign of what turns steadily
+    passes = np.abs(motion.yaw_acceleration) * machine.settings.smooth.samples / rate_hz / 2.0
+    direction_z = np.clip(motion.yaw_rate / np.maximum(passes, _TURNS_RAD_S), -1.0, 1.0)
+    of_samples = np.stack(
+        [
+            force,
+            torque,
+            rate(force),
+            rate(torque),
+            rate(motion.speed * np.abs(force)),
+            values(excitation, "direction_x_1"),
+            np.where(plane.turning, direction_z, 0.0),
+            t / max(float(t[-1]), 1.0) - 0.5,
+            np.cumsum(np.nan_to_num(motion.yaw_rate)) / rate_hz,
+        ]
+    )
+    turns = used & plane.turning
+    return Drive(
+        plane,
+        machine,
+        coefficients,
+        np.nan_to_num(of_samples),
+        _reached(plane.f[:, 0], used),
+        _reached(plane.f[:, 1], turns),
+        _reached(motion.speed, used),
+        _reached(motion.yaw_rate, turns),
+        _reached(motion.specific_force_y, turns),
+    )
+
+
+def _reached(x: Floats, used: Bools) -> float:
+    """What the samples reach without their outliers; a little where they are none or 0."""
+    found = float(np.quantile(np.abs(x[used]), _REACHES)) if used.any() else 0.0
+    return max(found, 1e-6)

@@ -1,0 +1,68 @@
+"""The planar regressor with the terms behind its columns, made by the block."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.planar.planar_motion import Drive
+from analysis.planar.planar_terms import Term
+from estimators.estimate import Floats, Ints
+from estimators.planar.planar_rows import PARAMETERS
+
+
+@dataclass(frozen=True, slots=True)
+class Regressor:
+    """Some rows and columns of the planar regressor, with terms behind them.
+
+    Attributes:
+        drive: of which samples.
+        columns: which of the six.
+        terms: behind them.
+        axes: of force, of yaw torque, or both.
+        mixtures: (2, 6, terms) what each term has of the six columns, by row.
+    """
+
+    drive: Drive
+    columns: Ints
+    terms: Sequence[Term]
+    axes: slice
+    mixtures: Floats
+
+    @classmethod
+    def of(cls, drive: Drive, columns: Ints, terms: Sequence[Term], axes: slice) -> "Regressor":
+        """Work out the mixtures once."""
+        mixtures = np.zeros((2, len(PARAMETERS), len(terms)))
+        for number, term in enumerate(terms):
+            for axis, parts in enumerate(term.mixture(drive)):
+                for column, factor in parts.items():
+                    mixtures[axis, column, number] = factor
+        return cls(drive, columns, terms, axes, mixtures)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Of the regressor."""
+        rows = len(range(2)[self.axes])
+        return self.drive.plane.motion.speed.size, rows, self.columns.size + len(self.terms)
+
+    def __getitem__(self, part: slice) -> Floats:
+        """The regressor of a slice of samples, (m, rows, columns)."""
+        plain = self.drive.plane.motion[part]
+        motion = self.drive.motion(part)
+        more = np.einsum("nkc,kct->nkt", plain, self.mixtures)
+        for number, term in enumerate(self.terms):
+            for axis, column in enumerate(term.columns(motion)):
+                if column is not None:
+                    more[:, axis, number] += column
+        return np.concatenate([plain[..., self.columns], more], axis=-1)[:, self.axes]
+
+    @property
+    def loading(self) -> Floats:
+        """(rows, p, p) what each column has of the noise of each, see `base_parameters.fit`."""
+        size = self.shape[-1]
+        found = np.zeros((2, size, size))
+        found[:, range(size), range(size)] = 1.0
+        found[:, self.columns.size :, : self.columns.size] = self.mixtures[
+            :, self.columns
+        ].transpose(0, 2, 1)
+        return found[self.axes]

@@ -1,0 +1,360 @@
+"""The one table of what force and yaw torque hold besides mass, inertia, moments and friction.
+
+As in straight motion (`analysis.weighing.nuisances`), each term has its columns, a prior whose
+width scales with the machine, and a sentence. Some are newtons (offset, Coulomb friction); what the
+accelerometer gets wrong (tilt, bias, a slope that it does not see, its place) is in proportion to
+the mass along the machine, and to its first moments about the vertical.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.model.machine import Machine
+from analysis.model.settings import PriorSettings
+from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, turned_by_sides
+from analysis.planar.planar_motion import Drive, TurningSamples
+from analysis.weighing.nuisances import constant_force_std, coulomb_std
+from estimators.estimate import Floats
+
+#: Column of the force and of the yaw torque; None: nothing.
+Columns = tuple[Floats | None, Floats | None]
+#: The same as a sum of the six columns, times the numbers by their places.
+Mixture = tuple[Mapping[int, float], Mapping[int, float]]
+_MASS, _INERTIA, _MOMENT_X, _MOMENT_Y, _, _FRICTION_Z = range(6)
+_GAIN: Final = SCALES[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A term of the fit.
+
+    Attributes:
+        name: in frames and budgets.
+        columns: what multiplies its parameter,
+        mixture: and what of that is in proportion to the six columns, whose noise it shares.
+        width: standard deviation of its prior, whose mean is 0; 0 where it is exact.
+        meaning: what it stands for.
+        shrinks: what would narrow it.
+        axes: x, z, or xz where both rows have it.
+        applies: whether a machine can have it.
+        stated: what the machine file states of it; its part of the budget goes by that name.
+    """
+
+    name: str
+    columns: Callable[[TurningSamples], Columns]
+    width: Callable[[Drive, PriorSettings], float]
+    meaning: str
+    shrinks: str
+    axes: str
+    applies: Callable[[Machine], bool] = lambda _: True
+    stated: Scale | None = None
+    mixture: Callable[[Drive], Mixture] = lambda _: ({}, {})
+
+
+def measures_force(machine: Machine) -> bool:
+    """Whether an accelerometer tells what multiplies the mass, gravity included."""
+    return machine.settings.forces.acceleration == "specific_force"
+
+
+def measures_sideways(machine: Machine) -> bool:
+    """Whether it tells likewise what pushes sideways."""
+    return measures_force(machine) and "specific_force_y_m_s2" in machine.channels
+
+
+def _blind_along(machine: Machine) -> bool:
+    return not measures_force(machine) and "pitch_rad" not in machine.channels
+
+
+def _blind_sideways(machine: Machine) -> bool:
+    return not measures_sideways(machine) and "roll_rad" not in machine.channels
+
+
+def _slope(machine: Machine) -> bool:
+    return _blind_along(machine) or _blind_sideways(machine)
+
+
+def _unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
+    """The force of a gravity (along, across) the machine of which no channel tells."""
+    x = along if _blind_along(m.drive.machine) else 0.0 * along
+    y = across if _blind_sideways(m.drive.machine) else 0.0 * across
+    return m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x
+
+
+def _slip(m: TurningSamples) -> Columns:
+    slips = np.abs(m.speed) * np.abs(m.force)
+    sideways = None
+    if not measures_sideways(m.drive.machine) and m.drive.mass_kg:
+        sideways = -m.drive.moment_x_kg_m / m.drive.mass_kg * m.yaw_rate * np.sign(m.speed) * slips
+    along = -m.slip_rate if not measures_force(m.drive.machine) else None
+    return along, sideways
+
+
+def _gyro_bias(m: TurningSamples) -> Columns:
+    sideways = 0.0 if measures_sideways(m.drive.machine) else m.drive.moment_x_kg_m
+    return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.turning_friction
+
+
+def _gyro_gain(d: Drive) -> Mixture:
+    sideways = 0.0 if measures_sideways(d.machine) else d.moment_x_kg_m
+    turned = {_INERTIA: d.inertia_z_kg_m2, _FRICTION_Z: d.turning_friction, _MOMENT_X: sideways}
+    return {_MOMENT_X: 2.0 * d.moment_x_kg_m, _MOMENT_Y: d.moment_y_kg_m}, turned
+
+
+def _acc_gain(d: Drive) -> Mixture:
+    sideways = d.moment_x_kg_m if measures_sideways(d.machine) else 0.0
+    return {_MASS: d.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: d.moment_y_kg_m}
+
+
+def _square(m: TurningSamples, moment_kg_m: float) -> Columns:
+    """The yaw torque of an acceleration ω² a metre, which the six columns do not have."""
+    return None, moment_kg_m * m.yaw_rate**2
+
+
+def _lateral_arm(d: Drive) -> Mixture:
+    # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
+    return {}, {_MOMENT_X: d.mass_kg, _INERTIA: d.moment_x_kg_m}
+
+
+def _imu_x(d: Drive) -> Mixture:
+    sideways = d.moment_x_kg_m if measures_sideways(d.machine) else 0.0
+    return {_MOMENT_X: -d.mass_kg}, {_INERTIA: -sideways}
+
+
+def _imu_y(d: Drive) -> Mixture:
+    return {_MOMENT_Y: -d.mass_kg}, {_INERTIA: -d.moment_y_kg_m}
+
+
+def _imu_width(drive: Drive, _: PriorSettings) -> float:
+    return IMU_POSITION.u(drive.machine) or 0.0
+
+
+#: In the order of the fit's parameters; a fit has those that apply to its machine.
+TERMS: Final = (
+    Term(
+        "const",
+        lambda m: (m.one, None),
+        lambda d, s: constant_force_std(d.largest_force, d.weight, s),
+        "a constant force: offset of the force, tilt or bias of the accelerometer",
+        "starts in both directions, or at different throttles",
+        "x",
+    ),
+    Term(
+        "direction",
+        lambda m: (m.direction_x, None),
+        lambda d, s: coulomb_std(d.largest_force, d.weight, s),
+        "Coulomb friction and rolling resistance",
+        "driving both ways, and starts at different throttles",
+        "x",
+    ),
+    Term(
+        "slip",
+        lambda m: (np.abs(m.speed) * m.force, None),
+        lambda d, s: s.wheel_slip / d.largest_speed,
+        "longitudinal slip: friction of a wheel speed that is not the ground's",
+        "starts at different throttles",
+        "x",
+    ),
+    Term(
+        "quadratic",
+        lambda m: (m.speed * np.abs(m.speed), None),
+        lambda d, s: s.quadratic_share * d.largest_force / d.largest_speed**2,
+        "resistance that grows with the square of the speed",
+        "cruising at several speeds",
+        "x",
+    ),
+    Term(
+        "viscous_drift",
+        lambda m: (m.speed * m.progress, None),
+        lambda d, s: s.viscous_drift_share * d.largest_force / d.largest_speed,
+        "how much viscous friction changes over the log",
+        "a machine that is warm",
+        "x",
+    ),
+    Term(
+        "turning_const",
+        lambda m: (None, m.one),
+        lambda d, s: float(
+            np.hypot(
+                s.const_share * d.largest_torque,
+                s.const_weight_share * abs(d.moment_x_kg_m) * d.gravity_m_s2,
+            )
+        ),
+        "a constant yaw torque: offset of the torque, roll or sideways bias of the accelerometer",
+        "turning both ways",
+        "z",
+    ),
+    Term(
+        "turning_direction",
+        lambda m: (None, m.direction_z),
+        lambda d, s: float(
+            np.hypot(s.direction_share * d.largest_torque, s.scrub_arm_m * d.weight)
+        ),
+        "Coulomb friction of turning: tyres that scrub",
+        "spins at different throttles, both ways",
+        "z",
+    ),
+    Term(
+        "turning_quadratic",
+        lambda m: (None, m.yaw_rate * np.abs(m.yaw_rate)),
+        lambda d, s: s.quadratic_share * d.largest_torque / d.largest_yaw_rate**2,
+        "friction of turning that is not in proportion to the yaw rate",
+        "spins at different throttles",
+        "z",
+    ),
+    Term(
+        "turning_sideways",
+        lambda m: (None, m.yaw_rate * m.acc_y**2),
+        lambda d, s: s.scrub_share * d.largest_torque / (d.largest_yaw_rate * d.largest_acc_y**2),
+        "tyres that slide sideways already, and resist turning less",
+        "spins in place beside what turns under way",
+        "z",
+    ),
+    Term(
+        "turning_under_way",
+        lambda m: (None, m.yaw_rate * np.abs(m.speed)),
+        lambda d, s: s.scrub_share * d.largest_torque / (d.largest_yaw_rate * d.largest_speed),
+        "friction of turning under way, beside that of a spin in place",
+        "spins in place beside what turns under way",
+        "z",
+    ),
+    Term(
+        "lateral_arm",
+        lambda _: (None, None),
+        lambda _, s: s.lateral_arm_m,
+        "where the ground's sideways force acts, ahead of the origin",
+        "an accelerometer whose place is known: the force then tells the centre of mass alone",
+        "z",
+        mixture=_lateral_arm,
+    ),
+    Term(
+        "turning_drift",
+        lambda m: (None, m.yaw_rate * m.progress),
+        lambda d, s: s.viscous_drift_share * d.largest_torque / d.largest_yaw_rate,
+        "how much friction of turning changes over the log",
+        "a machine that is warm",
+        "z",
+    ),
+    Term(
+        "lag",
+        lambda m: (-m.force_rate, -m.torque_rate),
+        lambda _, s: s.lag_s,
+        "how late force and torque are, against the motion",
+        "clocks that are synchronised",
+        "xz",
+    ),
+    Term(
+        "load_transfer",
+        lambda m: (m.acc_x * m.force, m.acc_x * m.torque),
+        lambda _, s: s.load_transfer_s2_m,
+        "the measured wheels' share of the force changes with the acceleration",
+        "force measured on all wheels",
+        "xz",
+        lambda machine: machine.machine.force_share < 1.0,
+    ),
+    Term(
+        "side_gain",
+        # of the other row's noise, which two sides of equal sensors do not share
+        lambda m: (
+            m.measured_torque / m.drive.half_track_m,
+            m.measured_force * m.drive.half_track_m,
+        ),
+        lambda d, _: _GAIN.u(d.machine) or 0.0,
+        "gains of the two sides' torques that differ from each other",
+        _GAIN.remedy,
+        "xz",
+        turned_by_sides,
+        _GAIN,
+    ),
+    Term(
+        "slip_acceleration",
+        _slip,
+        lambda d, s: d.mass_kg * s.wheel_slip / d.largest_force,
+        "longitudinal slip: wheels gain speed that the machine does not",
+        "an accelerometer on the body",
+        "xz",
+        lambda machine: not measures_sideways(machine),
+    ),
+    Term(
+        "slope_along",
+        lambda m: _unseen_gravity(m, np.cos(m.heading_rad), -np.sin(m.heading_rad)),
+        lambda d, s: s.const_weight_share * d.gravity_m_s2,
+        "a slope along where the log begins, of which no channel tells",
+        "level ground; an accelerometer, or channels of pitch and roll",
+        "xz",
+        _slope,
+    ),
+    Term(
+        "slope_across",
+        lambda m: _unseen_gravity(m, np.sin(m.heading_rad), np.cos(m.heading_rad)),
+        lambda d, s: s.const_weight_share * d.gravity_m_s2,
+        "a slope across where the log begins, of which no channel tells",
+        "level ground; an accelerometer, or channels of pitch and roll",
+        "xz",
+        _slope,
+    ),
+    Term(
+        "accelerometer_gain",
+        lambda _: (None, None),
+        lambda _, s: s.gain,
+        "gain of the accelerometer",
+        "an accelerometer that is calibrated",
+        "xz",
+        measures_force,
+        mixture=_acc_gain,
+    ),
+    Term(
+        "yaw_rate_bias",
+        _gyro_bias,
+        lambda _, s: s.yaw_rate_bias_rad_s,
+        "bias of the gyroscope",
+        "a gyroscope that is zeroed at a stand",
+        "xz",
+    ),
+    Term(
+        "yaw_rate_gain",
+        lambda _: (None, None),
+        lambda _, s: s.yaw_rate_gain,
+        "gain of the gyroscope",
+        "turning a known angle",
+        "xz",
+        mixture=_gyro_gain,
+    ),
+    Term(
+        f"{IMU_POSITION.name}_x",
+        # ω² times mc_y is left out of the yaw torque: so small a part must not tell the place
+        lambda _: (None, None),
+        _imu_width,
+        f"{IMU_POSITION.meaning}, ahead",
+        IMU_POSITION.remedy,
+        "xz",
+        IMU_POSITION.applies,
+        IMU_POSITION,
+        _imu_x,
+    ),
+    Term(
+        f"{IMU_POSITION.name}_y",
+        lambda m: _square(m, m.drive.moment_x_kg_m if measures_sideways(m.drive.machine) else 0.0),
+        _imu_width,
+        f"{IMU_POSITION.meaning}, to the left",
+        IMU_POSITION.remedy,
+        "xz",
+        IMU_POSITION.applies,
+        IMU_POSITION,
+        _imu_y,
+    ),
+)
+
+
+def terms_of(drive: Drive, axes: str = "xz") -> tuple[tuple[Term, float], ...]:
+    """The terms of a drive that any of the axes has, each with the width of its prior."""
+    found: list[tuple[Term, float]] = []
+    for term in TERMS:
+        if term.applies(drive.machine) and set(term.axes) & set(axes):
+            width = term.width(drive, drive.machine.settings.priors)
+            # what is known exactly, and what the machine cannot have here, is no term
+            if width > 0.0 and np.isfinite(width):
+                found.append((term, width))
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""Drivers: logs and shifts driven on the integrated machine."""

@@ -1,0 +1,203 @@
+"""Drive the trials of a log one after the other: what the operator asks for, integrated."""
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.simulation.drive.machine_driver import STEP_S, WAVE_STEP_S, MachineDriver, StartOrder
+from analysis.simulation.drive.travel_speed import travel_legs
+from analysis.simulation.motion.body import RigidBody
+from analysis.simulation.motion.solved_motion import ManoeuvreTimes
+from analysis.simulation.motion.timeline import DrivenManoeuvre
+from analysis.simulation.plant import plant
+from analysis.simulation.plant.integrated_motion import FREE, IntegratedLog
+from analysis.simulation.plant.plant import DriveStage
+from analysis.simulation.scenario.manoeuvres import Excite, Manoeuvre, Rest, Start, Travel
+from analysis.simulation.scenario.scenario import Scenario
+from estimators.errors import ScenarioError
+
+#: Steps in the lag of a drive that a pedal follows; forces interpolated in one are 0.1 % off.
+_PEDAL_STEPS_A_LAG: Final = 80
+
+
+def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> IntegratedLog:
+    """Drive all trials of one log, without noise.
+
+    Args:
+        scenario: the machine, the ground and the manoeuvres of a trial; straight ones.
+        load_kg: in the bucket when the log begins.
+        load_index: index of the log in the campaign, which starts that differ are drawn from.
+
+    Raises:
+        ScenarioError: a machine does not start, does not stop, or goes too fast.
+    """
+    driver = _TrialDriver(scenario, load_kg, load_index)
+    asked_s = sum(_asked_s(each) for each in scenario.campaign.trial)
+    driver.expect(scenario.campaign.runs * asked_s)
+    trial_s = [0.0]
+    for trial in range(scenario.campaign.runs):
+        for number, manoeuvre in enumerate(scenario.campaign.trial):
+            driver.drive(trial, number, manoeuvre, trial_s[-1])
+        trial_s.append(driver.time_s)
+    driver.end()
+    return IntegratedLog(
+        scenario,
+        np.array(trial_s),
+        tuple(driver.driven),
+        driver.kept.rows,
+        driver.kept.stages,
+    )
+
+
+def _asked_s(manoeuvre: Manoeuvre) -> float:
+    """About how long a manoeuvre takes, its stop included."""
+    match manoeuvre:
+        case Rest():
+            return 0.0  # a rest has two rows
+        case Start():
+            return manoeuvre.start_s + manoeuvre.cruise_s + manoeuvre.coast_s + 2.0
+        case _:
+            return manoeuvre.duration_s + 2.0 if isinstance(manoeuvre, Excite | Travel) else 0.0
+
+
+class _TrialDriver(MachineDriver):
+    """Drives the manoeuvres of a trial."""
+
+    def __init__(self, scenario: Scenario, load_kg: float, load_index: int) -> None:
+        super().__init__(scenario, load_kg, load_index)
+        self.driven: list[DrivenManoeuvre] = []
+        self._load_kg = load_kg
+        self.mass_kg = RigidBody.loaded(scenario, load_kg).mass_kg
+        #: Whether a stand has the load of the start after it, or, as logs of before have it, the
+        #: one that the log began with.
+        self._stands_loaded = bool(scenario.chassis.pitch_deg_kg or scenario.loading.spill_1_s)
+        self._added_kg, self._lost_kg = 0.0, 0.0
+
+    def drive(self, trial: int, number: int, manoeuvre: Manoeuvre, trial_begin_s: float) -> None:
+        """One manoeuvre, from standing to standing."""
+        loading = self.scenario.loading
+        added_kg = loading.added_kg(self.starts)
+        if added_kg != self._added_kg:
+            self._added_kg, self._lost_kg = added_kg, 0.0
+        load_kg = self._load_kg + added_kg - self._lost_kg
+        body = RigidBody.loaded(self.scenario, load_kg)
+        body = replace(body, rolling_x_N=self.rolling_resistance(body.mass_kg))
+        if self._stands_loaded:
+            self.mass_kg = body.mass_kg
+        load_end_kg, direction, throttle = load_kg, None, None
+        match manoeuvre:
+            case Rest():
+                times = self.rest(manoeuvre.duration_s, self.mass_kg)
+            case Start():
+                body = replace(body, coulomb_x_N=self.drawn_coulomb())
+                sign = self._sign(manoeuvre)
+                direction = "forward" if sign > 0.0 else "reverse"
+                throttle = manoeuvre.throttle * self.throttle()
+                order = StartOrder(
+                    sign,
+                    throttle,
+                    manoeuvre.start_s,
+                    manoeuvre.cruise_s,
+                    manoeuvre.coast_s,
+                    manoeuvre.digging_N,
+                    manoeuvre.digging_s,
+                    loading.fill_kg_s,
+                    load_kg,
+                    loading.spill_1_s,
+                )
+                times, filled_kg, spilled_kg = self.start(order, body)
+                load_end_kg += filled_kg - spilled_kg
+                self._lost_kg += spilled_kg
+                if self._stands_loaded:
+                    self.mass_kg = body.mass_kg - spilled_kg
+            case Excite():
+                times = self._excite(manoeuvre, body)
+            case Travel():
+                times = self._travel(manoeuvre, body)
+            case _:
+                raise ScenarioError(
+                    f"campaign.manoeuvres.{number}: a {manoeuvre.kind} cannot be integrated"
+                )
+        since = times.since(trial_begin_s)
+        body = self.warmed(body, times.start_s)
+        self.driven.append(
+            DrivenManoeuvre(trial, number, since, body, load_kg, load_end_kg, direction, throttle)
+        )
+
+    def _excite(self, excite: Excite, body: RigidBody) -> ManoeuvreTimes:
+        """A waveform of the drive force, then brakes."""
+        begin_s, force = self.time_s, excite.force
+        assert force is not None
+        since_s = np.arange(0.0, excite.duration_s + 2.0 * WAVE_STEP_S, WAVE_STEP_S)
+        wave = np.array([self.scenario.driven(float(value), 0.0)[0] for value in force(since_s)])
+        stage = DriveStage(begin_s, body.mass_kg, coulomb_N=body.coulomb_x_N)
+        self.state[plant.BRAKE] = -body.mass_kg * self.uphill_m_s2()
+        self.advance(FREE, stage, excite.duration_s, wave)
+        braking_s = self.time_s
+        self.brake(stage._replace(begin_s=braking_s))
+        return ManoeuvreTimes("excite", begin_s, begin_s, None, braking_s, self.time_s)
+
+    def _travel(self, travel: Travel, body: RigidBody) -> ManoeuvreTimes:
+        """Speeds that a pedal follows, with brakes and a rest at each stand.
+
+        Raises:
+            ScenarioError: the machine does not move.
+        """
+        begin_s, begin_m, way = self.time_s, self.position_m, 1.0
+        full_N = self.scenario.campaign.throttle_force_N
+        stopping_N = body.mass_kg * self.scenario.campaign.braking_m_s2
+        self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
+        for leg in travel_legs(travel, self._random("travel"), WAVE_STEP_S):
+            stage = DriveStage(
+                self.time_s,
+                body.mass_kg,
+                one_way=way,
+                coulomb_N=body.coulomb_x_N,
+                pedal_N_s_m=body.mass_kg / travel.response_s,
+                most_drive_N=full_N,
+                most_brake_N=min(stopping_N, full_N) if travel.motor_brakes else stopping_N,
+                way=way,
+                motor_brakes=float(travel.motor_brakes),
+                facing=self.facing,
+            )
+            if travel.in_motion and self.time_s == begin_s:
+                self.state[[plant.WHEEL, plant.BODY]] = leg.wanted_m_s[0]
+                self.state[plant.DRIVE] = self._keeping(stage, full_N)
+            duration_s = (leg.wanted_m_s.size - 1) * WAVE_STEP_S
+            self.advance(
+                FREE, stage, duration_s, way * leg.wanted_m_s, steps=self._pedal_steps(duration_s)
+            )
+            if not self._moved:
+                raise ScenarioError(
+                    f"campaign.throttle_force_N: {full_N:.0f} N do not move {body.mass_kg:g} kg"
+                )
+            if leg.stand_s is not None:
+                shut = stage._replace(begin_s=self.time_s, pedal_N_s_m=0.0, one_way=0.0)
+                self.brake(shut)
+                self.rest(leg.stand_s, body.mass_kg)
+                if travel.to_and_fro:
+                    way = -1.0 if self.position_m > begin_m else 1.0
+        self.starts += 1
+        return ManoeuvreTimes("travel", begin_s, begin_s, None, None, self.time_s)
+
+    def _pedal_steps(self, duration_s: float) -> int | None:
+        """Steps of a travel: of a slow drive longer ones do."""
+        slow_s = self.scenario.campaign.valve_lag_s / _PEDAL_STEPS_A_LAG
+        return None if self._swings or slow_s <= self._step_s else math.ceil(duration_s / slow_s)
+
+    def end(self) -> None:
+        """What the log ends with: a rest, or, in motion, the moment after its last sample."""
+        rest_s = self.scenario.campaign.rest_s
+        if self.state[plant.WHEEL] == 0.0:
+            self.rest(rest_s + STEP_S, self.mass_kg)
+        else:
+            drive_N = float(self.state[plant.DRIVE])
+            stage = DriveStage(self.time_s, self.mass_kg, drive_N=drive_N, facing=self.facing)
+            self.advance(FREE, stage, STEP_S)
+
+    def _sign(self, start: Start) -> float:
+        sign = 1.0 if start.direction == "forward" else -1.0
+        turned = self.scenario.starts.directions == "alternating" and self.starts % 2 == 1
+        return -sign if turned else sign

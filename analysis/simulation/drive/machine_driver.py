@@ -1,0 +1,351 @@
+"""The machine driven manoeuvre by manoeuvre, from standing to standing, by the integrated plant."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from analysis.simulation.motion.body import RigidBody
+from analysis.simulation.motion.solved_motion import ManoeuvreTimes
+from analysis.simulation.plant import plant
+from analysis.simulation.plant.integrated_motion import BRAKING, FREE, OPEN, REST, STEADY, TURNING
+from analysis.simulation.plant.plant_inputs import DriveStage, plant_of
+from analysis.simulation.plant.resistance import left_of_cold, rolling_resistance
+from analysis.simulation.plant.row_buffer import KeptRows
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.waveforms import Floats
+from analysis.simulation.sensors.random_streams import generator
+from estimators.errors import ScenarioError
+
+#: One step: a hundredth of the lag of the paper's machine; forces interpolated in it are 0.2 N off.
+STEP_S: Final = 0.001
+#: Steps in a period of the fastest thing that swings, and in the lag of the valves.
+_STEPS_A_SWING: Final = 40
+_STEPS_A_LAG: Final = 4
+_LONGEST_STOP_S: Final = 120.0
+_TOP_SPEED_M_S: Final = 50.0
+WAVE_STEP_S: Final = 0.001
+#: Steps of a half turn.
+_TURN_STEPS: Final = 1000
+_LEAST_CRUISE_S: Final = 0.2
+
+
+@dataclass(frozen=True)
+class StartOrder:
+    """What the operator does in one start.
+
+    `sign` is 1 ahead, -1 back; `digging_N` grows during `digging_s` until the throttle is shut;
+    of `load_kg` a part `spill_1_s` falls off a second; `distance_m` is when to stand again, instead
+    of after `cruise_s`.
+    """
+
+    sign: float
+    throttle: float
+    start_s: float
+    cruise_s: float = 0.0
+    coast_s: float = 0.0
+    digging_N: float = 0.0
+    digging_s: float = 1.0
+    fill_kg_s: float = 0.0
+    load_kg: float = 0.0
+    spill_1_s: float = 0.0
+    distance_m: float | None = None
+
+
+class MachineDriver:
+    """Drives one manoeuvre after the other, and keeps what happens.
+
+    Args:
+        scenario: the machine and its ground.
+        load_kg: in the bucket when the log begins.
+        load_index: index of the log in the campaign, which starts that differ are drawn from.
+    """
+
+    def __init__(self, scenario: Scenario, load_kg: float, load_index: int) -> None:
+        self.time_s = 0.0
+        self.kept = KeptRows()
+        self.scenario = scenario
+        self.state = plant.still()
+        self.starts = 0
+        #: 1 or -1: whether the machine looks uphill or downhill where the ground slopes up.
+        self.facing = 1.0
+        self._plant = plant_of(scenario)
+        self._load_index = load_index
+        if self._plant.resonance_rad_s:
+            self.state[plant.STRETCH] = self._sag_m(scenario.machine.mass_kg + load_kg)
+        if scenario.chassis.squat_hz:
+            self.state[plant.PITCH] = self._plant.pitch_1_kg * load_kg
+        fastest = max(
+            scenario.drivetrain.resonance_hz, scenario.chassis.squat_hz, scenario.starts.stick_hz
+        )
+        lag_s = scenario.campaign.valve_lag_s
+        #: Whether anything goes on in a machine that stands.
+        drivetrain, chassis = scenario.drivetrain, scenario.chassis
+        self._swings = bool(drivetrain.resonance_hz or chassis.squat_hz or chassis.boom_kg)
+        self._step_s = min(STEP_S, 1.0 / (_STEPS_A_SWING * fastest), lag_s / _STEPS_A_LAG)
+
+    @property
+    def position_m(self) -> float:
+        """How far along the way the machine is."""
+        return float(self.state[plant.POSITION])
+
+    def expect(self, duration_s: float) -> None:
+        """Make room for what is kept of so long a drive."""
+        self.kept.reserve(math.ceil((duration_s + 2.0 * _LONGEST_STOP_S) / self._step_s))
+
+    def rest(self, duration_s: float, mass_kg: float) -> ManoeuvreTimes:
+        """Stand, held by the brakes."""
+        begin_s = self.time_s
+        self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
+        stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
+        self.advance(REST, stage, duration_s, steps=None if self._swings else 1)
+        return ManoeuvreTimes("rest", begin_s, None, None, None, self.time_s)
+
+    def half_turn(self, rate_rad_s: float, mass_kg: float) -> ManoeuvreTimes:
+        """Turn around on the spot; the yaw rate rises to `rate_rad_s` and falls, as a cosine."""
+        begin_s, duration_s = self.time_s, 2.0 * math.pi / abs(rate_rad_s)
+        self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
+        stage = DriveStage(self.time_s, mass_kg, holds=1.0, facing=self.facing)
+        steps = max(_TURN_STEPS, math.ceil(duration_s / self._step_s)) if self._swings else None
+        rows = self.advance(TURNING, stage, duration_s, steps=steps or _TURN_STEPS)
+        phase = (rows[:, plant.TIME] - begin_s) / duration_s * 2.0 * math.pi
+        turned = (phase - np.sin(phase)) / 2.0
+        rows[:, plant.YAW_RATE] = rate_rad_s * (1.0 - np.cos(phase)) / 2.0
+        # what the brakes hold of the slope
+        rows[:, plant.BRAKED] *= np.cos(turned)
+        rows[[0, -1], plant.YAW_RATE] = 0.0
+        self.facing = -self.facing
+        return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
+
+    def start(self, order: StartOrder, body: RigidBody) -> tuple[ManoeuvreTimes, float, float]:
+        """Throttle, cruise, perhaps coast, brake.
+
+        Returns:
+            The times, what has been filled in and what has fallen off, in kg.
+
+        Raises:
+            ScenarioError: the machine does not move, does not stop, or goes too fast.
+        """
+        campaign, starts, brakes = (
+            self.scenario.campaign,
+            self.scenario.starts,
+            self.scenario.brakes,
+        )
+        begin_s, begin_m = self.time_s, self.position_m
+        steady_s = begin_s + order.start_s
+        shut_s = steady_s + order.cruise_s
+        full_N = order.sign * campaign.throttle_force_N * campaign.valve(order.throttle)
+        opened = DriveStage(
+            begin_s,
+            body.mass_kg,
+            drive_N=full_N,
+            one_way=order.sign,
+            fill_kg_s=order.fill_kg_s,
+            load_kg=order.load_kg,
+            spill_1_s=order.spill_1_s,
+            coulomb_N=body.coulomb_x_N,
+            release_N=brakes.release_N,
+            release_from_s=begin_s,
+            release_s=brakes.release_s,
+            digging_N=order.digging_N,
+            digging_from_s=shut_s - order.digging_s,
+            digging_s=order.digging_s,
+            stick_share=starts.stick_share,
+            stick_rad_s=2.0 * math.pi * starts.stick_hz,
+            turn_rad_s=starts.turn_rad_s,
+            scrub_N_s_rad=starts.scrub_N_s_rad,
+            facing=self.facing,
+        )
+        self.state[plant.DRIVE] = 0.0
+        self.advance(OPEN, opened, order.start_s)
+        if not self._moved:
+            raise ScenarioError(
+                f"start {self.starts} does not move {body.mass_kg:g} kg with "
+                f"{abs(full_N):.0f} N; raise campaign.throttle_force_N or starts.throttle_least"
+            )
+        filled_kg = order.fill_kg_s * order.start_s
+
+        def spilled_kg() -> float:
+            return order.load_kg * -math.expm1(-order.spill_1_s * (self.time_s - begin_s))
+
+        def now(stage: DriveStage) -> DriveStage:
+            lost_kg = spilled_kg()
+            return stage._replace(
+                begin_s=self.time_s,
+                mass_kg=body.mass_kg + filled_kg - lost_kg,
+                load_kg=order.load_kg - lost_kg,
+            )
+
+        steady = now(opened)._replace(one_way=0.0, stick_share=0.0)
+        cruise_s = order.cruise_s
+        if order.distance_m is not None:
+            cruise_s = self._until(abs(self.position_m - begin_m), order.distance_m, body)
+        lead_s = min(brakes.gentle_lead_s, cruise_s) if brakes.gentle_m_s2 else 0.0
+        keeping = steady._replace(drive_N=self._keeping(steady, full_N))
+        self.advance(STEADY, keeping, cruise_s - lead_s)
+        filled_kg += order.fill_kg_s * (cruise_s - lead_s)
+        braking_s = self.time_s
+        braked = now(keeping)._replace(
+            fill_kg_s=0.0,
+            gentle_m_s2=brakes.gentle_m_s2,
+            gentle_from_s=braking_s,
+        )
+        if lead_s:
+            self.advance(BRAKING, braked, lead_s)
+        shut = now(braked)._replace(drive_N=0.0)
+        if order.coast_s:
+            self.advance(FREE, shut, order.coast_s)
+        if not brakes.gentle_m_s2:
+            braking_s = self.time_s
+        self.brake(now(shut))
+        self.starts += 1
+        times = ManoeuvreTimes("start", begin_s, begin_s, steady_s, braking_s, self.time_s)
+        return times, filled_kg, spilled_kg()
+
+    def brake(self, stage: DriveStage) -> None:
+        """Brake until the machine stands.
+
+        Raises:
+            ScenarioError: it does not stop.
+        """
+        speed = float(self.state[plant.WHEEL])
+        if speed == 0.0:
+            return
+        gentle_m_s2 = self.scenario.brakes.gentle_m_s2
+        if gentle_m_s2 and not stage.gentle_m_s2:
+            stage = stage._replace(gentle_m_s2=gentle_m_s2, gentle_from_s=stage.begin_s)
+        braking_m_s2 = 0.0 if gentle_m_s2 else self.scenario.campaign.braking_m_s2
+        brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
+        self.advance(BRAKING, stage._replace(brake_N=brake_N), _LONGEST_STOP_S, stops=True)
+        if self.state[plant.WHEEL] != 0.0:
+            raise ScenarioError("campaign.braking_m_s2: does not stop the machine on this ground")
+
+    def advance(
+        self,
+        kind: int,
+        stage: DriveStage,
+        duration_s: float,
+        wave: Floats | None = None,
+        *,
+        stops: bool = False,
+        steps: int | None = None,
+    ) -> Floats:
+        """Move through a stage; the rows (n, 16) that are kept of it.
+
+        Raises:
+            ScenarioError: the machine goes too fast.
+        """
+        steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
+        rows = self.kept.room(2 * steps + 4)
+        self.time_s, kept, self._moved = plant.advance(
+            stage.begin_s + duration_s,
+            steps,
+            stops,
+            self.state,
+            self._plant,
+            stage,
+            np.empty(0) if wave is None else wave,
+            WAVE_STEP_S,
+            rows,
+        )
+        if np.abs(rows[:kept, 1 + plant.WHEEL]).max() > _TOP_SPEED_M_S:
+            raise ScenarioError(
+                f"campaign.throttle_force_N: drives the machine beyond {_TOP_SPEED_M_S:g} m/s"
+            )
+        self.kept.keep(kept, kind)
+        return rows[:kept]
+
+    def uphill_m_s2(self) -> float:
+        """The part of gravity that pulls the machine back where it stands."""
+        slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
+        return self.facing * self._plant.gravity_m_s2 * math.sin(slope_rad)
+
+    def warmed(self, body: RigidBody, time_s: float) -> RigidBody:
+        """A body with the friction that is left at a time."""
+        viscous, coulomb = self._left_of_cold(time_s)
+        return replace(
+            body,
+            friction_x_N_s_m=body.friction_x_N_s_m * viscous,
+            coulomb_x_N=body.coulomb_x_N * coulomb,
+        )
+
+    def _left_of_cold(self, time_s: float) -> tuple[float, float]:
+        """The shares of viscous and Coulomb friction that are left at a time."""
+        viscous, coulomb = self._plant.friction_warming, self._plant.coulomb_warming
+        warming_s = self._plant.warming_s
+        return left_of_cold(time_s, viscous, warming_s), left_of_cold(time_s, coulomb, warming_s)
+
+    def drawn_coulomb(self) -> float:
+        """The Coulomb friction of the next start, on a cold machine."""
+        drawn = self._random("start_coulomb").standard_normal()
+        varied = self.scenario.starts.coulomb_std_N * float(drawn)
+        return max(self.scenario.machine.coulomb_N + varied, 0.0)
+
+    def throttle(self) -> float:
+        """The share of the throttle of the next start."""
+        starts = self.scenario.starts
+        return float(
+            self._random("start_throttle").uniform(starts.throttle_least, starts.throttle_most)
+        )
+
+    def _random(self, stream: str) -> np.random.Generator:
+        return generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
+
+    def _until(self, gone_m: float, distance_m: float, body: RigidBody) -> float:
+        """How long to cruise so that the machine stands about so far from where it started."""
+        speed = abs(float(self.state[plant.WHEEL]))
+        campaign = self.scenario.campaign
+        stop_m = speed * (campaign.valve_lag_s + 0.5 * speed / campaign.braking_m_s2)
+        if self.scenario.brakes.gentle_m_s2:
+            stop_m = self._gentle_stop_m(speed, body)
+        return max((distance_m - gone_m - stop_m) / max(speed, 0.05), _LEAST_CRUISE_S)
+
+    def _gentle_stop_m(self, speed_m_s: float, body: RigidBody) -> float:
+        """How far the machine goes under gentle brakes, which friction helps."""
+        gripping = body.gripping[0] / body.mass_kg
+        braking_m_s2 = self.scenario.brakes.gentle_m_s2 + gripping
+        viscous_1_s = max(body.friction_x_N_s_m / body.mass_kg, 1e-3)
+        slowed = braking_m_s2 / viscous_1_s
+        stop_m = (speed_m_s - slowed * math.log1p(speed_m_s / slowed)) / viscous_1_s
+        return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
+
+    def _sag_m(self, mass_kg: float) -> float:
+        """How far the spring of the driveline is stretched by the slope where a log begins."""
+        wheel_kg = self._plant.wheel_share * mass_kg + self._plant.rotating_kg
+        body_kg = mass_kg * (1.0 - self._plant.wheel_share)
+        reduced_kg = wheel_kg * body_kg / (wheel_kg + body_kg)
+        pull_N = body_kg * self.uphill_m_s2()
+        return pull_N / (reduced_kg * self._plant.resonance_rad_s**2)
+
+    def rolling_resistance(
+        self, mass_kg: float, speed_m_s: float = 0.0, turn_rad_s: float = 0.0
+    ) -> float:
+        """The rolling resistance of a mass where the machine is."""
+        slope_rad = float(self.scenario.terrain.slope_at_rad(self.position_m))
+        return rolling_resistance(
+            self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._plant
+        )
+
+    def _keeping(self, stage: DriveStage, full_N: float) -> float:
+        """The drive force that keeps the speed on this slope, within that of the throttle."""
+        speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_N)
+        turned = abs(stage.turn_rad_s) if speed else 0.0
+        viscous, coulomb = self._left_of_cold(self.time_s)
+        resistance_N = stage.coulomb_N * coulomb + self._plant.drag_N
+        resistance_N += stage.scrub_N_s_rad * turned
+        resistance_N += self.rolling_resistance(stage.mass_kg, speed, turned)
+        needed_N = (
+            self._plant.friction_N_s_m * viscous * speed
+            + self._plant.air_N_s2_m2 * abs(speed) * speed
+            + self.facing * self._plant.spring_N_m * self.position_m
+            + stage.mass_kg * self.uphill_m_s2()
+            + stage.fill_kg_s * speed
+            + sign * resistance_N
+        )
+        efficiency = self._plant.efficiency
+        needed_N = needed_N / efficiency if needed_N * sign > 0.0 else needed_N * efficiency
+        if self._plant.no_load_m_s:
+            needed_N /= max(1.0 - abs(speed) / self._plant.no_load_m_s, 1e-3)
+        most_N = self.scenario.campaign.throttle_force_N
+        return min(max(needed_N, -most_N), most_N)

@@ -1,0 +1,348 @@
+"""Drive a shift cycle by cycle: what the operator does, drawn from the seed, integrated.
+
+The way runs from the dump (at 0) to the pile (at `haul_m`). A machine that looks along it faces the
+pile. Cycles: drive to the pile, dig, back out, turn, haul, dump, back out, turn; hauls in reverse
+do without the turns.
+"""
+
+import math
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.simulation.drive.machine_driver import MachineDriver, StartOrder
+from analysis.simulation.motion.body import RigidBody
+from analysis.simulation.motion.solved_motion import ManoeuvreTimes
+from analysis.simulation.motion.timeline import DrivenManoeuvre
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.shift_plan import SimulatedShift
+from analysis.simulation.sensors.random_streams import generator
+
+#: Where the machine stops before the pile and before the dump.
+_REACH_M: Final = 1.0
+#: Throttle open in a start of a haul, and on a short way.
+_OPEN_S: Final = 3.0
+_SHORT_OPEN_S: Final = 1.5
+#: Digging takes full throttle; the pile's resistance grows from the first contact on.
+_DIGGING_CRUISE_S: Final = 0.3
+_SHORTEST_IDLE_S: Final = 10.0
+#: Angles of boom and bucket, positive up: to drive, dig, carry, dump, and pour a part.
+_DRIVE, _DIG, _CARRY, _DUMP = (0.15, -0.3), (0.0, 0.0), (0.25, -0.6), (0.95, 0.8)
+_POUR = (0.6, 0.1)
+_LIFT_S: Final = 2.0
+
+
+class Cycle(NamedTuple):
+    """A cycle as it was driven; times in s since the shift began, masses in kg.
+
+    `load_kg` is what was dug, of which some may have fallen off or been poured on the way;
+    `payload_kg` is what was dumped: the rest, less what was carried back.
+    """
+
+    cycle: int
+    start_s: float
+    dig_s: float
+    haul_s: float
+    dump_s: float
+    end_s: float
+    load_kg: float
+    carry_back_before_kg: float
+    carry_back_kg: float
+    payload_kg: float
+    machine_kg: float
+    reverse: bool
+    starts: int
+    spilled_kg: float
+    poured_kg: float
+
+
+class Dump(NamedTuple):
+    """Material that left the bucket: kind is dump, pour (at a stop on the way) or spill.
+
+    What is spilled falls off from one place of the way to another; the rest at one place.
+    """
+
+    cycle: int
+    kind: str
+    start_s: float
+    end_s: float
+    from_m: float
+    to_m: float
+    mass_kg: float
+
+
+class Stand(NamedTuple):
+    """A stretch in which the machine stands: kind is idle, break or refuelling."""
+
+    kind: str
+    start_s: float
+    end_s: float
+
+
+class BoomAngle(NamedTuple):
+    """Angles from a time on; between two of them they change evenly."""
+
+    time_s: float
+    boom_rad: float
+    bucket_rad: float
+
+
+class ShiftDriver(MachineDriver):
+    """The machine and its operator through a shift.
+
+    Args:
+        scenario: the machine, its ground, and what starts are like.
+        shift: what is to be done.
+    """
+
+    def __init__(self, scenario: Scenario, shift: SimulatedShift) -> None:
+        super().__init__(scenario, 0.0, 0)
+        self.shift = shift
+        self.cycles: list[Cycle] = []
+        self.dumps: list[Dump] = []
+        self.stands: list[Stand] = []
+        self.driven: list[DrivenManoeuvre] = []
+        self.angles: list[BoomAngle] = []
+        self._carried_kg = 0.0
+        self._load_kg = 0.0
+        self._burnt_kg = 0.0
+        self._burnt_until_s = 0.0
+        self._had_break = not shift.break_after_h
+        self._cycle, self._number = 0, 0
+        self._boom(_DRIVE, at_s=0.0)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the shift has lasted long enough, and its last cycle is finished."""
+        return self.time_s >= self.shift.duration_h * 3600.0
+
+    def cycle(self) -> None:
+        """One cycle, and what interrupts the work after it."""
+        shift, number = self.shift, len(self.cycles)
+        self._cycle, self._number = number, 0
+        begin_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
+        operator = self._drawn("shift_operator")
+        self._rest(operator)
+        pours = bool(self._drawn("shift_pour").random() < shift.pour_cycles)
+        self._legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
+        dig_s = self.time_s
+        self._dig(operator)
+        load_kg, machine_kg = self._load_kg, self.scenario.machine.mass_kg - self._burnt_kg
+        haul_s = self.time_s
+        reverse = bool(operator.random() < shift.reverse_share)
+        self._start(-1.0, shift.back_m, operator)
+        if not reverse:
+            self._turn(operator)
+        self._legs(-1.0, _REACH_M, shift.haul_starts_most, operator, pours=pours)
+        dump_s = self._dump()
+        if not reverse:
+            self._start(1.0, shift.back_m, operator)
+            self._turn(operator)
+        lost = [each for each in self.dumps if each.cycle == number and each.kind != "dump"]
+        spilled_kg = sum((each.mass_kg for each in lost if each.kind == "spill"), 0.0)
+        poured_kg = sum((each.mass_kg for each in lost if each.kind == "pour"), 0.0)
+        self.cycles.append(
+            Cycle(
+                cycle=number,
+                start_s=begin_s,
+                dig_s=dig_s,
+                haul_s=haul_s,
+                dump_s=dump_s,
+                end_s=self.time_s,
+                load_kg=load_kg,
+                carry_back_before_kg=before_kg,
+                carry_back_kg=self._carried_kg,
+                payload_kg=load_kg - spilled_kg - poured_kg - self._carried_kg,
+                machine_kg=machine_kg,
+                reverse=reverse,
+                starts=self.starts - starts,
+                spilled_kg=spilled_kg,
+                poured_kg=poured_kg,
+            )
+        )
+        self._interrupt()
+
+    def _body(self) -> RigidBody:
+        """Machine, fuel and load as they are now."""
+        body = RigidBody.loaded(self.scenario, self._load_kg)
+        mass_kg = body.mass_kg - self._burnt_kg
+        return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance(mass_kg))
+
+    def _drawn(self, stream: str) -> np.random.Generator:
+        return generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
+
+    def _legs(
+        self,
+        way: float,
+        until_m: float,
+        starts_most: int,
+        operator: np.random.Generator,
+        *,
+        pours: bool = False,
+    ) -> None:
+        """Drive along the way (1) or against it (-1) until a place, in a few starts.
+
+        One that `pours` does so at its first stop.
+        """
+        count = max(int(operator.integers(1, starts_most + 1)), 1 + pours)
+        parts = operator.uniform(0.7, 1.3, count)
+        for number in range(count):
+            left_m = way * (until_m - self.position_m)
+            share = parts[number] / parts[number:].sum()
+            if left_m > 2.0:
+                self._start(way, float(left_m * share), operator)
+                if pours and number == 0:
+                    self._pour()
+
+    def _start(self, way: float, distance_m: float, operator: np.random.Generator) -> None:
+        """One start along the way (1) or against it (-1), and the stand after it."""
+        sign = way * self.facing
+        body = replace(self._body(), coulomb_x_N=self.drawn_coulomb())
+        throttle = self.throttle()
+        open_s = _OPEN_S if distance_m > 2.0 * self.shift.back_m else _SHORT_OPEN_S
+        # what is carried back sticks
+        spill_1_s = self.shift.spill_1_s if self._load_kg > self._carried_kg else 0.0
+        order = StartOrder(
+            sign,
+            throttle,
+            open_s,
+            load_kg=self._load_kg,
+            spill_1_s=spill_1_s,
+            distance_m=distance_m,
+        )
+        from_m, begin_kg = self.position_m, self._load_kg
+        times, _, spilled_kg = self.start(order, body)
+        if spilled_kg:
+            self._load_kg -= spilled_kg
+            self._lose("spill", spilled_kg, times.start_s, from_m)
+        self._note(times, body, sign, throttle, begin_kg)
+        self._rest(operator)
+
+    def _lose(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
+        """Keep what has left the bucket since a time and a place."""
+        lost = Dump(self._cycle, kind, since_s, self.time_s, from_m, self.position_m, mass_kg)
+        self.dumps.append(lost)
+
+    def _pour(self) -> None:
+        """Stand, and pour a part of the load halfway."""
+        half_s, loaded = self.shift.dump_s / 2.0, self._body()
+        times = self.rest(half_s, loaded.mass_kg)
+        self._boom(_CARRY, at_s=times.start_s)
+        self._boom(_POUR, at_s=self.time_s)
+        self._note(times, loaded)
+        poured_kg = self._load_kg * self.shift.pour_share
+        self._load_kg -= poured_kg
+        self._lose("pour", poured_kg, self.time_s, self.position_m)
+        left = self._body()
+        self._note(self.rest(half_s, left.mass_kg), left)
+        self._boom(_CARRY, at_s=self.time_s)
+
+    def _dig(self, operator: np.random.Generator) -> None:
+        """Drive into the pile; the bucket fills, and closes when the machine stands."""
+        shift = self.shift
+        drawn = self._drawn("shift_load").normal(shift.load_kg, shift.load_std_kg)
+        wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
+        body = replace(self._body(), coulomb_x_N=self.drawn_coulomb())
+        self._boom(_DIG, at_s=self.time_s)
+        digging_s = shift.dig_s + _DIGGING_CRUISE_S
+        order = StartOrder(
+            1.0,
+            1.0,
+            shift.dig_s,
+            _DIGGING_CRUISE_S,
+            digging_N=shift.digging_N,
+            digging_s=digging_s,
+            fill_kg_s=(wanted_kg - self._carried_kg) / digging_s,
+        )
+        times, filled_kg, _ = self.start(order, body)
+        begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
+        self._note(times, body, 1.0, 1.0, begin_kg)
+        self._boom(_CARRY, at_s=self.time_s + _LIFT_S)
+        self._rest(operator)
+
+    def _turn(self, operator: np.random.Generator) -> None:
+        body, side = self._body(), 1.0 if operator.random() < 0.5 else -1.0
+        self._note(self.half_turn(side * self.shift.turn_rad_s, body.mass_kg), body)
+        self._rest(operator)
+
+    def _dump(self) -> float:
+        """Stand, and dump halfway; when that is."""
+        shift, loaded = self.shift, self._body()
+        drawn = self._drawn("shift_carry_back").exponential(shift.carry_back_kg)
+        times = self.rest(shift.dump_s / 2.0, loaded.mass_kg)
+        self._boom(_CARRY, at_s=times.start_s)
+        self._boom(_DUMP, at_s=self.time_s)
+        self._note(times, loaded)
+        dumped_s, load_kg = self.time_s, self._load_kg
+        self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg, load_kg))
+        self._lose("dump", load_kg - self._load_kg, dumped_s, self.position_m)
+        empty = self._body()
+        self._note(self.rest(shift.dump_s / 2.0, empty.mass_kg), empty)
+        self._boom(_DRIVE, at_s=self.time_s)
+        return dumped_s
+
+    def _rest(self, operator: np.random.Generator) -> None:
+        body = self._body()
+        self._note(
+            self.rest(float(self.shift.pause_s * operator.uniform(0.5, 1.5)), body.mass_kg), body
+        )
+
+    def _interrupt(self) -> None:
+        """Idle, a break, refuelling: each where it is due after a cycle."""
+        shift, idles = (
+            self.shift,
+            generator(self.scenario.sensors.seed, 0, len(self.cycles), "shift_idle"),
+        )
+        self._burn()
+        if idles.random() < shift.idle_share:
+            self._stand("idle", max(float(idles.exponential(shift.idle_s)), _SHORTEST_IDLE_S))
+        if not self._had_break and self.time_s >= shift.break_after_h * 3600.0:
+            self._had_break = True
+            self._stand("break", shift.break_s)
+        if shift.fuel_tank_kg - self._burnt_kg < shift.refuel_share * shift.fuel_tank_kg:
+            self._stand("refuelling", shift.refuel_s)
+            self._burnt_kg = 0.0
+
+    def _burn(self) -> None:
+        """Fuel is taken off at the end of each cycle; nobody burns any in a break."""
+        hours = (self.time_s - self._burnt_until_s) / 3600.0
+        self._burnt_until_s = self.time_s
+        self._burnt_kg = min(self._burnt_kg + hours * self.shift.fuel_kg_h, self.shift.fuel_tank_kg)
+
+    def _stand(self, kind: str, duration_s: float) -> None:
+        body, begin_s = self._body(), self.time_s
+        self._note(self.rest(duration_s, body.mass_kg), body)
+        self.stands.append(Stand(kind, begin_s, self.time_s))
+        if kind != "idle":
+            self._burnt_until_s = self.time_s
+
+    def _boom(self, angles: tuple[float, float], at_s: float) -> None:
+        """Boom and bucket reach their angles at a time; not before the last ones."""
+        after_s = self.angles[-1].time_s if self.angles else 0.0
+        self.angles.append(BoomAngle(max(at_s, after_s), *angles))
+
+    def _note(
+        self,
+        times: ManoeuvreTimes,
+        body: RigidBody,
+        sign: float = 0.0,
+        throttle: float | None = None,
+        load_kg: float | None = None,
+    ) -> None:
+        """Keep a manoeuvre: `load_kg` where it began, if not as now."""
+        directions = {0.0: None, 1.0: "forward", -1.0: "reverse"}
+        begin_kg = self._load_kg if load_kg is None else load_kg
+        self.driven.append(
+            DrivenManoeuvre(
+                self._cycle,
+                self._number,
+                times,
+                self.warmed(body, times.start_s),
+                begin_kg,
+                self._load_kg,
+                directions[math.copysign(1.0, sign) if sign else 0.0],
+                throttle,
+            )
+        )
+        self._number += 1

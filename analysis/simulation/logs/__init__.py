@@ -1,0 +1,1 @@
+"""Simulated logs with their truth: campaigns, shifts, injected faults."""

@@ -1,0 +1,214 @@
+"""A shift as the recorder has it: logs on one time line, and the truth about all of them."""
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.simulation.drive.shift_drive import BoomAngle, ShiftDriver
+from analysis.simulation.logs.shift_limits import check_shift
+from analysis.simulation.logs.simulated_campaign import SimulatedLog
+from analysis.simulation.motion.solved_motion import Channels
+from analysis.simulation.motion.timeline import DrivenManoeuvre, Hints, Timeline
+from analysis.simulation.plant import plant
+from analysis.simulation.plant.integrated_motion import IntegratedLog
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.shift_plan import SimulatedShift
+from analysis.simulation.scenario.waveforms import Floats
+from analysis.simulation.sensors.random_streams import generator
+from analysis.simulation.sensors.recorder import phase_s, topics_of
+from analysis.simulation.sensors.sensors import measure
+
+#: Sensors look back so far at most.
+_LOOK_BACK_S: Final = 60.0
+#: Where logs part, at most so far from the even places, in lengths of a log.
+_UNEVEN: Final = 0.1
+#: Of what a torn log loses at most.
+_LEAST_DAMAGE: Final = 0.05
+
+
+class LogSpan(NamedTuple):
+    """When a log is recorded, in s since the shift began, and the part of it that is torn off."""
+
+    start_s: float
+    end_s: float
+    torn_share: float
+
+
+class ShiftTruth(NamedTuple):
+    """What is true of a shift; times are unix ns.
+
+    `cycles`: a row a cycle, as `shift_drive.Cycle` has it, with the numbers of the logs in which it
+    begins and ends (counted from 0; null where nothing is recorded); `stands`: idle stretches,
+    breaks and refuelling; `logs`: when each log begins and ends, and the part that is torn off;
+    `dumps`: a row for whatever left the bucket, as `shift_drive.Dump` has it.
+    """
+
+    cycles: pl.DataFrame
+    stands: pl.DataFrame
+    logs: pl.DataFrame
+    dumps: pl.DataFrame
+
+
+@dataclass(eq=False)
+class ShiftSimulation:
+    """A shift that is driven while its logs are taken.
+
+    Attributes:
+        scenario: with a shift.
+        shift: its section.
+
+    Raises:
+        ScenarioError: the machine cannot be driven so.
+    """
+
+    scenario: Scenario
+    shift: SimulatedShift
+
+    def __post_init__(self) -> None:
+        check_shift(self.scenario, self.shift)
+        self._driver = ShiftDriver(self.scenario, self.shift)
+        self._spans: list[LogSpan] = []
+
+    def logs(self) -> Iterator[SimulatedLog]:
+        """The logs in order, once; the same scenario gives the same ones bit for bit."""
+        start_ns = _ns(self.scenario.log.start_unix_s)
+        planned = _spans(self.scenario, self.shift)
+        heading_rad = 0.0
+        for index, span in enumerate(planned):
+            is_last = index == len(planned) - 1
+            self._driver.expect(max(span.end_s - self._driver.time_s, 0.0))
+            while not self._driver.is_over and (is_last or self._driver.time_s < span.end_s):
+                self._driver.cycle()
+            end_s = self._driver.time_s if is_last else min(span.end_s, self._driver.time_s)
+            self._spans.append(span._replace(end_s=end_s))
+            heading_rad += self._driver.kept.forget(span.start_s - _LOOK_BACK_S)
+            yield self._log(index, self._spans[-1], heading_rad, start_ns)
+
+    def truth(self) -> ShiftTruth:
+        """What is true, once all logs have been taken."""
+        start_ns = _ns(self.scenario.log.start_unix_s)
+        cycles = pl.DataFrame([each._asdict() for each in self._driver.cycles])
+        starts = [span.start_s for span in self._spans]
+
+        def log_of(time_s: float) -> int | None:
+            found = bisect_right(starts, time_s) - 1
+            return found if found >= 0 and time_s <= self._spans[found].end_s else None
+
+        logs = pl.DataFrame(
+            {
+                "first_log": [log_of(each.start_s) for each in self._driver.cycles],
+                "last_log": [log_of(each.end_s) for each in self._driver.cycles],
+            },
+            schema={"first_log": pl.Int64, "last_log": pl.Int64},
+        )
+        dumps = pl.DataFrame(
+            [each._asdict() for each in self._driver.dumps], infer_schema_length=None
+        )
+        stands = pl.DataFrame(
+            [each._asdict() for each in self._driver.stands],
+            schema={"kind": pl.String, "start_s": pl.Float64, "end_s": pl.Float64},
+        )
+        spans = pl.DataFrame([each._asdict() for each in self._spans])
+        return ShiftTruth(
+            _unix(cycles, start_ns).hstack(logs),
+            _unix(stands, start_ns),
+            _unix(spans, start_ns),
+            _unix(dumps, start_ns),
+        )
+
+    def _log(self, index: int, span: LogSpan, heading_rad: float, start_ns: int) -> SimulatedLog:
+        scenario, driver = self.scenario, self._driver
+        begins = np.array([each.start_s for each in driver.cycles] + [driver.time_s])
+        mine = tuple(
+            each
+            for each in driver.driven
+            if each.times.end_s > span.start_s and each.times.start_s < span.end_s
+        )
+        motion = IntegratedLog(
+            scenario, begins, mine, driver.kept.rows, driver.kept.stages, heading_rad
+        )
+        timeline = Timeline(
+            start_ns + _ns(span.start_s),
+            start_ns + _ns(span.end_s),
+            start_ns + np.rint(begins * 1e9).astype(np.int64),
+            _in_cycles(mine, begins),
+            _Clock(motion, start_ns).sample,
+            _WayAndBoom(motion, tuple(driver.angles), start_ns).hints,
+        )
+        topics = topics_of(scenario)
+        return SimulatedLog(
+            scenario=scenario,
+            load_kg=0.0,
+            topics=measure(scenario, timeline, index),
+            trials=pl.DataFrame(),
+            manoeuvres=timeline.manoeuvres(),
+            timeline=timeline,
+            phase_s={topic: phase_s(scenario, topic, index) for topic in topics},
+            torn_share=span.torn_share,
+        )
+
+
+class _Clock(NamedTuple):
+    """The motion by unix time."""
+
+    motion: IntegratedLog
+    start_ns: int
+
+    def sample(self, time_ns: NDArray[np.int64]) -> Channels:
+        return self.motion.sample((time_ns - self.start_ns) * np.float64(1e-9))
+
+
+class _WayAndBoom(NamedTuple):
+    """Where the machine is and how its boom stands, by unix time."""
+
+    motion: IntegratedLog
+    angles: tuple[BoomAngle, ...]
+    start_ns: int
+
+    def hints(self, time_ns: NDArray[np.int64]) -> Hints:
+        time_s: Floats = (time_ns - self.start_ns) * np.float64(1e-9)
+        known, boom, bucket = np.array(self.angles).T
+        rows = self.motion.rows
+        position = np.interp(time_s, rows[:, plant.TIME], rows[:, 1 + plant.POSITION])
+        return Hints(position, np.interp(time_s, known, boom), np.interp(time_s, known, bucket))
+
+
+def _in_cycles(driven: tuple[DrivenManoeuvre, ...], begins: Floats) -> tuple[DrivenManoeuvre, ...]:
+    """The same manoeuvres, their times since their cycle began."""
+    return tuple(
+        each._replace(times=each.times.since(float(begins[each.trial]))) for each in driven
+    )
+
+
+def _spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
+    """When the logs are recorded, and which are torn, by plan."""
+    drawn = generator(scenario.sensors.seed, 0, 0, "shift_recorder")
+    length_s = shift.duration_h * 3600.0 / shift.logs
+    spans: list[LogSpan] = []
+    begin_s = 0.0
+    for number in range(1, shift.logs + 1):
+        end_s = length_s * (number + float(drawn.uniform(-_UNEVEN, _UNEVEN)))
+        spans.append(LogSpan(begin_s, end_s, 0.0))
+        begin_s = end_s + float(drawn.uniform(0.0, shift.restart_s))
+    damage = generator(scenario.sensors.seed, 0, 0, "shift_damage")
+    for number in damage.choice(shift.logs, shift.damaged_logs, replace=False).tolist():
+        share = shift.damage_share * float(damage.uniform(_LEAST_DAMAGE, 1.0))
+        spans[number] = spans[number]._replace(torn_share=share)
+    return spans
+
+
+def _unix(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
+    """Columns of seconds since the shift began as unix ns."""
+    seconds = [name for name in frame.columns if name.endswith("_s")]
+    return frame.with_columns(
+        (pl.col(name) * 1e9).round().cast(pl.Int64) + start_ns for name in seconds
+    ).rename({name: f"{name[:-2]}_ns" for name in seconds})
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1_000_000_000)

@@ -1,0 +1,116 @@
+"""A campaign: for each load one log of many trials, with the truth of every trial.
+
+A trial is what a scenario calls a run: the manoeuvres of `campaign.manoeuvres`, once.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import polars as pl
+
+from analysis.model.schema import PHASE
+from analysis.simulation.motion.timeline import Timeline, continuous, repeated
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.sensors.recorder import TOPICS, instants_ns, phase_s
+from analysis.simulation.sensors.sensors import measure
+from analysis.simulation.trials.solve_trial import solve_motion
+from analysis.simulation.trials.switches import integrated_for
+from analysis.simulation.trials.trial_limits import check_limits
+from estimators.errors import ScenarioError
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedLog:
+    """The recorded topics of one load, and the truth about it.
+
+    Attributes:
+        scenario: that was simulated.
+        load_kg: the load.
+        topics: `imu`, `torque` and `speed`, in a shift also others, as `measure` gives them.
+        trials: a row a trial (none in a shift): `run` (its number), the unix times `start_ns` and
+            `end_ns`, `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without
+            one), and the true `load_kg mass_kg friction_N_s_m coulomb_N rolling_N slope_deg
+            inertia_z_kg_m2 com_x_m com_y_m friction_z_N_m_s coulomb_z_N_m`: of machine and load,
+            about the origin, where its first start begins (without one, its first manoeuvre).
+        manoeuvres: a row a manoeuvre: `run`, `manoeuvre` (its number in the trial), `kind`, and the
+            unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not);
+            `load_kg mass_kg friction_N_s_m coulomb_N rolling_N` where it begins, `load_end_kg`
+            where it ends, and of a start its `direction` and its share of full `throttle`.
+        timeline: the motion without noise, at any time.
+        phase_s: when each topic is first sampled, in s since the log's beginning.
+        torn_share: the part of the file that is torn off at its end.
+    """
+
+    scenario: Scenario
+    load_kg: float
+    topics: Mapping[str, pl.DataFrame]
+    trials: pl.DataFrame
+    manoeuvres: pl.DataFrame
+    timeline: Timeline
+    phase_s: Mapping[str, float]
+    torn_share: float = 0.0
+
+    @cached_property
+    def noise_free(self) -> pl.DataFrame:
+        """The motion every period of `sensors.rate_hz` from the log's beginning on.
+
+        `time_ns` (unix) and the fields of `Channels`.
+        """
+        time_ns = instants_ns(self.timeline, self.scenario.sensors.rate_hz, 0.0)
+        now = self.timeline.sample(time_ns)
+        return pl.DataFrame({"time_ns": time_ns, **now._asdict()}).with_columns(
+            pl.col("phase").cast(PHASE)
+        )
+
+    @property
+    def origin_unix_ns(self) -> int:
+        """When the campaign began: what the time of its tables counts from."""
+        return _ns(self.scenario.log.start_unix_s)
+
+
+def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
+    """Simulate the scenario: one log a load, in the order of the loads, on one time line.
+
+    The same scenario gives the same logs bit for bit. Slope and Coulomb friction are in the motion
+    and in the measurements as on site; what they do to an uncorrected mass is for the replay to
+    find out.
+
+    Raises:
+        ScenarioError: the machine cannot be driven as asked with one of the loads; raised before
+            the first log.
+    """
+    if scenario.shift is not None:
+        raise ScenarioError("shift: is no campaign; use ShiftSimulation")
+    check_limits(scenario, scenario.campaign.loads_kg)
+    return _logs(scenario)
+
+
+def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
+    start_ns = _ns(scenario.log.start_unix_s)
+    for index, load_kg in enumerate(scenario.campaign.loads_kg):
+        timeline = _timeline(scenario, load_kg, index, start_ns)
+        yield SimulatedLog(
+            scenario=scenario,
+            load_kg=load_kg,
+            topics=measure(scenario, timeline, index),
+            trials=timeline.trials(scenario.terrain.slope_deg),
+            manoeuvres=timeline.manoeuvres(),
+            timeline=timeline,
+            phase_s={topic: phase_s(scenario, topic, index) for topic in TOPICS},
+        )
+        start_ns = timeline.end_ns + _ns(scenario.log.load_change_s)
+
+
+def _timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
+    """The log of a load: one exact trial repeated where that can be, integrated otherwise."""
+    if integrated_for(scenario) is None:
+        return repeated(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
+    from analysis.simulation.drive.log_drive import integrate_log
+
+    whole = integrate_log(scenario, load_kg, index)
+    return continuous(scenario, whole.trial_s, whole.driven, whole.sample, start_ns)
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1_000_000_000)

@@ -1,0 +1,1 @@
+"""The machine's equations of motion, and its motion in time."""

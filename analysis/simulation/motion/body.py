@@ -1,0 +1,135 @@
+"""The machine and its load as one rigid body in the plane, and its two equations of motion.
+
+    F = m s_x - ω² mc_x - ω̇ mc_y + b_x v + (F_c + F_r) sign(v)
+    T = mc_x s_y - mc_y s_x + Izz ω̇ + b_ψ ω + T_c sign(ω)
+
+the rows of the paper's (4) that wheels measure (`estimators.planar.planar_rows`), with Coulomb friction
+F_c, T_c and rolling resistance F_r, which is in proportion to the weight. F and T are all force and
+torque but friction and gravity: drive less brakes. s is the specific force of the origin, midway
+between the wheels, which do not slip sideways: s_x = dv/dt + g_x, s_y = ω v + g_y, where g_x and
+g_y are the slope's share of gravity along the machine's axes, turned away.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.scenario.scenario import Scenario
+
+#: Numbers of one instant, or (n,) of several.
+Values: TypeAlias = float | NDArray[np.float64]
+
+
+class Pair(NamedTuple):
+    """Something along x (force, speed, acceleration) and about z (torque, yaw rate, …)."""
+
+    x: Values
+    z: Values
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """One machine with one load on one slope; moments are about the origin."""
+
+    mass_kg: float
+    first_moment_x_kg_m: float
+    first_moment_y_kg_m: float
+    inertia_z_kg_m2: float
+    friction_x_N_s_m: float
+    friction_z_N_m_s: float
+    coulomb_x_N: float
+    coulomb_z_N_m: float
+    #: g sin(slope): uphill is where the machine looks at heading 0.
+    uphill_m_s2: float
+    slope_rad: float
+    #: Of a slow machine where its motion begins: in proportion to the weight.
+    rolling_x_N: float
+
+    @classmethod
+    def loaded(cls, scenario: Scenario, load_kg: float) -> Self:
+        """The scenario's machine with a load, a point mass in its bucket."""
+        machine, terrain = scenario.machine, scenario.terrain
+        x, y = machine.load_x_m, machine.load_y_m
+        return cls(
+            mass_kg=machine.mass_kg + load_kg,
+            first_moment_x_kg_m=machine.mass_kg * machine.com_x_m + load_kg * x,
+            first_moment_y_kg_m=machine.mass_kg * machine.com_y_m + load_kg * y,
+            inertia_z_kg_m2=machine.inertia_z_kg_m2 + load_kg * (x * x + y * y),
+            friction_x_N_s_m=machine.friction_N_s_m,
+            friction_z_N_m_s=machine.friction_z_N_m_s,
+            coulomb_x_N=machine.coulomb_N,
+            coulomb_z_N_m=machine.coulomb_z_N_m,
+            uphill_m_s2=terrain.gravity_m_s2 * float(np.sin(terrain.slope_rad)),
+            slope_rad=terrain.slope_rad,
+            rolling_x_N=scenario.rolling.coefficient
+            * (machine.mass_kg + load_kg)
+            * terrain.gravity_m_s2
+            * math.cos(terrain.slope_rad),
+        )
+
+    @property
+    def gripping(self) -> tuple[float, float]:
+        """What grips at standstill, along x and about z: Coulomb friction, rolling resistance."""
+        return self.coulomb_x_N + self.rolling_x_N, self.coulomb_z_N_m
+
+    @property
+    def com_x_m(self) -> float:
+        """Centre of mass, ahead of the origin."""
+        return self.first_moment_x_kg_m / self.mass_kg
+
+    @property
+    def com_y_m(self) -> float:
+        """Centre of mass, to the left of the origin."""
+        return self.first_moment_y_kg_m / self.mass_kg
+
+    def gravity(self, heading: Values) -> tuple[Values, Values]:
+        """Specific force of the slope along x and y at a heading, in m/s²."""
+        if isinstance(heading, float):  # numpy's are slow on single numbers
+            return self.uphill_m_s2 * math.cos(heading), -self.uphill_m_s2 * math.sin(heading)
+        return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)
+
+    def net(self, applied: Pair, rate: Pair, heading: Values) -> Pair:
+        """Force and torque that are left for acceleration and Coulomb friction.
+
+        Args:
+            applied: F and T, drive less brakes.
+            rate: v and ω.
+            heading: in rad.
+        """
+        gravity_x, gravity_y = self.gravity(heading)
+        v, omega = rate
+        return Pair(
+            applied.x
+            - self.friction_x_N_s_m * v
+            - self.mass_kg * gravity_x
+            + omega * omega * self.first_moment_x_kg_m,
+            applied.z
+            - self.friction_z_N_m_s * omega
+            - self.first_moment_x_kg_m * (omega * v + gravity_y)
+            + self.first_moment_y_kg_m * gravity_x,
+        )
+
+    def accelerations(self, net: Pair, moves: tuple[bool, bool]) -> Pair:
+        """dv/dt and ω̇ under `net` force and torque; an axis that does not move has none."""
+        m, mc_y = self.mass_kg, self.first_moment_y_kg_m
+        if not any(moves):
+            return Pair(0.0 * net.x, 0.0 * net.z)
+        if not moves[0]:
+            return Pair(0.0 * net.x, net.z / self.inertia_z_kg_m2)
+        if not moves[1]:
+            return Pair(net.x / m, 0.0 * net.z)
+        turn = (net.z + mc_y * net.x / m) / (self.inertia_z_kg_m2 - mc_y * mc_y / m)
+        return Pair((net.x + mc_y * turn) / m, turn)
+
+    def needed(self, rate: Pair, acceleration: Pair, heading: Values, friction: Pair) -> Pair:
+        """F and T that a motion takes; `friction` has the signs of what grips on each."""
+        left = self.net(Pair(0.0 * rate.x, 0.0 * rate.z), rate, heading)
+        dv, turn = acceleration
+        mc_y = self.first_moment_y_kg_m
+        return Pair(
+            self.mass_kg * dv - mc_y * turn - left.x + self.gripping[0] * friction.x,
+            self.inertia_z_kg_m2 * turn - mc_y * dv - left.z + self.gripping[1] * friction.z,
+        )

@@ -1,0 +1,166 @@
+"""A solved motion: the manoeuvres of one trial with one load, without noise."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.motion.body import RigidBody
+from analysis.simulation.scenario.waveforms import Floats
+
+
+class MotionState(NamedTuple):
+    """The machine at n instants, each (n,): drive and brakes are forces in N, torques in N·m."""
+
+    speed_x_m_s: Floats
+    acc_x_m_s2: Floats
+    drive_x: Floats
+    brake_x: Floats
+    yaw_rate_rad_s: Floats
+    yaw_acc_rad_s2: Floats
+    drive_z: Floats
+    brake_z: Floats
+    heading_rad: Floats
+
+
+class MotionPhase(NamedTuple):
+    """A part of a trial, times in s since the trial began.
+
+    `name` is a phase of motion, or None where it follows from the motion; `state` takes times (n,).
+    """
+
+    name: str | None
+    start_s: float
+    end_s: float
+    state: Callable[[Floats], MotionState]
+
+
+class ManoeuvreTimes(NamedTuple):
+    """When a manoeuvre happens, in s since the trial began; None for what it does not have.
+
+    `drive_s` is when drive begins, `steady_s` when a start cruises, a spin holds its rate and an
+    arc its speed; `braking_s` when it ends in braking (or in the ramp down of an arc).
+    """
+
+    kind: str
+    start_s: float
+    drive_s: float | None
+    steady_s: float | None
+    braking_s: float | None
+    end_s: float
+
+    def since(self, begin_s: float) -> "ManoeuvreTimes":
+        """The same times, counted from `begin_s`."""
+
+        def later(time_s: float | None) -> float | None:
+            return None if time_s is None else time_s - begin_s
+
+        return ManoeuvreTimes(
+            self.kind,
+            self.start_s - begin_s,
+            later(self.drive_s),
+            later(self.steady_s),
+            later(self.braking_s),
+            self.end_s - begin_s,
+        )
+
+
+class Channels(NamedTuple):
+    """The motion at n instants, each (n,): no noise, and nothing of the sensors in it."""
+
+    phase: NDArray[np.str_]
+    speed_x_m_s: Floats
+    acc_x_m_s2: Floats
+    #: All force along x but friction and gravity.
+    force_x_N: Floats
+    #: The part of it that torque sensors on all wheels would see.
+    measured_force_x_N: Floats
+    yaw_rate_rad_s: Floats
+    yaw_acc_rad_s2: Floats
+    #: All torque about the origin but friction and gravity, and what the sensors would see of it.
+    torque_z_N_m: Floats
+    measured_torque_z_N_m: Floats
+    #: Of the origin, the slope's share of gravity included.
+    specific_force_x_m_s2: Floats
+    specific_force_y_m_s2: Floats
+    heading_rad: Floats
+    #: Of the wheels' circumference without slip: the body's, unless the driveline is soft.
+    wheel_speed_x_m_s: Floats
+    #: How fast the force changes, which tyres that slip follow.
+    force_rate_x_N_s: Floats
+    #: Of the ground, uphill where the machine looks at heading 0.
+    slope_rad: Floats
+    #: Of the body over the ground, nose up.
+    squat_rad: Floats
+    #: Of the body, with squat and ground.
+    nose_up_rate_rad_s: Floats
+    #: Of machine and load.
+    mass_kg: Floats
+
+
+@dataclass(frozen=True)
+class SolvedMotion:
+    """One trial with one load, from standing to standing; before and after, the machine stands.
+
+    Attributes:
+        body: the machine with its load: what an estimator should find.
+        brake_measured_share: how much of the brakes the torque sensors see.
+        phases: without a gap between them, over all times.
+        manoeuvres: a window a manoeuvre, in order.
+    """
+
+    body: RigidBody
+    brake_measured_share: float
+    phases: tuple[MotionPhase, ...]
+    manoeuvres: tuple[ManoeuvreTimes, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """Until the last manoeuvre has ended."""
+        return self.manoeuvres[-1].end_s
+
+    def sample(self, time_s: Floats) -> Channels:
+        """The channels at times (n,) in s since the trial began: any times, in any order."""
+        name = np.full(time_s.shape, "standstill", dtype="<U12")
+        rows = np.zeros((len(MotionState._fields), *time_s.shape))
+        for phase in self.phases:
+            inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
+            if inside.any():  # a short phase may fall between two samples
+                state = phase.state(time_s[inside])
+                name[inside] = _phases_of(state) if phase.name is None else phase.name
+                rows[:, inside] = np.stack(state)
+        state = MotionState(*[rows[i] for i in range(len(rows))])
+        gravity_x, gravity_y = self.body.gravity(state.heading_rad)
+        seen = self.brake_measured_share
+        return Channels(
+            phase=name,
+            speed_x_m_s=state.speed_x_m_s,
+            acc_x_m_s2=state.acc_x_m_s2,
+            force_x_N=state.drive_x - state.brake_x,
+            measured_force_x_N=state.drive_x - seen * state.brake_x,
+            yaw_rate_rad_s=state.yaw_rate_rad_s,
+            yaw_acc_rad_s2=state.yaw_acc_rad_s2,
+            torque_z_N_m=state.drive_z - state.brake_z,
+            measured_torque_z_N_m=state.drive_z - seen * state.brake_z,
+            specific_force_x_m_s2=state.acc_x_m_s2 + gravity_x,
+            specific_force_y_m_s2=state.yaw_rate_rad_s * state.speed_x_m_s + gravity_y,
+            heading_rad=state.heading_rad,
+            wheel_speed_x_m_s=state.speed_x_m_s,
+            force_rate_x_N_s=np.zeros_like(time_s),
+            slope_rad=np.full_like(time_s, self.body.slope_rad),
+            squat_rad=np.zeros_like(time_s),
+            nose_up_rate_rad_s=np.zeros_like(time_s),
+            mass_kg=np.full_like(time_s, self.body.mass_kg),
+        )
+
+
+def _phases_of(state: MotionState) -> NDArray[np.str_]:
+    """The phases of motion (n,) of an excitation."""
+    stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
+    return np.select(
+        [turns & stands, turns, stands, state.speed_x_m_s * state.acc_x_m_s2 >= 0.0],
+        ["spinning", "turning", "standstill", "accelerating"],
+        default="braking",
+    )

@@ -1,0 +1,191 @@
+"""A log in time: its trials and manoeuvres, the truth of each, and the motion at any instant."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.simulation.motion.body import RigidBody
+from analysis.simulation.motion.solved_motion import Channels, ManoeuvreTimes, SolvedMotion
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.waveforms import Floats
+
+
+class DrivenManoeuvre(NamedTuple):
+    """A manoeuvre of a log as it was driven; its times are in s since its trial began.
+
+    `body` is that of machine and load where it begins, `load_end_kg` the load where it ends;
+    `direction` and `throttle` are None but for a start.
+    """
+
+    trial: int
+    number: int
+    times: ManoeuvreTimes
+    body: RigidBody
+    load_kg: float
+    load_end_kg: float
+    direction: str | None
+    throttle: float | None
+
+
+class Hints(NamedTuple):
+    """What a shift has besides its motion, each (n,).
+
+    Place along the way, and the angles of boom and bucket, positive up.
+    """
+
+    position_m: Floats
+    boom_rad: Floats
+    bucket_rad: Floats
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """One log from unix time `start_ns` on.
+
+    Attributes:
+        start_ns: when it begins.
+        end_ns: when it ends, its last rest included.
+        trial_ns: (trials + 1,) when each trial begins, and the last ends.
+        driven: the manoeuvres, in order.
+        sample: the motion at times (n,) in unix ns.
+        hints: likewise what a shift has besides; None in a campaign.
+    """
+
+    start_ns: int
+    end_ns: int
+    trial_ns: NDArray[np.int64]
+    driven: tuple[DrivenManoeuvre, ...]
+    sample: Callable[[NDArray[np.int64]], Channels]
+    hints: Callable[[NDArray[np.int64]], Hints] | None = None
+
+    def trial(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The trial at each time; the rest after the last has the next number."""
+        found = np.searchsorted(self.trial_ns, time_ns, side="right") - 1
+        return np.clip(found, 0, self.trial_ns.size - 1)
+
+    def trials(self, slope_deg: float) -> pl.DataFrame:
+        """A row a trial, with the truth about the machine in it (`SimulatedLog.trials`)."""
+        rows: list[dict[str, object]] = []
+        for trial in range(self.trial_ns.size - 1):
+            mine = [each for each in self.driven if each.trial == trial]
+            start = next((each for each in mine if each.times.kind == "start"), None)
+            times = start.times if start else ManoeuvreTimes("start", 0.0, None, None, None, 0.0)
+            first = start or mine[0]
+            body, begin_ns = first.body, int(self.trial_ns[trial])
+            rows.append(
+                {
+                    "run": trial,
+                    "start_ns": begin_ns,
+                    "throttle_ns": _after(begin_ns, times.drive_s),
+                    "cruise_ns": _after(begin_ns, times.steady_s),
+                    "braking_ns": _after(begin_ns, times.braking_s),
+                    "end_ns": int(self.trial_ns[trial + 1]),
+                    "load_kg": first.load_kg,
+                    "mass_kg": body.mass_kg,
+                    "friction_N_s_m": body.friction_x_N_s_m,
+                    "coulomb_N": body.coulomb_x_N,
+                    "rolling_N": body.rolling_x_N,
+                    "slope_deg": slope_deg,
+                    "inertia_z_kg_m2": body.inertia_z_kg_m2,
+                    "com_x_m": body.com_x_m,
+                    "com_y_m": body.com_y_m,
+                    "friction_z_N_m_s": body.friction_z_N_m_s,
+                    "coulomb_z_N_m": body.coulomb_z_N_m,
+                }
+            )
+        times_ns = ("start_ns", "throttle_ns", "cruise_ns", "braking_ns", "end_ns")
+        return pl.DataFrame(rows).cast(dict.fromkeys(times_ns, pl.Int64))
+
+    def manoeuvres(self) -> pl.DataFrame:
+        """A row a manoeuvre (`SimulatedLog.manoeuvres`)."""
+        rows: list[dict[str, object]] = []
+        for each in self.driven:
+            begin_ns, times = int(self.trial_ns[each.trial]), each.times
+            rows.append(
+                {
+                    "run": each.trial,
+                    "manoeuvre": each.number,
+                    "kind": times.kind,
+                    "start_ns": begin_ns + _ns(times.start_s),
+                    "drive_ns": _after(begin_ns, times.drive_s),
+                    "steady_ns": _after(begin_ns, times.steady_s),
+                    "braking_ns": _after(begin_ns, times.braking_s),
+                    "end_ns": begin_ns + _ns(times.end_s),
+                    "load_kg": each.load_kg,
+                    "load_end_kg": each.load_end_kg,
+                    "mass_kg": each.body.mass_kg,
+                    "friction_N_s_m": each.body.friction_x_N_s_m,
+                    "coulomb_N": each.body.coulomb_x_N,
+                    "rolling_N": each.body.rolling_x_N,
+                    "direction": each.direction,
+                    "throttle": each.throttle,
+                }
+            )
+        times_ns = ("start_ns", "drive_ns", "steady_ns", "braking_ns", "end_ns")
+        kinds = {
+            **dict.fromkeys(times_ns, pl.Int64),
+            "direction": pl.String,
+            "throttle": pl.Float64,
+        }
+        return pl.DataFrame(rows, infer_schema_length=None).cast(kinds)  # pyright: ignore
+
+
+def repeated(scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int) -> Timeline:
+    """The same solved trial again and again, then a rest."""
+    trials = scenario.campaign.runs
+    period_ns = math.ceil(motion.duration_s * 1e9)
+    trial_ns = start_ns + period_ns * np.arange(trials + 1, dtype=np.int64)
+
+    def sample(time_ns: NDArray[np.int64]) -> Channels:
+        trial = np.clip((time_ns - start_ns) // period_ns, 0, trials - 1)
+        return motion.sample((time_ns - start_ns - trial * period_ns) * np.float64(1e-9))
+
+    starts = [
+        (each.direction, each.throttle) if each.kind == "start" else (None, None)
+        for each in scenario.campaign.trial
+    ]
+    driven = tuple(
+        DrivenManoeuvre(trial, number, times, motion.body, load_kg, load_kg, *starts[number])
+        for trial in range(trials)
+        for number, times in enumerate(motion.manoeuvres)
+    )
+    end_ns = int(trial_ns[-1]) + _ns(scenario.campaign.rest_s)
+    return Timeline(start_ns, end_ns, trial_ns, driven, sample)
+
+
+def continuous(
+    scenario: Scenario,
+    trial_s: Floats,
+    driven: tuple[DrivenManoeuvre, ...],
+    motion: Callable[[Floats], Channels],
+    start_ns: int,
+) -> Timeline:
+    """A log that is solved as a whole.
+
+    Args:
+        scenario: that was simulated.
+        trial_s: (trials + 1,) when each trial begins, and the last ends, since the log began.
+        driven: the manoeuvres, in order.
+        motion: the channels at times in s since the log began.
+        start_ns: unix time of the log's beginning.
+    """
+    trial_ns = start_ns + np.rint(trial_s * 1e9).astype(np.int64)
+
+    def sample(time_ns: NDArray[np.int64]) -> Channels:
+        return motion((time_ns - start_ns) * np.float64(1e-9))
+
+    end_ns = int(trial_ns[-1]) + _ns(scenario.campaign.rest_s)
+    return Timeline(start_ns, end_ns, trial_ns, driven, sample)
+
+
+def _after(start_ns: int, seconds: float | None) -> int | None:
+    return None if seconds is None else start_ns + _ns(seconds)
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1_000_000_000)

@@ -1,0 +1,1 @@
+"""The machine on a straight line, integrated in fixed steps."""

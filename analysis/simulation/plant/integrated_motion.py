@@ -1,0 +1,126 @@
+"""The motion of a whole log, as the integrated plant keeps it: what it is at any instant."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.motion.solved_motion import Channels
+from analysis.simulation.motion.timeline import DrivenManoeuvre
+from analysis.simulation.plant import plant
+from analysis.simulation.plant.row_interpolation import (
+    FILLING,
+    FORCE_RATE,
+    JERK,
+    SLOPES,
+    TURN,
+    between,
+)
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.waveforms import Floats
+
+#: Numbers of stages; the phase of one that is free follows from its motion.
+REST, OPEN, STEADY, BRAKING, FREE, TURNING = range(6)
+
+
+@dataclass(frozen=True, eq=False)
+class IntegratedLog:
+    """The motion of a whole log.
+
+    Attributes:
+        scenario: that was driven.
+        trial_s: (trials + 1,) when each trial begins, and the last ends, since the log began.
+        driven: the manoeuvres, in order.
+        rows: (n, 16) what `plant` keeps, times ascending; at a time that is there twice something
+            changes at once.
+        stage: (n,) the kind of stage that each row belongs to.
+        heading_rad: at the first row.
+    """
+
+    scenario: Scenario
+    trial_s: Floats
+    driven: tuple[DrivenManoeuvre, ...]
+    rows: Floats
+    stage: NDArray[np.int8]
+    heading_rad: float = 0.0
+
+    def sample(self, time_s: Floats) -> Channels:
+        """The channels at times (n,) in s since the log began: any times, in any order."""
+        machine, terrain = self.scenario.machine, self.scenario.terrain
+        now, rate = np.empty((plant.COLUMNS, time_s.size)), np.empty((SLOPES, time_s.size))
+        last = np.empty(time_s.size, np.int64)
+        between(self.rows, np.ascontiguousarray(time_s, np.float64), now, rate, last)
+        wheel, body, acc = now[1 + plant.WHEEL], now[1 + plant.BODY], now[plant.ACCELERATION]
+        position = now[1 + plant.POSITION]
+        slope = terrain.slope_at_rad(position)
+        omega, turn = now[plant.YAW_RATE], rate[TURN]
+        force = now[plant.GROUND] - now[plant.BRAKED]
+        squat, squat_rate = now[1 + plant.PITCH], now[1 + plant.PITCH_RATE]
+        if not self.scenario.chassis.squat_hz:
+            squat, squat_rate = self._squat(now[plant.MASS], acc, rate)
+        torque = self._inertia_z(now[plant.MASS]) * turn + machine.friction_z_N_m_s * omega
+        torque = torque + machine.coulomb_z_N_m * np.sign(omega)
+        seen = self.scenario.campaign.brake_measured_share
+        gravity = terrain.gravity_m_s2 * np.sin(slope)
+        heading = np.interp(time_s, self.rows[:, plant.TIME], self._heading_rad)
+        return Channels(
+            phase=self._phase(last, wheel, acc, omega),
+            speed_x_m_s=body,
+            acc_x_m_s2=acc,
+            force_x_N=force,
+            measured_force_x_N=now[plant.FORCE] - seen * now[plant.BRAKED],
+            yaw_rate_rad_s=omega,
+            yaw_acc_rad_s2=turn,
+            torque_z_N_m=torque,
+            measured_torque_z_N_m=torque,
+            specific_force_x_m_s2=acc + gravity * np.cos(heading),
+            specific_force_y_m_s2=omega * body - gravity * np.sin(heading),
+            heading_rad=heading,
+            wheel_speed_x_m_s=wheel,
+            force_rate_x_N_s=rate[FORCE_RATE],
+            slope_rad=slope,
+            squat_rad=squat,
+            nose_up_rate_rad_s=squat_rate + terrain.slope_change_rad_m(position) * wheel,
+            mass_kg=now[plant.MASS],
+        )
+
+    def _squat(self, mass_kg: Floats, acc: Floats, rate: Floats) -> tuple[Floats, Floats]:
+        """The pitch of springs that follow at once, and how fast it changes."""
+        chassis = self.scenario.chassis
+        by_load = math.radians(chassis.squat_deg_s2_m_kg)
+        standing = math.radians(chassis.pitch_deg_kg)
+        load_kg = mass_kg - self.scenario.machine.mass_kg
+        gain = math.radians(chassis.squat_deg_s2_m) + by_load * load_kg
+        filling = (by_load * acc + standing) * rate[FILLING]
+        return gain * acc + standing * load_kg, gain * rate[JERK] + filling
+
+    def _inertia_z(self, mass_kg: Floats) -> Floats:
+        machine = self.scenario.machine
+        square = machine.load_x_m**2 + machine.load_y_m**2
+        return machine.inertia_z_kg_m2 + (mass_kg - machine.mass_kg) * square
+
+    @cached_property
+    def _heading_rad(self) -> Floats:
+        time, rate = self.rows[:, plant.TIME], self.rows[:, plant.YAW_RATE]
+        turned = np.diff(time) * (rate[1:] + rate[:-1]) / 2.0
+        return self.heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
+
+    def _phase(
+        self, row: NDArray[np.int64], speed: Floats, acc: Floats, omega: Floats
+    ) -> NDArray[np.str_]:
+        stage = self.stage[row]
+        standing = (self.rows[row, plant.STANDS] > 0.0) | (speed == 0.0)
+        return np.select(
+            [
+                (stage == TURNING) & (omega != 0.0),
+                standing,
+                stage == OPEN,
+                stage == STEADY,
+                stage == BRAKING,
+                speed * acc >= 0.0,
+            ],
+            ["spinning", "standstill", "accelerating", "cruising", "braking", "accelerating"],
+            default="braking",
+        )

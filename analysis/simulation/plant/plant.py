@@ -1,0 +1,322 @@
+"""The machine on a straight line, integrated in fixed steps: Runge-Kutta of the fourth order.
+
+Wheels and body are two masses with a torsional spring between them, one where the driveline is
+rigid; motor and brakes follow their commands with a first-order lag; the body pitches. The x row of
+`body` with what a drivetrain adds to it:
+
+    F η = (m_w + m_r) dv_w/dt + m_w g_x + b v_w + F_c sign(v_w) + S,   S = m_b (dv_b/dt + g_x)
+
+Friction grips: where the wheels stand they are held until more pulls than it can hold. Where they
+come to rest within a step, the step is shortened to end there.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from analysis.simulation.plant.plant_inputs import DriveStage, Plant
+from analysis.simulation.plant.resistance import (
+    gentle_braking,
+    held_by_friction,
+    left_of_cold,
+    rolling_resistance,
+)
+from analysis.simulation.scenario.waveforms import Floats
+from estimators.compiled import compiled, inlined
+
+#: The state: position, speed of wheels and body, stretch between them, forces, pitch.
+POSITION, WHEEL, BODY, STRETCH, DRIVE, BRAKE, PITCH, PITCH_RATE = range(8)
+STATES: Final = 8
+#: Beside the derivatives of the state: forces and mass of the instant, and the ground's slope.
+_PULL, _CAPACITY, _FORCE, _GROUND, _BRAKED, _MASS, _YAW_RATE = range(8, 15)
+_OUT: Final = 15
+#: Columns of what is kept: time, the state, and so on.
+TIME, ACCELERATION, FORCE, GROUND, BRAKED, MASS, YAW_RATE, STANDS = (0, *range(9, 16))
+COLUMNS: Final = 16
+#: Less friction, in N, is lost in rounding before it holds anything.
+_LEAST_GRIP: Final = 1e-6
+#: Above this speed, in m/s, a start that turns has reached its yaw rate.
+_TURNS_AT: Final = 0.1
+_HALVINGS: Final = 60
+
+
+@inlined
+def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
+    """The force of the motor: what is asked for, within its limits while it drives."""
+    force_N = asked_N
+    if force_N * speed_m_s > 0.0:
+        fast = abs(speed_m_s)
+        if plant.no_load_m_s > 0.0:
+            force_N *= max(0.0, 1.0 - fast / plant.no_load_m_s)
+        if plant.power_W > 0.0 and abs(force_N) * fast > plant.power_W:
+            force_N = math.copysign(plant.power_W / fast, force_N)
+    return force_N
+
+
+@inlined
+def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
+    """The commanded drive force; of a pedal, the speed that its wave wants."""
+    since_s = t - stage.begin_s
+    if wave.size:
+        place = since_s / wave_step_s
+        first = min(max(int(place), 0), wave.size - 2)
+        return wave[first] + (wave[first + 1] - wave[first]) * (place - first)
+    if stage.stick_share > 0.0:
+        back = 0.5 - 0.5 * math.cos(stage.stick_rad_s * since_s)
+        return stage.drive_N * (1.0 - stage.stick_share * back)
+    return stage.drive_N
+
+
+@inlined
+def _pedalled(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
+    """Drive force and force of the brakes that a pedal asks for."""
+    ahead_N = stage.way * stage.pedal_N_s_m * (wanted_m_s - speed_m_s)
+    if ahead_N >= 0.0:
+        return stage.way * min(ahead_N, stage.most_drive_N), 0.0
+    slowing_N = stage.way * min(-ahead_N, stage.most_brake_N)
+    return (-slowing_N, 0.0) if stage.motor_brakes > 0.0 else (0.0, slowing_N)
+
+
+@inlined
+def _rotating(speed_m_s: float, plant: Plant) -> float:
+    """Equivalent mass of what rotates, in the gear of a speed."""
+    for gear in range(plant.gears.shape[0]):
+        if abs(speed_m_s) < plant.gears[gear, 0]:
+            return plant.rotating_kg + plant.gears[gear, 1]
+    return plant.rotating_kg
+
+
+@inlined
+def _mass(t: float, stage: DriveStage) -> float:
+    """Machine and load, of which some may fall in or off."""
+    mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
+    if stage.spill_1_s > 0.0:
+        mass += stage.load_kg * math.expm1(-stage.spill_1_s * (t - stage.begin_s))
+    return mass
+
+
+@inlined
+def _pitching(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
+    """How fast the pitch rate changes, on springs that give way under load and acceleration."""
+    squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
+    squat += plant.pitch_1_kg * load_kg
+    return plant.squat_rad_s * (
+        plant.squat_rad_s * (squat - y[PITCH]) - 2.0 * plant.squat_damping * y[PITCH_RATE]
+    )
+
+
+@inlined
+def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does not
+    t: float,
+    y: Floats,
+    grip: float,
+    waits: float,
+    plant: Plant,
+    stage: DriveStage,
+    wave: Floats,
+    wave_step_s: float,
+    out: Floats,
+) -> None:
+    """Fill `out` with the derivatives of the state, and with the forces of the instant."""
+    wheel, body = y[WHEEL], y[BODY]
+    mass = _mass(t, stage)
+    slope = plant.slope_rad + plant.hills_rad * math.sin(
+        plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
+    )
+    gravity = stage.facing * plant.gravity_m_s2 * math.sin(slope)
+    boom = plant.boom_N * math.sin(plant.boom_rad_s * t)
+    force = _motor(y[DRIVE], wheel, plant)
+    ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
+    turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
+    capacity = held_by_friction(t, turn, plant, stage)
+    capacity += rolling_resistance(y[POSITION], wheel, turn, mass, slope, plant) + gentle_braking(
+        t, grip, mass, gravity, plant, stage
+    )
+    # material that stood takes up the body's speed
+    filling = stage.fill_kg_s * body
+    soft = plant.resonance_rad_s > 0.0
+    share = plant.wheel_share if soft else 1.0
+    wheel_kg = share * mass + _rotating(wheel, plant)
+    body_kg = (1.0 - share) * mass
+    friction = plant.friction_N_s_m * left_of_cold(t, plant.friction_warming, plant.warming_s)
+    pull = ground - friction * wheel - share * mass * gravity
+    pull -= plant.air_N_s2_m2 * abs(wheel) * wheel
+    pull -= stage.facing * plant.spring_N_m * y[POSITION]
+    spring = 0.0
+    if soft:
+        reduced = wheel_kg * body_kg / (wheel_kg + body_kg)
+        spring = (
+            plant.resonance_rad_s
+            * reduced
+            * (plant.resonance_rad_s * y[STRETCH] + 2.0 * plant.damping * (wheel - body))
+        )
+        pull -= spring
+    else:
+        pull += boom - filling
+    brake = y[BRAKE]
+    if stage.holds > 0.0:
+        brake = pull
+    elif waits != 0.0:
+        brake = waits * min(waits * pull, 0.0)
+    pull -= brake
+    wheel_acc = (pull - grip * capacity) / wheel_kg if grip != 0.0 else 0.0
+    body_acc = wheel_acc
+    if soft:
+        body_acc = (spring + boom - filling) / body_kg - gravity
+    out[POSITION] = stage.facing * wheel
+    out[WHEEL] = wheel_acc
+    out[BODY] = body_acc
+    out[STRETCH] = wheel - body if soft else 0.0
+    asked, braking = _asked(t, stage, wave, wave_step_s), stage.brake_N
+    if stage.pedal_N_s_m > 0.0:
+        asked, braking = _pedalled(asked, wheel, stage)
+    out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
+    out[BRAKE] = (braking - y[BRAKE]) / plant.lag_s
+    out[PITCH] = y[PITCH_RATE]
+    out[PITCH_RATE] = _pitching(y, body_acc, mass - plant.empty_kg, plant)
+    out[_PULL] = pull
+    out[_CAPACITY] = capacity
+    out[_FORCE] = force
+    out[_GROUND] = ground
+    out[_BRAKED] = brake
+    out[_MASS] = mass
+    out[_YAW_RATE] = turn
+
+
+@inlined
+def _keep(row: Floats, t: float, y: Floats, out: Floats, stands: float) -> None:
+    row[TIME] = t
+    for i in range(STATES):
+        row[1 + i] = y[i]
+    row[ACCELERATION] = out[BODY]
+    row[FORCE] = out[_FORCE]
+    row[GROUND] = out[_GROUND]
+    row[BRAKED] = out[_BRAKED]
+    row[MASS] = out[_MASS]
+    row[YAW_RATE] = out[_YAW_RATE]
+    row[STANDS] = stands
+
+
+@compiled
+def _step(  # noqa: PLR0913 - compiled, as above
+    t: float,
+    dt: float,
+    y: Floats,
+    grip: float,
+    waits: float,
+    plant: Plant,
+    stage: DriveStage,
+    wave: Floats,
+    wave_step_s: float,
+    k: Floats,
+    made: Floats,
+) -> None:
+    """One step of Runge-Kutta from `y` to `made`; `k` (4, _OUT) begins with the rates at `t`."""
+    for i in range(STATES):
+        made[i] = y[i] + 0.5 * dt * k[0, i]
+    _rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[1])
+    for i in range(STATES):
+        made[i] = y[i] + 0.5 * dt * k[1, i]
+    _rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[2])
+    for i in range(STATES):
+        made[i] = y[i] + dt * k[2, i]
+    _rates(t + dt, made, grip, waits, plant, stage, wave, wave_step_s, k[3])
+    for i in range(STATES):
+        made[i] = y[i] + dt / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
+
+
+@compiled
+def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a step
+    end_s: float,
+    steps: int,
+    stops: bool,
+    y: Floats,
+    plant: Plant,
+    stage: DriveStage,
+    wave: Floats,
+    wave_step_s: float,
+    rows: Floats,
+) -> tuple[float, int, bool]:
+    """Move through a stage, at most until `end_s`.
+
+    Args:
+        end_s: when the stage ends at the latest, since the log began.
+        steps: so many steps until then.
+        stops: whether it ends where the wheels first stand.
+        y: (8,) the state, which is changed.
+        plant: the machine.
+        stage: the commands.
+        wave: (m,) the commanded drive force every `wave_step_s`, or the speed that a pedal follows;
+            of size 0: the stage's own.
+        wave_step_s: likewise.
+        rows: (2 steps + 4, 16) filled with what is kept of each instant.
+
+    Returns:
+        When the stage ended, the number of rows, and whether the wheels ever moved.
+    """
+    k = np.zeros((4, _OUT))
+    made = np.zeros(STATES)
+    t = stage.begin_s
+    step = (end_s - t) / steps
+    grip = float(np.sign(y[WHEEL]))
+    waits = stage.one_way if grip == 0.0 else 0.0
+    moved = grip != 0.0
+    kept, number, blocked = 0, 0, False
+    while number < steps and kept + 2 < rows.shape[0]:
+        _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+        if grip == 0.0 and stage.holds == 0.0 and not blocked:
+            pull = k[0, _PULL]
+            if abs(pull) > max(k[0, _CAPACITY], _LEAST_GRIP):
+                grip = math.copysign(1.0, pull)
+                if waits != 0.0:
+                    y[BRAKE] = 0.0
+                waits = 0.0
+                moved = True
+                _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+        stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
+        _keep(rows[kept], t, y, k[0], stands)
+        kept += 1
+        dt = stage.begin_s + (number + 1) * step - t
+        _step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+        crosses = grip != 0.0 and made[WHEEL] * grip < 0.0
+        if crosses and not stops and k[0, _CAPACITY] <= _LEAST_GRIP:
+            grip = -grip
+            crosses = False
+        blocked = False
+        if crosses:
+            least, most = 0.0, dt
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (least + most)
+                _step(t, middle, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+                if made[WHEEL] * grip < 0.0:
+                    most = middle
+                else:
+                    least = middle
+            _step(t, least, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+            if plant.resonance_rad_s == 0.0:
+                made[BODY] = 0.0
+            made[WHEEL] = 0.0
+            t += least
+            # no progress: friction holds for the rest of this step
+            blocked = least <= 1e-9 * step
+            y[:] = made
+            _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+            _keep(rows[kept], t, y, k[0], 0.0)
+            kept += 1
+            if stops:
+                return t, kept, moved
+            grip = 0.0
+        else:
+            number += 1
+            t = stage.begin_s + number * step
+            y[:] = made
+    _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+    stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
+    _keep(rows[kept], t, y, k[0], stands)
+    return t, kept + 1, moved
+
+
+def still() -> Floats:
+    """The state (8,) of a machine that stands."""
+    return np.zeros(STATES)

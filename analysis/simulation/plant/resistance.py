@@ -1,0 +1,69 @@
+"""What resists the motion of the integrated plant, and holds it where it stands."""
+
+import math
+from typing import Final
+
+from analysis.simulation.plant.plant_inputs import DriveStage, Plant
+from estimators.compiled import inlined
+
+#: A loader's axles are about so far apart, in m: over it one ground passes into the other.
+_AXLES_APART_M: Final = 1.2
+
+
+@inlined
+def left_of_cold(t: float, warming: float, warming_s: float) -> float:
+    """The share of a cold machine's friction that is left at a time."""
+    if warming == 0.0:
+        return 1.0
+    return 1.0 + warming * math.expm1(-t / warming_s)
+
+
+@inlined
+def held_by_friction(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
+    """What friction in newtons can hold, and slides with, at a time and a yaw rate."""
+    coulomb_N = stage.coulomb_N * left_of_cold(t, plant.coulomb_warming, plant.warming_s)
+    capacity = coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
+    if stage.release_s > 0.0:
+        since_s = t - stage.release_from_s
+        capacity += stage.release_N * math.exp(-since_s / stage.release_s)
+    if stage.digging_N > 0.0:
+        grown = (t - stage.digging_from_s) / stage.digging_s
+        capacity += stage.digging_N * min(1.0, max(0.0, grown))
+    return capacity
+
+
+@inlined
+def gentle_braking(
+    t: float, grip: float, mass_kg: float, gravity_m_s2: float, plant: Plant, stage: DriveStage
+) -> float:
+    """Force of brakes that no sensor sees: an operator gives what the slope asks for besides."""
+    if stage.gentle_m_s2 == 0.0 or grip == 0.0:
+        return 0.0
+    applied = -math.expm1(-(t - stage.gentle_from_s) / plant.lag_s)
+    return applied * mass_kg * (stage.gentle_m_s2 + max(0.0, -grip * gravity_m_s2))
+
+
+@inlined
+def rolling_resistance(
+    position_m: float,
+    speed_m_s: float,
+    turn_rad_s: float,
+    mass_kg: float,
+    slope_rad: float,
+    plant: Plant,
+) -> float:
+    """Rolling resistance, at most what holds a machine that stands."""
+    if plant.rolling == 0.0 and plant.second_ground_more == 0.0:
+        return 0.0
+    coefficient = plant.rolling
+    if plant.second_ground_more != 0.0:
+        # how far the machine's middle is inside the first ground; negative: inside the second
+        length_m = plant.ground_length_m
+        place_m = (position_m + 0.5 * (length_m + _AXLES_APART_M)) % (2.0 * length_m) - length_m / 2
+        inside_m = length_m / 2 - abs(place_m - length_m / 2)
+        on_second = min(1.0, max(0.0, 0.5 - inside_m / _AXLES_APART_M))
+        coefficient += plant.second_ground_more * on_second
+    growth = (1.0 + plant.rolling_growth_s_m * abs(speed_m_s)) * (
+        1.0 + plant.rolling_growth_s_rad * abs(turn_rad_s)
+    )
+    return coefficient * growth * mass_kg * plant.gravity_m_s2 * math.cos(slope_rad)

@@ -1,0 +1,67 @@
+"""Memory for what an integrated log keeps: rows that grow at the end and are forgotten in front."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.simulation.plant import plant
+from analysis.simulation.scenario.waveforms import Floats
+
+
+class KeptRows:
+    """Rows of a log, and the kind of stage that each belongs to."""
+
+    def __init__(self) -> None:
+        self._rows = np.empty((1024, plant.COLUMNS))
+        self._size = 0
+        self._kinds: list[int] = []
+        self._counts: list[int] = []
+
+    @property
+    def rows(self) -> Floats:
+        """(n, 16) all rows; they share the memory that grows."""
+        return self._rows[: self._size]
+
+    @property
+    def stages(self) -> NDArray[np.int8]:
+        """(n,) the kind of stage of each row."""
+        return np.repeat(np.array(self._kinds, np.int8), self._counts)
+
+    def room(self, count: int) -> Floats:
+        """(at least count, 16) memory behind the rows, to be filled and then kept."""
+        if self._size + count > len(self._rows):
+            self.reserve(self._size + 2 * count)
+        return self._rows[self._size : self._size + count]
+
+    def reserve(self, count: int) -> None:
+        """Make room for so many more rows; what is not touched takes no memory."""
+        grown = np.empty((self._size + count, plant.COLUMNS))
+        grown[: self._size] = self.rows
+        self._rows = grown
+
+    def forget(self, before_s: float) -> float:
+        """Forget rows before a time, but for the last of them; how far the machine turned in them.
+
+        Two rows are left at least.
+
+        What was handed out before keeps its memory.
+        """
+        time_s = self.rows[:, plant.TIME]
+        first = int(np.searchsorted(time_s, before_s, side="right")) - 1
+        first = max(min(first, self._size - 2), 0)
+        gone = self.rows[: first + 1]
+        rate = gone[:, plant.YAW_RATE]
+        turned = np.diff(gone[:, plant.TIME]) * (rate[1:] + rate[:-1]) / 2.0
+        ends = np.cumsum(self._counts)
+        stage = int(np.searchsorted(ends, first, side="right"))
+        if first:
+            self._rows = self.rows[first:].copy()
+            self._size -= first
+            self._kinds = self._kinds[stage:]
+            self._counts = [int(ends[stage]) - first, *self._counts[stage + 1 :]]
+        return float(turned.sum())
+
+    def keep(self, count: int, kind: int) -> None:
+        """Keep so many rows of the room, all of one kind of stage."""
+        self._size += count
+        self._kinds.append(kind)
+        self._counts.append(count)

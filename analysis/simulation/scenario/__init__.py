@@ -1,0 +1,1 @@
+"""What is asked for: the sections of a scenario file."""

@@ -1,0 +1,141 @@
+"""Manoeuvres of the machine, one after the other, from standing to standing but for a travel."""
+
+from typing import Annotated, Literal, Self, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
+
+
+class _Manoeuvre(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Rest(_Manoeuvre):
+    """Stand, held by the brakes."""
+
+    kind: Literal["rest"] = "rest"
+    duration_s: float = Field(default=5.0, ge=0, le=3600, description="how long it stands")
+
+
+class Start(_Manoeuvre):
+    """Straight ahead or back: throttle, cruise, brake to a stop. The heading is kept."""
+
+    kind: Literal["start"] = "start"
+    direction: Literal["forward", "reverse"] = Field(
+        default="forward", description="forward or reverse"
+    )
+    throttle: float = Field(default=1.0, gt=0, le=1, description="share of the full throttle")
+    start_s: float = Field(default=3.0, ge=0.001, le=600, description="throttle open")
+    cruise_s: float = Field(
+        default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the speed"
+    )
+    coast_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=600,
+        description="throttle shut, brakes open, before the machine brakes",
+    )
+    digging_N: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e6,
+        description="resistance that grows from none until the throttle is shut, and stays",
+    )
+    digging_s: float = Field(default=1.0, gt=0, le=600, description="how long it grows")
+
+
+class Spin(_Manoeuvre):
+    """Turn on the spot: throttle, hold the rate, brake. The origin stays where it is."""
+
+    kind: Literal["spin"] = "spin"
+    direction: Literal["left", "right"] = Field(default="left", description="left or right")
+    throttle: float = Field(
+        default=1.0, gt=0, le=1, description="share of the full throttle of both sides"
+    )
+    start_s: float = Field(default=3.0, ge=0.001, le=600, description="throttle open")
+    cruise_s: float = Field(
+        default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the yaw rate"
+    )
+
+
+class Arc(_Manoeuvre):
+    """An arc at constant speed and yaw rate, with smooth ramps to and from standing."""
+
+    kind: Literal["arc"] = "arc"
+    speed_m_s: float = Field(ge=-50, le=50, description="speed held, negative backwards")
+    yaw_rate_rad_s: float = Field(ge=-10, le=10, description="yaw rate held, positive to the left")
+    duration_s: float = Field(default=10.0, ge=0.001, le=3600, description="how long both are held")
+    ramp_s: float = Field(
+        default=4.0, ge=0.1, le=600, description="from standing to the arc, and back"
+    )
+
+
+class Excite(_Manoeuvre):
+    """Drive force, yaw torque or both follow waveforms; then brake to a stop.
+
+    With a force alone the heading is kept, with a torque alone the origin's place; with both the
+    machine goes where they take it.
+    """
+
+    kind: Literal["excite"] = "excite"
+    duration_s: float = Field(default=60.0, ge=0.001, le=3600, description="how long it is driven")
+    force: ForceWave | None = Field(default=None, description="waveform of the drive force")
+    torque: TorqueWave | None = Field(default=None, description="waveform of the yaw torque")
+
+    @model_validator(mode="after")
+    def _something_is_driven(self) -> Self:
+        if self.force is None and self.torque is None:
+            raise ValueError("an excitation needs 'force', 'torque' or both")
+        return self
+
+
+class Travel(_Manoeuvre):
+    """Drive straight ahead at speeds that are held for a while each, perhaps with stands between.
+
+    The pedal follows the difference to the speed that is wanted.
+    """
+
+    kind: Literal["travel"] = "travel"
+    duration_s: float = Field(default=300.0, gt=0, le=3600, description="how long it is driven")
+    speed_least_m_s: float = Field(default=5.0, gt=0, le=50, description="least speed held")
+    speed_most_m_s: float = Field(default=15.0, gt=0, le=50, description="highest speed held")
+    hold_least_s: float = Field(default=4.0, gt=0, le=3600, description="least time at a speed")
+    hold_most_s: float = Field(default=12.0, gt=0, le=3600, description="longest time at a speed")
+    acceleration_m_s2: float = Field(
+        default=1.0, gt=0, le=20, description="at which the wanted speed rises and falls"
+    )
+    response_s: float = Field(
+        default=0.5,
+        ge=0.01,
+        le=10,
+        description="the pedal asks for the mass times the missing speed over this",
+    )
+    stop_share: float = Field(
+        default=0.3, ge=0, le=1, description="share of the held speeds after which it stands"
+    )
+    stand_least_s: float = Field(default=1.0, ge=0, le=3600, description="shortest stand")
+    stand_most_s: float = Field(default=5.0, ge=0, le=3600, description="longest stand")
+    to_and_fro: bool = Field(
+        default=False, description="after each stand it drives back over where it began"
+    )
+    motor_brakes: bool = Field(
+        default=False, description="the motor slows it, and the force sensors see that in full"
+    )
+    in_motion: bool = Field(default=False, description="the log begins and ends while it drives")
+
+    @model_validator(mode="after")
+    def _ranges_ascend(self) -> Self:
+        for least, most in (
+            ("speed_least_m_s", "speed_most_m_s"),
+            ("hold_least_s", "hold_most_s"),
+            ("stand_least_s", "stand_most_s"),
+        ):
+            if getattr(self, least) > getattr(self, most):
+                raise ValueError(f"{least!r} is greater than {most!r}")
+        return self
+
+
+Manoeuvre: TypeAlias = Annotated[
+    Rest | Start | Spin | Arc | Excite | Travel, Field(discriminator="kind")
+]

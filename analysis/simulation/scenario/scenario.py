@@ -1,0 +1,247 @@
+"""The scenario of a simulation; its defaults are the paper's campaign.
+
+Each value is judged here by itself; whether the machine can be driven as asked, by `limits`, when
+it is simulated.
+"""
+
+import math
+from typing import Self, overload
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from analysis.simulation.scenario.brakes import SimulatedBrakes
+from analysis.simulation.scenario.chassis import SimulatedChassis
+from analysis.simulation.scenario.defects import SimulatedDefects
+from analysis.simulation.scenario.drivetrain import SimulatedDrivetrain
+from analysis.simulation.scenario.instruments import SimulatedRecorder, SimulatedSensors
+from analysis.simulation.scenario.loading import SimulatedLoading
+from analysis.simulation.scenario.manoeuvres import Manoeuvre, Rest, Start
+from analysis.simulation.scenario.rolling_resistance import SimulatedRolling
+from analysis.simulation.scenario.sampling import SimulatedSampling
+from analysis.simulation.scenario.shift_plan import SimulatedShift
+from analysis.simulation.scenario.starts import SimulatedStarts
+from analysis.simulation.scenario.waveforms import Floats
+
+_FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class SimulatedMachine(BaseModel):
+    """The machine without load. Mass and friction are the paper's; the rest is assumed.
+
+    The origin lies midway between the wheels, where wheels that do not slip sideways allow no
+    sideways motion.
+    """
+
+    model_config = _FORBID
+
+    mass_kg: float = Field(default=3614.0, gt=0, le=1e6, description="mass without load")
+    friction_N_s_m: float = Field(
+        default=2891.0, ge=0, le=1e6, description="viscous friction of driving"
+    )
+    coulomb_N: float = Field(default=0.0, ge=0, le=1e6, description="Coulomb friction of driving")
+    air_N_s2_m2: float = Field(
+        default=0.0, ge=0, le=1e5, description="air resistance over the square of the speed"
+    )
+    spring_N_m: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e7,
+        description="stiffness of a spring, as in a test rack, which pulls it back to where a log "
+        "begins",
+    )
+    friction_warming: float = Field(
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="share of the viscous friction that a warm machine has lost; a log and a shift "
+        "begin cold",
+    )
+    coulomb_warming: float = Field(
+        default=0.0, ge=0, lt=1, description="likewise of the Coulomb friction"
+    )
+    warming_s: float = Field(
+        default=60.0, gt=0, le=1e5, description="time constant of both: exponential towards warm"
+    )
+    inertia_z_kg_m2: float = Field(
+        default=4000.0, gt=0, le=1e7, description="yaw inertia about the origin"
+    )
+    com_x_m: float = Field(
+        default=0.0, ge=-10, le=10, description="centre of mass ahead of the origin"
+    )
+    com_y_m: float = Field(default=0.0, ge=-10, le=10, description="centre of mass to the left")
+    friction_z_N_m_s: float = Field(
+        default=5000.0, ge=0, le=1e7, description="viscous friction of turning"
+    )
+    coulomb_z_N_m: float = Field(
+        default=0.0, ge=0, le=1e7, description="Coulomb friction of turning"
+    )
+    slip_stiffness_N: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e9,
+        description="longitudinal slip stiffness of all wheels: their slip is the force over it; "
+        "0: they do not slip",
+    )
+    load_x_m: float = Field(
+        default=1.5, ge=-10, le=10, description="where the load sits, ahead of the origin"
+    )
+    load_y_m: float = Field(default=0.0, ge=-10, le=10, description="and to the left")
+    wheel_radius_m: float = Field(
+        default=0.42, gt=0, le=10, description="wheel radius, as a machine file gives it"
+    )
+    wheel_radius_excess: float = Field(
+        default=0.0,
+        ge=-0.5,
+        le=0.5,
+        description="part by which the wheels are larger than that: of torque and speed",
+    )
+    track_width_m: float = Field(
+        default=1.5, gt=0, le=10, description="between the wheels of both sides"
+    )
+    force_share: float = Field(
+        default=0.5, gt=0, le=1, description="share of the force on the wheels with torque sensors"
+    )
+
+
+class SimulatedCampaign(BaseModel):
+    """Loads, runs a load, and what one run is: stand, full throttle, cruise, brake."""
+
+    model_config = _FORBID
+
+    loads_kg: tuple[float, ...] = Field(
+        default=(0.0, 50.0, 100.0, 150.0, 200.0, 250.0),
+        min_length=1,
+        max_length=100,
+        description="loads in the bucket, a log each",
+    )
+    runs: int = Field(default=9, ge=1, le=1000, description="runs a load")
+    standstill_s: float = Field(default=5.0, ge=0, le=600, description="standstill before a start")
+    start_s: float = Field(
+        default=3.0, ge=0.001, le=600, description="full throttle, unless manoeuvres say otherwise"
+    )
+    cruise_s: float = Field(
+        default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the speed"
+    )
+    throttle_force_N: float = Field(
+        default=6000.0, gt=0, le=1e7, description="drive force of full throttle"
+    )
+    valve_lag_s: float = Field(
+        default=0.08, ge=0.001, le=10, description="first-order lag of drive and brakes"
+    )
+    braking_m_s2: float = Field(
+        default=1.5, gt=0, le=20, description="deceleration that the brakes add to friction's"
+    )
+    brake_measured_share: float = Field(
+        default=0.4, ge=0, le=1, description="share of the braking force that the sensors see"
+    )
+    valve_deadband_share: float = Field(
+        default=0.0, ge=0, lt=1, description="share of the throttle that the valves ignore"
+    )
+    rest_s: float = Field(default=5.0, ge=0, le=600, description="standstill after the last run")
+    manoeuvres: tuple[Manoeuvre, ...] = Field(
+        default=(), max_length=100, description="what a run is; none: a rest and a start"
+    )
+
+    @property
+    def trial(self) -> tuple[Manoeuvre, ...]:
+        """The manoeuvres of one trial (a run of the scenario)."""
+        start = Start(start_s=self.start_s, cruise_s=self.cruise_s)
+        return self.manoeuvres or (Rest(duration_s=self.standstill_s), start)
+
+    def valve(self, share: float) -> float:
+        """The share of the full drive that a share of the full throttle gives, in steady state.
+
+        Dead band, then linear up to full at full throttle.
+        """
+        opened = max(abs(share) - self.valve_deadband_share, 0.0)
+        return math.copysign(opened / (1.0 - self.valve_deadband_share), share)
+
+    @field_validator("loads_kg")
+    @classmethod
+    def _loads_can_be_told_apart(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
+        if any(not 0 <= load <= 1e6 for load in loads):
+            raise ValueError("a load is between 0 and 1e6 kg")
+        if len(set(loads)) < len(loads):
+            raise ValueError("a load appears twice; raise 'runs' to repeat it")
+        return loads
+
+
+class SimulatedTerrain(BaseModel):
+    """The ground under the whole campaign."""
+
+    model_config = _FORBID
+
+    slope_deg: float = Field(default=0.0, ge=-30, le=30, description="positive drives uphill")
+    hills_deg: float = Field(
+        default=0.0, ge=0, le=20, description="hills: slope that comes and goes, as a sine"
+    )
+    hills_length_m: float = Field(default=20.0, ge=1, le=10_000, description="from hill to hill")
+    hills_phase_deg: float = Field(
+        default=0.0, ge=-360, le=360, description="phase of that sine where a log begins"
+    )
+    gravity_m_s2: float = Field(default=9.80665, gt=9.7, lt=9.9, description="local gravity")
+
+    @property
+    def slope_rad(self) -> float:
+        """The slope without hills, and with it the pitch: positive nose-up."""
+        return math.radians(self.slope_deg)
+
+    @property
+    def hills_rad_m(self) -> float:
+        """Phase of the hills along the way."""
+        return 2.0 * math.pi / self.hills_length_m
+
+    @overload
+    def slope_at_rad(self, position_m: float) -> float: ...
+    @overload
+    def slope_at_rad(self, position_m: Floats) -> Floats: ...
+    def slope_at_rad(self, position_m: float | Floats) -> float | Floats:
+        """The slope at one or (n,) places, from where a log begins."""
+        phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
+        return self.slope_rad + math.radians(self.hills_deg) * np.sin(phase)
+
+    def slope_change_rad_m(self, position_m: Floats) -> Floats:
+        """How much the slope changes along the way, at (n,) places."""
+        phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
+        return math.radians(self.hills_deg) * self.hills_rad_m * np.cos(phase)
+
+
+class Scenario(BaseModel):
+    """A whole scenario file."""
+
+    model_config = _FORBID
+
+    machine: SimulatedMachine = SimulatedMachine()
+    campaign: SimulatedCampaign = SimulatedCampaign()
+    terrain: SimulatedTerrain = SimulatedTerrain()
+    rolling: SimulatedRolling = SimulatedRolling()
+    drivetrain: SimulatedDrivetrain = SimulatedDrivetrain()
+    chassis: SimulatedChassis = SimulatedChassis()
+    brakes: SimulatedBrakes = SimulatedBrakes()
+    starts: SimulatedStarts = SimulatedStarts()
+    loading: SimulatedLoading = SimulatedLoading()
+    sensors: SimulatedSensors = SimulatedSensors()
+    sampling: SimulatedSampling = SimulatedSampling()
+    defects: SimulatedDefects = SimulatedDefects()
+    log: SimulatedRecorder = SimulatedRecorder()
+    shift: SimulatedShift | None = None
+
+    def seeded(self, seed: int) -> Self:
+        """The same scenario with other noise."""
+        sensors = self.sensors.model_copy(update={"seed": seed})
+        return self.model_copy(update={"sensors": sensors})
+
+    @property
+    def full_drive(self) -> tuple[float, float]:
+        """Full throttle: the force of both sides in N, their torque when they oppose in N·m."""
+        full_N = self.campaign.throttle_force_N
+        return full_N, full_N * self.machine.track_width_m / 2.0
+
+    def driven(self, force_N: float, torque_N_m: float) -> tuple[float, float]:
+        """Force and torque that both valves give for those asked, but for their lag."""
+        width_m, full_N = self.machine.track_width_m, self.campaign.throttle_force_N / 2.0
+        valve, turning_N = self.campaign.valve, torque_N_m / width_m
+        left = full_N * valve((force_N / 2.0 - turning_N) / full_N)
+        right = full_N * valve((force_N / 2.0 + turning_N) / full_N)
+        return left + right, (right - left) * width_m / 2.0

@@ -1,0 +1,1 @@
+"""What sensors report of a motion, and what the recorder keeps."""

@@ -1,0 +1,124 @@
+"""When a topic is sampled, what its clock stamps, and what of it the recorder keeps."""
+
+import math
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.simulation.motion.timeline import Timeline
+from analysis.simulation.scenario.sampling import TopicName
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.waveforms import Floats
+from analysis.simulation.sensors.random_streams import Streams, generator
+
+TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
+
+
+def topics_of(scenario: Scenario) -> tuple[TopicName, ...]:
+    """The topics that are recorded."""
+    return TOPICS if scenario.shift is None else (*TOPICS, *scenario.shift.topics)
+
+
+def rate_hz(scenario: Scenario, topic: TopicName) -> float:
+    """The rate of a topic."""
+    if topic == "gnss" and scenario.shift is not None:
+        return scenario.shift.gnss_rate_hz
+    return scenario.sampling.rate_hz(topic, scenario.sensors.rate_hz)
+
+
+def phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
+    """A topic's first sample after the beginning of a log, in s."""
+    asked_s = scenario.sampling.phase_s(topic)
+    if asked_s >= 0.0:
+        return asked_s
+    drawn = generator(scenario.sensors.seed, load_index, 0, f"{topic}_phase").random()
+    return float(drawn) / rate_hz(scenario, topic)
+
+
+def instants_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[np.int64]:
+    """The unix times (n,) at which a topic is sampled from `phase_s` on until the log ends."""
+    first_ns = timeline.start_ns + round(phase_s * 1e9)
+    period_ns = 1e9 / rate_hz
+    samples = max(math.ceil((timeline.end_ns - first_ns) / period_ns), 0)
+    return first_ns + np.rint(np.arange(samples) * period_ns).astype(np.int64)
+
+
+def recorded(
+    scenario: Scenario,
+    topic: TopicName,
+    at_ns: NDArray[np.int64],
+    streams: Streams,
+    timeline: Timeline,
+    readings: dict[str, Floats],
+) -> pl.DataFrame:
+    """A topic as the recorder keeps it: stamps, losses, and the order of its messages.
+
+    Args:
+        scenario: clocks and losses.
+        topic: its name.
+        at_ns: (n,) unix times of the measurements.
+        streams: the random numbers of those samples.
+        timeline: of the log.
+        readings: its columns, each (n,).
+    """
+    log = scenario.log
+    latency_s = log.latency_s + log.latency_jitter_s * streams.uniform(f"{topic}_latency")
+    log_time_ns = at_ns + np.rint(latency_s * 1e9).astype(np.int64)
+    keeps = ~_dark(scenario, at_ns, streams, timeline)
+    if log.dropout_share:
+        keeps &= streams.uniform(f"{topic}_dropout") >= log.dropout_share
+    frame = pl.DataFrame(
+        {
+            "header_stamp_ns": _stamps_ns(scenario, topic, at_ns, streams, timeline.start_ns),
+            "log_time_ns": log_time_ns,
+            **readings,
+        }
+    ).filter(keeps)
+    if not log.swapped_share:
+        return frame
+    late = _swapped(log_time_ns, streams.uniform(f"{topic}_swap") < log.swapped_share)
+    return frame.with_columns(log_time_ns=late[keeps]).sort("log_time_ns")
+
+
+def _stamps_ns(
+    scenario: Scenario,
+    topic: TopicName,
+    at_ns: NDArray[np.int64],
+    streams: Streams,
+    start_ns: int,
+) -> NDArray[np.int64]:
+    """What the topic's clock shows at each measurement, in unix ns."""
+    sampling = scenario.sampling
+    ahead_ns = (at_ns - start_ns) * (sampling.clock_ppm(topic) * 1e-6)
+    if sampling.stamp_jitter_s:
+        part = 2.0 * streams.uniform(f"{topic}_stamp") - 1.0
+        ahead_ns = ahead_ns + part * (sampling.stamp_jitter_s * 1e9)
+    return at_ns + np.rint(ahead_ns).astype(np.int64)
+
+
+def _swapped(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The times (n,) where chosen messages have changed places with the next."""
+    swapped = time_ns.copy()
+    for index in np.flatnonzero(chosen[:-1]):
+        # one that has gone back already goes no further
+        if swapped[index] == time_ns[index]:
+            swapped[[index, index + 1]] = time_ns[[index + 1, index]]
+    return swapped
+
+
+def _dark(
+    scenario: Scenario, at_ns: NDArray[np.int64], streams: Streams, timeline: Timeline
+) -> NDArray[np.bool_]:
+    """Where nothing is recorded (n,): stretches that begin at any sample with one probability."""
+    log, rate = scenario.log, scenario.sensors.rate_hz
+    if not log.blackout_every_s:
+        return np.zeros(at_ns.shape, np.bool_)
+    # the same stretches in all topics, whatever their rates
+    grid_ns = instants_ns(timeline, rate, 0.0)
+    common = Streams(streams.seed, streams.load_index, timeline.trial(grid_ns))
+    begins = common.uniform("blackout") < -math.expm1(-1.0 / rate / log.blackout_every_s)
+    begins_ns = np.concatenate([[np.int64(-(2**62))], grid_ns[begins]])
+    last_ns = begins_ns[np.searchsorted(begins_ns, at_ns, side="right") - 1]
+    return at_ns - last_ns < round(log.blackout_s * 1e9)

@@ -1,0 +1,261 @@
+"""Measure a motion as the instruments report it: noise, delay, bias, and their defects.
+
+Every channel of every trial draws from its own stream of random numbers, so that one more trial,
+load or channel leaves all others as they were.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.simulation.motion.solved_motion import Channels
+from analysis.simulation.motion.timeline import Timeline
+from analysis.simulation.scenario.sampling import TopicName
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.waveforms import Floats
+from analysis.simulation.sensors.hint_sensors import boom, gnss, odometry
+from analysis.simulation.sensors.low_pass import lagged
+from analysis.simulation.sensors.random_streams import Streams
+from analysis.simulation.sensors.recorder import instants_ns, phase_s, rate_hz, recorded, topics_of
+
+_SIDES: Final = (("left", -1.0), ("right", 1.0))
+
+
+def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str, pl.DataFrame]:
+    """Report a motion as the instruments would.
+
+    Args:
+        scenario: noise, bias, wheels, slope and defects.
+        timeline: the log.
+        load_index: index of the log in the campaign, which random numbers are drawn from.
+
+    Returns:
+        `imu`, `torque`, `speed`, and what a shift has besides: `header_stamp_ns`, `log_time_ns`,
+        and columns with the names, units and signs of a machine file's channels (pitch positive
+        nose-up). Each topic has its own instants. Lost messages have no row; rows are in the order
+        of recording.
+    """
+    frames: dict[str, pl.DataFrame] = {}
+    for topic in topics_of(scenario):
+        phase = phase_s(scenario, topic, load_index)
+        at_ns = instants_ns(timeline, rate_hz(scenario, topic), phase)
+        streams = Streams(scenario.sensors.seed, load_index, timeline.trial(at_ns))
+        readings = _READERS[topic](scenario, timeline, at_ns, streams)
+        if scenario.defects.frozen_topic == topic:
+            held = _frozen(scenario, at_ns - timeline.start_ns)
+            readings = {name: values[held] for name, values in readings.items()}
+        frames[topic] = recorded(scenario, topic, at_ns, streams, timeline, readings)
+    return frames
+
+
+class _White(NamedTuple):
+    """White noise of a channel, and its resolution."""
+
+    std: float
+    lsb: float
+
+
+def _read(value: Floats, streams: Streams, name: str, white: _White) -> Floats:
+    reading = value + streams.normal(name, white.std)
+    return np.rint(reading / white.lsb) * white.lsb if white.lsb else reading
+
+
+def _signals(
+    timeline: Timeline,
+    at_ns: NDArray[np.int64],
+    times_s: tuple[float, float],
+    of: Callable[[Channels, Floats], Mapping[str, Floats]],
+) -> Mapping[str, Floats]:
+    """Signals (n,) of a motion behind their delay and low-pass (`times_s`).
+
+    `of` takes the motion and where in the log it is, from 0 to 1.
+    """
+    delay_s, lag_s = times_s
+    length_ns = timeline.end_ns - timeline.start_ns
+
+    def signals(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
+        return of(timeline.sample(time_ns), (time_ns - timeline.start_ns) / length_ns)
+
+    return lagged(signals, at_ns - round(delay_s * 1e9), lag_s)
+
+
+def _imu(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    sensors, defects = scenario.sensors, scenario.defects
+    times_s = (sensors.imu_delay_s, defects.imu_lag_s)
+    made = dict(
+        _signals(timeline, at_ns, times_s, lambda motion, _: _imu_signals(scenario, motion))
+    )
+    if defects.vibration_m_s2:
+        moving = timeline.sample(at_ns).wheel_speed_x_m_s != 0.0
+        seconds = (at_ns - timeline.start_ns) * np.float64(1e-9)
+        made["specific_force_x_m_s2"] = made["specific_force_x_m_s2"] + np.where(
+            moving, _vibration(scenario, seconds, streams), 0.0
+        )
+    acc = _White(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
+    gyro = _White(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
+    white = {
+        "pitch_rad": _White(sensors.pitch_noise_rad, sensors.angle_lsb_rad),
+        "roll_rad": _White(sensors.roll_noise_rad, sensors.angle_lsb_rad),
+    }
+    return {
+        name: _read(value, streams, name, white.get(name, acc if "force" in name else gyro))
+        for name, value in made.items()
+    }
+
+
+def _imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+    sensors, terrain, defects = scenario.sensors, scenario.terrain, scenario.defects
+    x, y = sensors.imu_x_m, sensors.imu_y_m
+    omega, turn = motion.yaw_rate_rad_s, motion.yaw_acc_rad_s2
+    zero = np.zeros_like(omega)
+    slope = motion.slope_rad if terrain.hills_deg else np.float64(terrain.slope_rad)
+    ahead, left = motion.specific_force_x_m_s2, motion.specific_force_y_m_s2
+    force_z = zero + terrain.gravity_m_s2 * np.cos(slope)
+    if defects.acc_without_gravity:
+        ahead, left, force_z = motion.acc_x_m_s2, omega * motion.speed_x_m_s, zero
+    # at the IMU's place on the turning machine, in a field of gravity that a slope tilts
+    force_x = ahead - omega * omega * x - turn * y
+    force_y = left - omega * omega * y + turn * x
+    nose_up = motion.squat_rad + defects.acc_tilt_rad
+    if nose_up.any():
+        sine, cosine = np.sin(nose_up), np.cos(nose_up)
+        force_x, force_z = force_x * cosine + force_z * sine, force_z * cosine - force_x * sine
+    uphill = np.sin(slope)
+    pitch = np.arcsin(uphill * np.cos(motion.heading_rad)) + motion.squat_rad
+    # on level ground 0, not -0
+    roll = np.arctan2(0.0 - uphill * np.sin(motion.heading_rad), np.cos(slope))
+    bias = sensors.gyro_bias_rad_s
+    return {
+        "specific_force_x_m_s2": force_x + sensors.acc_bias_m_s2,
+        "specific_force_y_m_s2": force_y,
+        "specific_force_z_m_s2": force_z,
+        "roll_rate_rad_s": zero + bias,
+        # the y axis points left, so that nose up is a negative rotation
+        "pitch_rate_rad_s": zero - motion.nose_up_rate_rad_s + bias,
+        "yaw_rate_rad_s": omega + bias,
+        "pitch_rad": pitch,
+        "roll_rad": roll,
+    }
+
+
+def _vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
+    """Narrow-band noise (n,): a carrier whose two amplitudes are Gauss-Markov processes."""
+    defects = scenario.defects
+    samples = rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
+    turn = 2.0 * math.pi * defects.vibration_hz * seconds
+    in_phase, in_quadrature = (
+        streams.drift(f"vibration_{name}", defects.vibration_m_s2, samples)
+        for name in ("in_phase", "in_quadrature")
+    )
+    return in_phase * np.cos(turn) + in_quadrature * np.sin(turn)
+
+
+def _torque(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    """The torques; the noise of the sides adds up to that of their sum."""
+    sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
+    lever_m = machine.force_share * machine.wheel_radius_m
+    times_s = (sensors.force_delay_s, defects.force_lag_s)
+    signals = _signals(
+        timeline, at_ns, times_s, lambda motion, part: _torque_signals(scenario, motion, part)
+    )
+    noise = sensors.force_noise_N * lever_m / math.sqrt(2)
+    most_N_m = defects.force_clip_N * lever_m / 2
+    readings: dict[str, Floats] = {}
+    for side, _ in _SIDES:
+        name = f"torque_{side}_N_m"
+        drift = streams.drift(
+            f"torque_{side}_drift",
+            sensors.force_drift_N * lever_m / math.sqrt(2),
+            sensors.force_drift_s * rate_hz(scenario, "torque"),
+        )
+        reading = _read(signals[name] + drift, streams, name, _White(noise, sensors.torque_lsb_N_m))
+        readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
+    readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain
+    return _sides(scenario, "torque_{}_N_m", readings)
+
+
+def _torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
+    """(17) and (18) backwards, from the share that these wheels carry and their true radius."""
+    sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
+    lever_m = machine.force_share * machine.wheel_radius_m
+    force = motion.measured_force_x_N * lever_m / 2
+    turning = motion.measured_torque_z_N_m * lever_m / machine.track_width_m
+    load_kg = motion.mass_kg - machine.mass_kg
+    lever = (1.0 + machine.wheel_radius_excess) * (1.0 + defects.force_share_1_kg * load_kg)
+    lever = lever * (1.0 - defects.force_share_s2_m * motion.acc_x_m_s2)
+    gain = sensors.force_gain * (1.0 + defects.force_gain_drift * part) * lever
+    return {
+        f"torque_{side}_N_m": gain * (force + sign * turning) + sensors.force_bias_N * lever_m / 2
+        for side, sign in _SIDES
+    }
+
+
+def _speed(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    sensors = scenario.sensors
+    times_s = (sensors.speed_delay_s, scenario.defects.speed_lag_s)
+    signals = _signals(timeline, at_ns, times_s, lambda motion, _: _speed_signals(scenario, motion))
+    # the mean of both sides has the scenario's noise
+    white = _White(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
+    readings = {name: _read(value, streams, name, white) for name, value in signals.items()}
+    return _sides(scenario, "speed_{}_m_s", readings)
+
+
+def _speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+    """Each side's ground speed, and on it the slip that its force takes.
+
+    Slip κ = (v_wheel - v) / |v| = F / C with the longitudinal slip stiffness C: the linear range of
+    a tyre (Pacejka, Tire and Vehicle Dynamics, chapter 1). With the relaxation length σ the slip
+    follows: C κ |v| = |v| F + σ dF/dt (chapter 7).
+    """
+    machine = scenario.machine
+    relaxing = scenario.drivetrain.relaxation_length_m
+    signals: dict[str, Floats] = {}
+    for side, sign in _SIDES:
+        speed = motion.wheel_speed_x_m_s + sign * motion.yaw_rate_rad_s * machine.track_width_m / 2
+        if machine.slip_stiffness_N:
+            force = motion.force_x_N / 2 + sign * motion.torque_z_N_m / machine.track_width_m
+            speed = speed + np.abs(speed) * force / (machine.slip_stiffness_N / 2)
+            if relaxing:
+                speed = speed + relaxing * motion.force_rate_x_N_s / machine.slip_stiffness_N
+        # a machine file's radius makes of the wheels' rate another speed
+        signals[f"speed_{side}_m_s"] = speed / (1.0 + machine.wheel_radius_excess)
+    return signals
+
+
+def _sides(scenario: Scenario, name: str, readings: dict[str, Floats]) -> dict[str, Floats]:
+    left, right = name.format("left"), name.format("right")
+    if scenario.defects.sides_swapped:
+        return {left: readings[right], right: readings[left]}
+    return readings
+
+
+def _frozen(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Index (n,) of the sample whose values each message repeats: its own, unless it is frozen."""
+    defects = scenario.defects
+    every_ns = round(defects.frozen_every_s * 1e9)
+    number = since_ns // every_ns
+    begins_ns = number * every_ns
+    stuck = (number > 0) & (since_ns - begins_ns < round(defects.frozen_s * 1e9))
+    before = np.searchsorted(since_ns, begins_ns) - 1
+    return np.where(stuck, before, np.arange(since_ns.size))
+
+
+_Reader = Callable[[Scenario, Timeline, NDArray[np.int64], Streams], dict[str, Floats]]
+_READERS: Final[Mapping[TopicName, _Reader]] = {
+    "imu": _imu,
+    "torque": _torque,
+    "speed": _speed,
+    "boom": boom,
+    "odometry": odometry,
+    "gnss": gnss,
+}

@@ -1,0 +1,1 @@
+"""Trials solved exactly, each from standing to standing."""

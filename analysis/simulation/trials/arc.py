@@ -1,0 +1,75 @@
+"""An arc at constant speed and yaw rate: prescribed motion, and the drive and brakes it takes.
+
+The ramps from and to standing are the polynomial of the fifth degree between 0 and 1 whose rate and
+whose rate's rate begin and end at 0. Force along the motion comes from the drive, force against it
+from the brakes, each axis by itself.
+"""
+
+import numpy as np
+
+from analysis.simulation.motion.body import Pair, RigidBody, Values
+from analysis.simulation.motion.solved_motion import ManoeuvreTimes, MotionPhase, MotionState
+from analysis.simulation.scenario.manoeuvres import Arc
+from analysis.simulation.scenario.waveforms import Floats
+
+
+def arc_phases(
+    body: RigidBody, manoeuvre: Arc, begin_s: float, heading_rad: float
+) -> tuple[list[MotionPhase], ManoeuvreTimes]:
+    """Prescribe the arc: up, held, down."""
+    steady_s = begin_s + manoeuvre.ramp_s
+    down_s = steady_s + manoeuvre.duration_s
+    end_s = down_s + manoeuvre.ramp_s
+
+    def state(time_s: Floats) -> MotionState:
+        up = np.clip((time_s - begin_s) / manoeuvre.ramp_s, 0.0, None)
+        down = np.clip((time_s - down_s) / manoeuvre.ramp_s, 0.0, None)
+        level = _step(up) - _step(down)
+        slope = (_rate(up) - _rate(down)) / manoeuvre.ramp_s
+        turned = manoeuvre.yaw_rate_rad_s * manoeuvre.ramp_s * (_area(up) - _area(down))
+        rate = Pair(manoeuvre.speed_m_s * level, manoeuvre.yaw_rate_rad_s * level)
+        acceleration = Pair(manoeuvre.speed_m_s * slope, manoeuvre.yaw_rate_rad_s * slope)
+        heading = heading_rad + turned
+        sign = Pair(np.sign(rate.x), np.sign(rate.z))
+        total = body.needed(rate, acceleration, heading, sign)
+        drive = Pair(_along(total.x, rate.x), _along(total.z, rate.z))
+        values: list[Values] = [
+            rate.x,
+            acceleration.x,
+            drive.x,
+            drive.x - total.x,
+            rate.z,
+            acceleration.z,
+            drive.z,
+            drive.z - total.z,
+            heading,
+        ]
+        return MotionState(*(np.asarray(value) for value in values))
+
+    held = "arc" if manoeuvre.yaw_rate_rad_s and manoeuvre.speed_m_s else None
+    phases = [
+        MotionPhase(None, begin_s, steady_s, state),
+        MotionPhase(held, steady_s, down_s, state),
+        MotionPhase(None, down_s, end_s, state),
+    ]
+    return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
+
+
+def _along(total: Values, rate: Values) -> Values:
+    return np.where(total * rate >= 0.0, total, 0.0)
+
+
+def _step(part: Floats) -> Floats:
+    part = np.minimum(part, 1.0)
+    return part**3 * (10.0 + part * (6.0 * part - 15.0))
+
+
+def _rate(part: Floats) -> Floats:
+    part = np.minimum(part, 1.0)
+    return 30.0 * part**2 * (1.0 - part) ** 2
+
+
+def _area(part: Floats) -> Floats:
+    """The integral of `_step`."""
+    ramp = np.minimum(part, 1.0)
+    return ramp**4 * (2.5 + ramp * (ramp - 3.0)) + (part - ramp)

@@ -1,0 +1,211 @@
+"""Solve a trial: its manoeuvres one after the other, each from standing to standing."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.simulation.motion.body import Pair, RigidBody
+from analysis.simulation.motion.solved_motion import (
+    ManoeuvreTimes,
+    MotionPhase,
+    MotionState,
+    SolvedMotion,
+)
+from analysis.simulation.scenario.manoeuvres import (
+    Arc,
+    Excite,
+    Manoeuvre,
+    Rest,
+    Spin,
+    Start,
+    Travel,
+)
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.waveforms import Floats, ForceWave, TorqueWave
+from analysis.simulation.trials.arc import arc_phases
+from analysis.simulation.trials.driven_motion import Driven
+from analysis.simulation.trials.stiction import Commands
+from analysis.simulation.trials.switches import integrated_for
+from analysis.simulation.trials.trial_limits import check_limits
+from estimators.errors import ScenarioError
+
+_STILL = Pair(0.0, 0.0)
+
+
+def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
+    """Solve one trial with one load, without noise.
+
+    Sample the motion as often as needed: Monte Carlo trials solve once and add noise many times.
+
+    Args:
+        scenario: the machine, the ground and the manoeuvres of a trial (`campaign.trial`).
+        load_kg: in the bucket.
+
+    Returns:
+        The motion: `sample(time_s)` gives its channels at any times.
+
+    Raises:
+        ScenarioError: the machine cannot be driven as asked.
+    """
+    check_limits(scenario, [load_kg])
+    asked = integrated_for(scenario)
+    if asked is not None:
+        raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
+    trial = _Trial(scenario, RigidBody.loaded(scenario, load_kg))
+    phases = [trial.standing(-math.inf, 0.0, heading_rad=0.0)]
+    windows: list[ManoeuvreTimes] = []
+    for manoeuvre in scenario.campaign.trial:
+        parts, window = trial.solve(manoeuvre, phases[-1].end_s, _end_heading_rad(phases))
+        phases.extend(parts)
+        windows.append(window)
+    phases.append(trial.standing(phases[-1].end_s, math.inf, _end_heading_rad(phases)))
+    seen = scenario.campaign.brake_measured_share
+    return SolvedMotion(trial.body, seen, tuple(phases), tuple(windows))
+
+
+def _end_heading_rad(phases: list[MotionPhase]) -> float:
+    return float(phases[-1].state(np.array([phases[-1].end_s])).heading_rad[0])
+
+
+@dataclass(frozen=True)
+class _Trial:
+    scenario: Scenario
+    body: RigidBody
+
+    def solve(
+        self, manoeuvre: Manoeuvre, begin_s: float, heading_rad: float
+    ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
+        """One manoeuvre that begins standing at a heading: its phases without a gap."""
+        match manoeuvre:
+            case Rest():
+                end_s = begin_s + manoeuvre.duration_s
+                phases = [self.standing(begin_s, end_s, heading_rad)]
+                return phases, ManoeuvreTimes("rest", begin_s, None, None, None, end_s)
+            case Start():
+                sign = 1.0 if manoeuvre.direction == "forward" else -1.0
+                return self._straight_or_spin(manoeuvre, 0, sign, begin_s, heading_rad)
+            case Spin():
+                sign = 1.0 if manoeuvre.direction == "left" else -1.0
+                return self._straight_or_spin(manoeuvre, 1, sign, begin_s, heading_rad)
+            case Arc():
+                return arc_phases(self.body, manoeuvre, begin_s, heading_rad)
+            case Excite():
+                return self._excited(manoeuvre, begin_s, heading_rad)
+            case Travel():
+                raise AssertionError("needs a whole log, which `integrated_for` says")
+
+    def standing(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
+        """Stand at a heading; the brakes hold."""
+        hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
+
+        def state(time_s: Floats) -> MotionState:
+            zero = np.zeros_like(time_s)
+            return MotionState(
+                zero, zero, zero, zero - hold.x, zero, zero, zero, zero - hold.z, zero + heading_rad
+            )
+
+        return MotionPhase("standstill", start_s, end_s, state)
+
+    def _straight_or_spin(
+        self, manoeuvre: Start | Spin, axis: int, sign: float, begin_s: float, heading_rad: float
+    ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
+        """Open the throttle until `steady_s`, keep the speed (yaw rate), brake."""
+        campaign = self.scenario.campaign
+        full = self.scenario.full_drive[axis] * campaign.valve(manoeuvre.throttle)
+        lag_s = campaign.valve_lag_s
+        steady_s = begin_s + manoeuvre.start_s
+        braking_s = steady_s + manoeuvre.cruise_s
+        names = ("accelerating", "cruising", "braking") if axis == 0 else ("spinning",) * 3
+        machine = Driven(self.body, lag_s, (axis == 0, axis == 1))
+
+        stalled, state = self._stalled(axis, sign, full, begin_s, heading_rad)
+        asked = Commands(_constant(axis, sign * full))
+        opened, state = machine.move(names[0], stalled.end_s, steady_s, state, asked)
+        signs = Pair(sign, 0.0) if axis == 0 else Pair(0.0, sign)
+        rate = Pair(float(state[0]), float(state[3]))
+        keeping = self.body.needed(rate, _STILL, float(state[6]), signs)[axis]
+        asked = Commands(_constant(axis, float(keeping)))
+        kept, state = machine.move(names[1], steady_s, braking_s, state, asked)
+        braked = machine.stop(names[2], braking_s, state, self._brakes(state))
+        phases = [stalled, *opened, *kept, *braked]
+        kind = manoeuvre.kind
+        return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
+
+    def _stalled(
+        self, axis: int, sign: float, full: float, begin_s: float, heading_rad: float
+    ) -> tuple[MotionPhase, Floats]:
+        """The throttle opens until the drive overcomes slope and friction: that, and the state.
+
+        The brakes let go as the drive takes over the slope.
+        """
+        hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
+        against = sign * float(hold[axis])
+        coulomb = self.body.gripping[axis]
+        lag_s = self.scenario.campaign.valve_lag_s
+        breakaway_s = begin_s - lag_s * math.log1p(-max((coulomb + against) / full, 0.0))
+
+        def drive(time_s: Floats) -> Floats:
+            return full * -np.expm1(-(time_s - begin_s) / lag_s)
+
+        def state(time_s: Floats) -> MotionState:
+            zero, opening = np.zeros_like(time_s), drive(time_s)
+            driven, braked = sign * opening, sign * np.minimum(opening - against, 0.0)
+            held = zero - hold[1 - axis]
+            x, z = (
+                ((driven, braked), (zero, held)) if axis == 0 else ((zero, held), (driven, braked))
+            )
+            return MotionState(zero, zero, *x, zero, zero, *z, zero + heading_rad)
+
+        start = np.zeros(7)
+        start[1 + 3 * axis] = sign * drive(np.array([breakaway_s]))[0]
+        start[6] = heading_rad
+        return MotionPhase("standstill", begin_s, breakaway_s, state), start
+
+    def _excited(
+        self, manoeuvre: Excite, begin_s: float, heading_rad: float
+    ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
+        """Follow the waveforms through the valves of both sides, then brake."""
+        force, torque = manoeuvre.force, manoeuvre.torque
+        end_s = begin_s + manoeuvre.duration_s
+        waves: list[ForceWave | TorqueWave] = [wave for wave in (force, torque) if wave]
+
+        def drive(time_s: float) -> tuple[float, float]:
+            since = float(time_s - begin_s)
+            return self.scenario.driven(
+                force(since) if force else 0.0, torque(since) if torque else 0.0
+            )
+
+        kinks = [begin_s + kink for wave in waves for kink in wave.kinks_s(manoeuvre.duration_s)]
+        hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
+        state = np.array([0.0, 0.0, -hold.x, 0.0, 0.0, -hold.z, heading_rad])
+        machine = Driven(
+            self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
+        )
+        asked = Commands(drive, kinks_s=kinks)
+        driven, state = machine.move(None, begin_s, end_s, state, asked)
+        braked = machine.stop("braking", end_s, state, self._brakes(state))
+        phases = [*driven, *braked]
+        return phases, ManoeuvreTimes("excite", begin_s, begin_s, None, end_s, phases[-1].end_s)
+
+    def _brakes(self, state: Floats) -> Commands:
+        """No drive, and brakes against the motion: the same deceleration of the wheels on both."""
+        braking = self.scenario.campaign.braking_m_s2
+        spin = braking / (self.scenario.machine.track_width_m / 2.0)
+        return Commands(
+            _constant(0, 0.0),
+            brake=(
+                float(np.sign(state[0])) * (self.body.mass_kg * braking),
+                float(np.sign(state[3])) * (self.body.inertia_z_kg_m2 * spin),
+            ),
+        )
+
+
+def _constant(axis: int, value: float) -> Callable[[float], tuple[float, float]]:
+    pair = (value, 0.0) if axis == 0 else (0.0, value)
+
+    def asked(_time_s: float) -> tuple[float, float]:
+        return pair
+
+    return asked

@@ -1,0 +1,194 @@
+"""The equations of motion integrated while friction keeps its grip: sliding one way, or holding."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.simulation.motion.body import Pair, RigidBody
+from analysis.simulation.motion.solved_motion import MotionPhase, MotionState
+from analysis.simulation.scenario.waveforms import Floats
+
+#: Less friction, in N or N·m, is lost in rounding before it holds anything.
+LEAST_GRIP: Final = 1e-6
+#: Of the state v, drive, brake; ω, drive, brake, heading: what belongs to x and what to z.
+_ROWS: Final = (slice(0, 3), slice(3, 7))
+RATES: Final = (0, 3)
+
+
+class Commands(NamedTuple):
+    """Commands of the operator.
+
+    `drive` takes a time in s since the trial began and gives force and torque; it has kinks at
+    `kinks_s`. `brake` is asked for throughout.
+    """
+
+    drive: Callable[[float], tuple[float, float]]
+    brake: tuple[float, float] = (0.0, 0.0)
+    kinks_s: Sequence[float] = ()
+
+
+@dataclass(frozen=True)
+class Gripped:
+    """The machine under commands, friction as it is.
+
+    Attributes:
+        body: the machine with its load.
+        valve_lag_s: time constant of drive and brakes.
+        free: whether x and z follow the commands; an axis that does not is kept still by the drive.
+        grip: the sign of Coulomb friction on x and z, or None where it holds the axis.
+    """
+
+    body: RigidBody
+    valve_lag_s: float
+    free: tuple[bool, bool]
+    grip: tuple[float | None, float | None]
+
+    def net(self, state: Floats | tuple[float, ...]) -> Pair:
+        """Force and torque on the state, 7 numbers or (7, n), Coulomb friction that slides in."""
+        v, drive_x, brake_x, omega, drive_z, brake_z, heading = state
+        applied = Pair(drive_x - brake_x, drive_z - brake_z)
+        body, grip = self.body, self.grip
+        net_x, net_z = body.net(applied, Pair(v, omega), heading)
+        return Pair(
+            net_x - body.gripping[0] * (grip[0] or 0.0),
+            net_z - body.gripping[1] * (grip[1] or 0.0),
+        )
+
+    def accelerations(self, net: Pair) -> Pair:
+        """dv/dt and ω̇ of the axes that are free and not held."""
+        return self.body.accelerations(net, self._moves)
+
+    @property
+    def _moves(self) -> tuple[bool, bool]:
+        x, z = (self.free[axis] and self.grip[axis] is not None for axis in (0, 1))
+        return x, z
+
+    def pull(self, state: Floats) -> tuple[float, float]:
+        """Force and torque on the state (7,) that friction has to hold where it holds."""
+        net = self.net(state)
+        acceleration = self.accelerations(net)
+        mc_y = self.body.first_moment_y_kg_m
+        return float(net.x + mc_y * acceleration.z), float(net.z + mc_y * acceleration.x)
+
+    def contradiction(self, state: Floats) -> float:
+        """How far the grip is from what it does to the axes that stand in the state (7,).
+
+        0 where friction that holds has no more to hold than it can, and friction that slides
+        opposes the motion that begins. The inertia is positive definite, so one grip fits.
+        """
+        pull, acceleration = self.pull(state), self.accelerations(self.net(state))
+        inertia = (self.body.mass_kg, self.body.inertia_z_kg_m2)
+        wrong = 0.0
+        for axis in (0, 1):
+            sign = self.grip[axis]
+            if sign is None:
+                wrong += max(abs(pull[axis]) - self.body.gripping[axis], 0.0)
+            elif state[RATES[axis]] == 0.0:
+                wrong += max(-sign * float(acceleration[axis]) * inertia[axis], 0.0)
+        return wrong
+
+    def integrate(
+        self,
+        name: str | None,
+        start_s: float,
+        end_s: float,
+        state: Floats,
+        asked: Commands,
+        *,
+        stop: bool = False,
+    ) -> tuple[MotionPhase, Floats, list[int]]:
+        """Move from `state` (7,) up to `end_s` or the first change of grip.
+
+        Returns:
+            The phase, the last state, and the axes (0, 1) on which friction lets go or, with
+            Coulomb friction or when asked to `stop`, the motion ends.
+        """
+        from scipy.integrate import solve_ivp
+
+        rows = np.r_[tuple(_ROWS[axis] for axis in (0, 1) if self.free[axis])]
+
+        def full(part: Floats) -> Floats:
+            whole = np.empty((7, *part.shape[1:]))
+            whole.T[...] = state
+            whole[rows] = part
+            return whole
+
+        changes = [
+            axis
+            for axis in (0, 1)
+            if self.free[axis] and (stop or self.body.gripping[axis] > LEAST_GRIP)
+        ]
+        solution = solve_ivp(
+            self._rates(state, asked),
+            (start_s, end_s),
+            state[rows],
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+            dense_output=True,
+            events=[_Change(self, axis, full) for axis in changes] or None,
+        )
+        assert solution.sol is not None
+        last_s = float(solution.t[-1])
+        phase = MotionPhase(name, start_s, last_s, self._states(full, solution.sol))
+        found: Sequence[Floats] = solution.t_events or ()
+        changed = [axis for axis, at in zip(changes, found, strict=True) if at.size]
+        return phase, full(solution.sol(np.array([last_s])))[:, 0], changed
+
+    def _rates(self, state: Floats, asked: Commands) -> Callable[[float, Floats], list[float]]:
+        still: list[float] = state.tolist()
+        lag_s, (brake_x, brake_z) = self.valve_lag_s, asked.brake
+        free_x, free_z = self.free
+        moves = self._moves
+        net_of, accelerations, drive = self.net, self.body.accelerations, asked.drive
+
+        def rates(time_s: float, part: Floats) -> list[float]:
+            # plain numbers: called ten thousands of times
+            moving: list[float] = part.tolist()
+            x = moving[:3] if free_x else still[:3]
+            z = moving[-4:] if free_z else still[3:]
+            dv, turn = accelerations(net_of((*x, *z)), moves)
+            force, torque = drive(time_s)
+            rate: list[float] = []
+            if free_x:
+                rate += [float(dv), (force - x[1]) / lag_s, (brake_x - x[2]) / lag_s]
+            if free_z:
+                rate += [float(turn), (torque - z[1]) / lag_s, (brake_z - z[2]) / lag_s, z[0]]
+            return rate
+
+        return rates
+
+    def _states(
+        self, full: Callable[[Floats], Floats], solved: Callable[[Floats], Floats]
+    ) -> Callable[[Floats], MotionState]:
+        def states(time_s: Floats) -> MotionState:
+            v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full(solved(time_s))
+            acceleration = self.accelerations(self.net(whole))
+            kept = self.body.needed(Pair(v, omega), acceleration, heading, Pair(0.0, 0.0))
+            if not self.free[0]:
+                v, drive_x, brake_x = 0.0 * v, np.asarray(kept.x), 0.0 * v
+            if not self.free[1]:
+                omega, drive_z, brake_z = 0.0 * v, np.asarray(kept.z), 0.0 * v
+            dv, turn = np.broadcast_arrays(*acceleration, v)[:2]
+            return MotionState(v, dv, drive_x, brake_x, omega, turn, drive_z, brake_z, heading)
+
+        return states
+
+
+class _Change:
+    """Ends an integration where friction lets go or an axis stands, as solve_ivp asks for it."""
+
+    terminal = True
+
+    def __init__(self, machine: Gripped, axis: int, full: Callable[[Floats], Floats]) -> None:
+        sign = machine.grip[axis]
+        self.direction = 1.0 if sign is None else -sign
+        self._machine, self._axis, self._full = machine, axis, full
+
+    def __call__(self, _time_s: float, part: Floats) -> float:
+        machine, axis, state = self._machine, self._axis, self._full(part)
+        if machine.grip[axis] is None:
+            return abs(machine.pull(state)[axis]) - machine.body.gripping[axis]
+        return float(state[RATES[axis]])

@@ -1,0 +1,76 @@
+"""What the exact solution of a trial cannot give, so that a log is integrated as a whole."""
+
+from typing import Final
+
+from pydantic import BaseModel
+
+from analysis.simulation.scenario.manoeuvres import Excite, Manoeuvre, Rest, Start, Travel
+from analysis.simulation.scenario.scenario import Scenario
+from estimators.errors import ScenarioError
+
+#: Keys of other sections by which not all trials are alike, or one is not the same throughout.
+_CHANGES_ALONG: Final = {
+    "terrain": ("hills_deg",),
+    "machine": ("friction_warming", "coulomb_warming", "air_N_s2_m2", "spring_N_m"),
+    "rolling": ("second_ground_more", "growth_s_m", "growth_s_rad"),
+}
+
+
+def integrated_for(scenario: Scenario) -> str | None:
+    """The first key of the scenario that needs the integrated plant; None: a trial is exact."""
+    if scenario.shift is not None:
+        return "shift"
+    sections: dict[str, BaseModel] = {
+        "drivetrain": scenario.drivetrain,
+        "chassis": scenario.chassis,
+        "brakes": scenario.brakes,
+        "starts": scenario.starts,
+        "loading": scenario.loading,
+    }
+    for name, section in sections.items():
+        changed = next(iter(section.model_dump(exclude_defaults=True)), None)
+        if changed is not None:
+            return f"{name}.{changed}"
+    for name, keys in _CHANGES_ALONG.items():
+        for key in keys:
+            if getattr(getattr(scenario, name), key):
+                return f"{name}.{key}"
+    for number, manoeuvre in enumerate(scenario.campaign.manoeuvres):
+        if isinstance(manoeuvre, Start):
+            for key in ("coast_s", "digging_N"):
+                if getattr(manoeuvre, key):
+                    return f"campaign.manoeuvres.{number}.{key}"
+        if isinstance(manoeuvre, Travel):
+            return f"campaign.manoeuvres.{number} (a travel)"
+    return None
+
+
+def check_switches(scenario: Scenario) -> None:
+    """Refuse what the integrated plant cannot do: it goes straight, but for a slight turn.
+
+    Raises:
+        ScenarioError: the key and its fault.
+    """
+    if scenario.drivetrain.relaxation_length_m and not scenario.machine.slip_stiffness_N:
+        raise ScenarioError(
+            "drivetrain.relaxation_length_m: tyres relax as far as they slip; "
+            "give machine.slip_stiffness_N"
+        )
+    asked = integrated_for(scenario)
+    if asked is None:
+        return
+    terrain = scenario.terrain
+    if scenario.starts.turn_rad_s and (terrain.slope_deg or terrain.hills_deg):
+        raise ScenarioError("starts.turn_rad_s: starts turn on level ground alone")
+    for number, manoeuvre in enumerate(scenario.campaign.trial):
+        if not _straight(manoeuvre):
+            raise ScenarioError(
+                f"campaign.manoeuvres.{number}: is no straight motion, which alone is simulated "
+                f"with {asked}; choose rests, starts and forces, or leave out {asked}"
+            )
+
+
+def _straight(manoeuvre: Manoeuvre) -> bool:
+    if isinstance(manoeuvre, Excite):
+        return manoeuvre.torque is None
+    return isinstance(manoeuvre, Rest | Start | Travel)

@@ -1,0 +1,232 @@
+"""Refuse what cannot be simulated: machines that do not start, do not stop or go too fast."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.simulation.motion.body import RigidBody
+from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start, Travel
+from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.sensors.recorder import rate_hz, topics_of
+from analysis.simulation.trials.arc import arc_phases
+from analysis.simulation.trials.switches import check_switches
+from estimators.errors import ScenarioError
+
+#: No loader is faster: beyond it a scenario is a slip of the pen, and a stop takes forever.
+_TOP_SPEED_M_S: Final = 50.0
+_TOP_YAW_RATE_RAD_S: Final = 10.0
+_LEAST_BRAKING_M_S2: Final = 0.1
+
+
+def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
+    """Refuse a scenario that has no motion with one of the loads.
+
+    Args:
+        scenario: a file's, or built in Python.
+        loads_kg: the loads to simulate.
+
+    Raises:
+        ScenarioError: the key and its fault.
+    """
+    machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
+    check_switches(scenario)
+    if (
+        scenario.log.latency_jitter_s
+        * max(rate_hz(scenario, topic) for topic in topics_of(scenario))
+        >= 1
+    ):
+        raise ScenarioError(
+            "log.latency_jitter_s: must be shorter than the period of every topic, "
+            "so that messages are recorded in order"
+        )
+    if 0 < machine.slip_stiffness_N < full_N:
+        raise ScenarioError(
+            "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
+            f"give more than {full_N:g}, or 0 for none"
+        )
+    loads_kg = [*loads_kg, *_changed(scenario, loads_kg)]
+    bodies = [RigidBody.loaded(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))]
+    for body in bodies:
+        square = body.first_moment_x_kg_m**2 + body.first_moment_y_kg_m**2
+        if body.inertia_z_kg_m2 * body.mass_kg <= square:
+            least = machine.inertia_z_kg_m2 + square / body.mass_kg - body.inertia_z_kg_m2
+            raise ScenarioError(
+                "machine.inertia_z_kg_m2: is about the origin, so that it is more than mass times "
+                f"the square of the centre of mass's distance; give more than {least:.0f}"
+            )
+    trial = scenario.campaign.trial
+    limits = _Limits(scenario, *bodies, turns=any(_turns(manoeuvre) for manoeuvre in trial))
+    for number, manoeuvre in enumerate(trial):
+        key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
+        limits.check(manoeuvre, key)
+
+
+def _changed(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
+    """The loads of starts that have another than their log began with."""
+    loading = scenario.loading
+    if not (loading.alternating or loading.change_before_start):
+        return []
+    changed = [load_kg + loading.change_kg for load_kg in loads_kg]
+    if min(changed) < 0.0:
+        raise ScenarioError(
+            f"loading.change_kg: leaves {min(changed):g} kg in the bucket; "
+            "take off no more than campaign.loads_kg"
+        )
+    return changed
+
+
+def _turns(manoeuvre: Manoeuvre) -> bool:
+    match manoeuvre:
+        case Spin():
+            return True
+        case Arc():
+            return manoeuvre.yaw_rate_rad_s != 0.0
+        case Excite():
+            return manoeuvre.torque is not None
+        case _:
+            return False
+
+
+@dataclass(frozen=True)
+class _Limits:
+    scenario: Scenario
+    lightest: RigidBody
+    heaviest: RigidBody
+    #: Whether the trial turns, so that the slope may come from anywhere.
+    turns: bool
+
+    def check(self, manoeuvre: Manoeuvre, key: str) -> None:
+        match manoeuvre:
+            case Start():
+                self._start(manoeuvre, key)
+            case Spin():
+                self._spin(manoeuvre, key)
+            case Excite():
+                self._excite(manoeuvre, key)
+            case Arc():
+                self._arc(manoeuvre, key)
+            case Travel():
+                self._travel(manoeuvre, key)
+            case _:
+                pass
+
+    def _rolling_m_s2(self) -> float:
+        """Largest deceleration by rolling resistance of a slow machine."""
+        terrain = self.scenario.terrain
+        return self.scenario.rolling.highest * terrain.gravity_m_s2 * math.cos(terrain.slope_rad)
+
+    def _uphill_m_s2(self, sign: float) -> float:
+        """Largest deceleration by gravity when driving along `sign`."""
+        uphill = self.heaviest.uphill_m_s2
+        return -abs(uphill) if self.turns else sign * uphill
+
+    def _start(self, start: Start, key: str) -> None:
+        campaign = self.scenario.campaign
+        sign = 1.0 if start.direction == "forward" else -1.0
+        along = sign * self.heaviest.uphill_m_s2
+        worst = abs(along) if self.turns else along
+        full_N = campaign.throttle_force_N * campaign.valve(start.throttle)
+        coulomb_N = self.heaviest.coulomb_x_N
+        resistance_N = coulomb_N + self.heaviest.mass_kg * (worst + self._rolling_m_s2())
+        reached_N = full_N * -math.expm1(-start.start_s / campaign.valve_lag_s)
+        if reached_N <= resistance_N:
+            where = f"in {key or 'campaign'}.start_s"
+            raise ScenarioError(
+                f"{key or 'campaign.throttle_force_N'}: reaches {reached_N:.0f} N {where}, but "
+                f"slope and friction hold {self.heaviest.mass_kg:g} kg with "
+                f"{resistance_N:.0f} N"
+            )
+        light = self.lightest
+        downhill = self._uphill_m_s2(sign)
+        push_N = full_N - coulomb_N - light.mass_kg * downhill
+        if push_N > _TOP_SPEED_M_S * max(light.friction_x_N_s_m, light.mass_kg / start.start_s):
+            raise ScenarioError(
+                f"{key or 'campaign.throttle_force_N'}: drives the machine beyond "
+                f"{_TOP_SPEED_M_S:g} m/s in {key or 'campaign'}.start_s"
+            )
+        self._brakes(downhill)
+
+    def _spin(self, spin: Spin, key: str) -> None:
+        campaign = self.scenario.campaign
+        full_N_m = self.scenario.full_drive[1] * campaign.valve(spin.throttle)
+        reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
+        resistance_N_m = self.heaviest.coulomb_z_N_m + self._slope_torque()
+        if reached_N_m <= resistance_N_m:
+            raise ScenarioError(
+                f"{key}: reaches {reached_N_m:.0f} N·m in start_s, but slope and Coulomb friction "
+                f"hold it with {resistance_N_m:.0f} N·m"
+            )
+        slowest = max(self.lightest.friction_z_N_m_s, self.lightest.inertia_z_kg_m2 / spin.start_s)
+        if full_N_m > _TOP_YAW_RATE_RAD_S * slowest:
+            raise ScenarioError(
+                f"{key}: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s in start_s"
+            )
+        self._brakes(0.0)
+
+    def _excite(self, excite: Excite, key: str) -> None:
+        light, force, torque = self.lightest, excite.force, excite.torque
+        highest_N = max(map(abs, force.range)) if force else 0.0
+        highest_N_m = max(map(abs, torque.range)) if torque else 0.0
+        self._full_throttle(highest_N, highest_N_m, key)
+        push_N = highest_N + light.mass_kg * abs(light.uphill_m_s2)
+        slow = max(light.friction_x_N_s_m, light.mass_kg / excite.duration_s)
+        if force and push_N > _TOP_SPEED_M_S * slow:
+            raise ScenarioError(f"{key}.force: drives the machine beyond {_TOP_SPEED_M_S:g} m/s")
+        slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excite.duration_s)
+        if highest_N_m > _TOP_YAW_RATE_RAD_S * slow:
+            raise ScenarioError(f"{key}.torque: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s")
+        self._brakes(-abs(light.uphill_m_s2))
+
+    def _travel(self, travel: Travel, key: str) -> None:
+        campaign = self.scenario.campaign
+        if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
+            raise ScenarioError(
+                f"{key}.in_motion: such a log is one travel; leave out other manoeuvres, and give "
+                "campaign.runs = 1 and campaign.rest_s = 0"
+            )
+        self._brakes(-abs(self.lightest.uphill_m_s2))
+
+    def _arc(self, arc: Arc, key: str) -> None:
+        time_s = np.linspace(0.0, arc.ramp_s * 2.0 + arc.duration_s, 200)
+        for body in (self.lightest, self.heaviest):
+            state = arc_phases(body, arc, 0.0, 0.0)[0][0].state(time_s)
+            sides = np.maximum(abs(state.drive_x) / 2, abs(state.brake_x) / 2)
+            torque = np.maximum(abs(state.drive_z), abs(state.brake_z))
+            worst = int(np.argmax(sides + torque / self.scenario.machine.track_width_m))
+            self._full_throttle(2.0 * float(sides[worst]), float(torque[worst]), key)
+
+    def _full_throttle(self, force_N: float, torque_N_m: float, key: str) -> None:
+        """Each side carries half the force and its share of the torque."""
+        side_N = force_N / 2.0 + torque_N_m / self.scenario.machine.track_width_m
+        full_N = self.scenario.campaign.throttle_force_N / 2.0
+        if side_N > full_N * (1.0 + 1e-9):
+            raise ScenarioError(
+                f"{key}: asks for {side_N:.0f} N on one side, more than full throttle gives, "
+                f"{full_N:.0f} N; ask for less, or raise campaign.throttle_force_N"
+            )
+
+    def _brakes(self, downhill_m_s2: float) -> None:
+        braking = self.scenario.campaign.braking_m_s2
+        if braking + downhill_m_s2 < _LEAST_BRAKING_M_S2:
+            raise ScenarioError(
+                f"campaign.braking_m_s2: {braking:g} does not stop the machine on this slope; "
+                f"give at least {_LEAST_BRAKING_M_S2 - downhill_m_s2:.2f}"
+            )
+        spin_N_m = (braking - _LEAST_BRAKING_M_S2) * 2.0 / self.scenario.machine.track_width_m
+        if self.lightest.inertia_z_kg_m2 * spin_N_m < self._slope_torque():
+            raise ScenarioError(
+                f"campaign.braking_m_s2: {braking:g} does not stop a spin on this slope"
+            )
+
+    def _slope_torque(self) -> float:
+        """Largest torque of the slope about the origin, in N·m."""
+        if not self.turns:
+            return 0.0
+        moment = max(
+            math.hypot(body.first_moment_x_kg_m, body.first_moment_y_kg_m)
+            for body in (self.lightest, self.heaviest)
+        )
+        return moment * abs(self.heaviest.uphill_m_s2)

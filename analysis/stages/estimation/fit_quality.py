@@ -1,0 +1,83 @@
+"""The numbers that a verdict looks at: how well the ungated samples of an axis fit its model."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.methods import pooled
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: Fewer samples than parameters times this decide nothing.
+ENOUGH = 10
+#: Noise is taken off what varies down to this share of it: a variance is not known better.
+_LEAST_TOLD = 0.1
+
+
+def enough(A: Floats, moving: Bools) -> bool:
+    """Whether so many samples move that they can decide something."""
+    return bool(moving.sum() >= ENOUGH * A.shape[1])
+
+
+def ungated_fit(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, float]:
+    """The first parameter, its standard deviation and R² of one fit over every moving sample."""
+    if not enough(A, moving):
+        return float("nan"), float("nan"), float("nan")
+    traced = pooled.trace(A, f, np.where(moving, 0, -1))
+    residual = f[moving] - A[moving] @ traced.theta[0]
+    total = float(((f[moving] - f[moving].mean()) ** 2).sum())
+    r_squared = 1.0 - float(residual @ residual) / total if total > 0 else float("nan")
+    return float(traced.theta[0, 0]), float(traced.std[0, 0]), r_squared
+
+
+def partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
+    """Correlation of a and F after both have been regressed on the other columns and a mean."""
+    if not enough(A, moving):
+        return float("nan")
+    others = np.column_stack([A[moving, 1:], np.ones(int(moving.sum()))])
+    both = np.column_stack([A[moving, 0], f[moving]])
+    rest = both - others @ np.linalg.lstsq(others, both, rcond=None)[0]
+    norms = np.sqrt((rest**2).sum(axis=0))
+    return float(rest[:, 0] @ rest[:, 1] / norms.prod()) if norms.all() else float("nan")
+
+
+def along_share(speed: Floats, f: Floats, of: Bools) -> float:
+    """Share of the samples `of` whose force acts along the motion."""
+    return float((speed[of] * f[of] >= 0).mean()) if of.any() else float("nan")
+
+
+def slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) -> float:
+    """Slope of y on x, both about their means, over the samples that are known.
+
+    Args:
+        x: (n,).
+        y: (n,).
+        used: which samples.
+        x_noise: variance of x by noise alone, which would take a share off the slope.
+    """
+    used = used & np.isfinite(x) & np.isfinite(y)
+    if used.sum() < ENOUGH:
+        return float("nan")
+    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    squares = float(x @ x)
+    told = max(squares - x_noise * x.size, _LEAST_TOLD * squares)
+    return float(x @ y) / told if told else float("nan")
+
+
+def centre_offset(
+    force_x: Floats, force_y: Floats, yaw_rate: Floats, yaw_acceleration: Floats, used: Bools
+) -> float:
+    """How far from the origin lies the point that spins turn about, in m; NaN when unknown.
+
+    The specific force of an origin at r from the centre is ω̇ × r - ω² r; what is constant in it
+    (a slope, a bias) is fitted beside it.
+    """
+    zero, one = np.zeros(yaw_rate.size), np.ones(yaw_rate.size)
+    row_x = np.column_stack([-(yaw_rate**2), -yaw_acceleration, one, zero])
+    row_y = np.column_stack([yaw_acceleration, -(yaw_rate**2), zero, one])
+    used = used & np.isfinite(row_x).all(axis=1) & np.isfinite(force_x) & np.isfinite(force_y)
+    if used.sum() < ENOUGH * row_x.shape[1]:
+        return float("nan")
+    rows = np.concatenate([row_x[used], row_y[used]])
+    r = np.linalg.lstsq(rows, np.concatenate([force_x[used], force_y[used]]), rcond=None)[0]
+    return float(np.hypot(r[0], r[1]))

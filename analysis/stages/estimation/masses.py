@@ -1,0 +1,132 @@
+"""The answer: mass and inertia over the whole log by each method, unless the verdict forbids it."""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.axes import Axis, X, Z, axes, regressor, rows_of, theta_columns, theta_of
+from analysis.model.machine import Machine
+from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
+from analysis.model.schema import build, values
+from analysis.model.settings import Settings
+from analysis.model.verdict import Verdict
+from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.noise.column_noise import axis_noise, systematic
+from estimators.methods.window_mean import mean_estimate
+
+Floats = NDArray[np.float64]
+
+
+def masses(
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    estimates: Mapping[str, pl.DataFrame],
+    machine: Machine,
+    noise: pl.DataFrame | None = None,
+) -> pl.DataFrame:
+    """Summarise the log, a row a method; nothing is withheld yet.
+
+    Windowed methods give the weighted mean of their accepted windows, recursive ones their last
+    state, `pooled` one fit over every accepted sample.
+
+    Args:
+        excitation: the regressors.
+        gated: which windows are accepted.
+        estimates: `estimates` frames by method.
+        machine: settings and empty mass.
+        noise: of the columns, where it is known.
+    """
+    columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
+    for axis in axes(excitation):
+        rows: dict[str, pl.DataFrame] = {
+            method: rows_of(axis, frame) for method, frame in estimates.items()
+        }
+        known = axis_noise(axis, machine.settings, noise)
+        totals = _totals(axis, excitation, gated, rows, machine.settings, known)
+        columns |= theta_columns(axis, *totals)
+        suffix = "" if axis is X else "_z"
+        columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
+        columns[f"withheld{suffix}"] = pl.Series([False] * len(rows))
+    empty_kg = machine.machine.empty_mass_kg
+    table = build("masses", columns)
+    payload = values(table, "mass_kg") - (np.nan if empty_kg is None else empty_kg)
+    return build("masses", {**table.to_dict(), "payload_kg": payload})
+
+
+def withhold(totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[str]) -> pl.DataFrame:
+    """Take out what may not be shown.
+
+    Args:
+        totals: `masses`.
+        verdict: what it forbids: every number of the x axis, or of the z axis.
+        contradicted: methods whose mass the log contradicts.
+    """
+    about_x = {*(name for pair in X.parameters for name in pair), "payload_kg"}
+    about_z = {name for pair in Z.parameters for name in pair}
+    hidden = (not verdict.can_weigh) | pl.col("method").is_in(list(contradicted))
+    columns = [
+        *(pl.when(hidden).then(None).otherwise(n).alias(n) for n in about_x if n in totals.columns),
+        hidden.alias("withheld"),
+    ]
+    if "withheld_z" in totals.columns:
+        turns = pl.lit(not verdict.tells_inertia)
+        columns += [
+            *(pl.when(turns).then(None).otherwise(n).alias(n) for n in about_z),
+            turns.alias("withheld_z"),
+        ]
+    return build("masses", totals.with_columns(columns).to_dict())
+
+
+def pooled_over_log(
+    axis: Axis,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    settings: Settings,
+    noise: AxisNoise,
+    method: Method = METHODS["pooled"],
+) -> tuple[Floats, Floats]:
+    """Parameters (p,) and deviations (p,) of one fit over every accepted sample of an axis."""
+    A, f = regressor(axis, excitation, settings)
+    used = accepted_samples(excitation, gated, settings, axis)
+    if not used.any():
+        return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
+    options = method.options(settings.trace, noise)
+    whole = method.estimator.trace(A, f, np.where(used, 0, -1), options)
+    return whole.theta[0], whole.std[0]
+
+
+def _totals(
+    axis: Axis,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    estimates: Mapping[str, pl.DataFrame],
+    settings: Settings,
+    noise: AxisNoise,
+) -> tuple[Floats, Floats]:
+    """Parameters (methods, p) and deviations (methods, p), NaN where there is no estimate."""
+    A, f = regressor(axis, excitation, settings)
+    t_ns = excitation["t_ns"].to_numpy()
+    theta = np.full((len(estimates), A.shape[1]), np.nan)
+    std = theta.copy()
+    for row, (name, frame) in enumerate(estimates.items()):
+        if frame.is_empty():
+            continue
+        method = METHODS[name]
+        match method.summary:
+            case LogSummary.POOL:
+                theta[row], std[row] = pooled_over_log(
+                    axis, excitation, gated, settings, noise, method
+                )
+            case LogSummary.LAST:
+                traced, traced_std = theta_of(axis, frame)
+                theta[row], std[row] = traced[-1], traced_std[-1]
+            case LogSummary.MEAN:
+                index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
+                windows = theta_of(axis, frame)
+                unseen = systematic(method, A, f, index, windows[0], settings, noise)
+                theta[row], std[row] = mean_estimate(
+                    A, f, settings.gate.window_samples, index, *windows, unseen
+                )
+    return theta, std

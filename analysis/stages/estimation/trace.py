@@ -1,0 +1,124 @@
+"""Run the chosen estimators over the accepted windows."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from analysis.model.axes import Axis, axes, regressor, trace_columns
+from analysis.model.methods import METHODS, AxisNoise, Feed, Method
+from analysis.model.schema import build
+from analysis.model.settings import Settings
+from analysis.stages.gating.gate import settled_windows
+from analysis.stages.gating.segments import pooled_samples
+from analysis.stages.noise.column_noise import axis_noise, least_std, systematic
+from estimators.estimate import Floats, Ints, Trace
+
+
+def trace(
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    settings: Settings,
+    noise: pl.DataFrame | None = None,
+    begins: Sequence[int] = (),
+) -> dict[str, pl.DataFrame]:
+    """Estimate from every accepted window with every method of the settings.
+
+    Args:
+        excitation: the regressor.
+        gated: which windows are accepted.
+        settings: window, methods and their options.
+        noise: of the columns, where it is known.
+        begins: rows from which on the machine carries another load: recursions begin anew there.
+
+    Returns:
+        By method: its `estimates` frame, accepted rows only; `pooled` has a row a manoeuvre.
+    """
+    axes_traced = {
+        axis: _traces(axis, excitation, gated, settings, axis_noise(axis, settings, noise), begins)
+        for axis in axes(excitation)
+    }
+    t_ns = excitation["t_ns"].to_numpy()
+    return {
+        method: _frame({axis: traces[method] for axis, traces in axes_traced.items()}, t_ns)
+        for method in settings.trace.methods
+    }
+
+
+def _traces(
+    axis: Axis,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    settings: Settings,
+    noise: AxisNoise,
+    begins: Sequence[int],
+) -> dict[str, Trace]:
+    """Every method over one axis."""
+    A, f = regressor(axis, excitation, settings)
+    window = settings.gate.window_samples
+
+    @cache
+    def fed(feed: Feed) -> tuple[Any, ...]:
+        match feed:
+            case Feed.WINDOWS:
+                return window, gated[f"accepted_{axis.letter}"].to_numpy()
+            case Feed.SETTLED:
+                return window, settled_windows(excitation, gated, settings, axis)
+            case Feed.SEGMENTS:
+                return (pooled_samples(excitation, gated, settings, axis),)
+
+    traces: dict[str, Trace] = {}
+    for name in settings.trace.methods:
+        method = METHODS[name]
+        options = method.options(settings.trace, noise)
+        if method.feed is Feed.SETTLED and begins:
+            fed_by = (*fed(method.feed), options)
+            traced = _by_load(method, A, f, fed_by, begins)
+        else:
+            traced = method.estimator.trace(A, f, *fed(method.feed), options)
+        if method.feed is not Feed.SEGMENTS:
+            unseen = systematic(method, A, f, traced.index, traced.theta, settings, noise)
+            std = traced.std
+            if method.feed is Feed.WINDOWS:
+                std = np.maximum(std, least_std(A, f, window, traced.index, traced.theta, noise))
+            traced = replace(traced, std=np.hypot(std, unseen))
+        traces[name] = traced
+    return traces
+
+
+def _by_load(
+    method: Method,
+    A: Floats,
+    f: Floats,
+    fed: tuple[Any, ...],
+    begins: Sequence[int],
+) -> Trace:
+    """Run a recursion over each load by itself; no window reaches across a change."""
+    window, accepted, options = fed
+    bounds = [0, *begins, f.size]
+    parts: list[Trace] = []
+    for begin, end in pairwise(bounds):
+        inside = accepted[begin:end].copy()
+        inside[: window - 1] = False
+        traced = method.estimator.trace(A[begin:end], f[begin:end], window, inside, options)
+        parts.append(replace(traced, index=traced.index + begin))
+    fields = ("index", "theta", "std", "residual_rms", "condition")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in fields}
+    longest = max(parts, key=lambda part: part.index.size)
+    return replace(longest, **joined)
+
+
+def _frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
+    """One method's `estimates`: rows of all axes in order of time, each of one axis alone."""
+    parts = [
+        pl.DataFrame({"t_ns": t_ns[rows.index], **trace_columns(axis, rows)}).with_columns(
+            **({"axis": pl.lit(axis.letter, pl.String)} if len(traced) > 1 else {})
+        )
+        for axis, rows in traced.items()
+    ]
+    frame = pl.concat(parts, how="diagonal").sort("t_ns", maintain_order=True)
+    return build("estimates", frame.to_dict())

@@ -1,0 +1,1 @@
+"""Which windows and manoeuvres are informative enough to estimate from."""

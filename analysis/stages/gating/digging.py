@@ -1,0 +1,248 @@
+"""Starts against something that pushes back: a bucket driven into a pile.
+
+Their force does not only accelerate what is weighed, and the bucket fills while they last, so they
+are no estimates of a mass; together they would bend what all starts share. A resistance that is
+there from the beginning (soft ground, a slope without a pitch) is not meant: only one that grows.
+
+Hills, gears, springs and gravity make resistances grow as well. They make them fall as often, or
+grow whichever way the machine goes, and it drives on; a pile never pushes, lies before the bucket,
+and ends in a stand or a reverse. Machines without a bucket say `machine.digs = false`.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.axes import X, regressor
+from analysis.model.machine import Machine
+from analysis.model.schema import build
+from analysis.model.settings import Settings
+from analysis.stages.gating.gate import refused
+from analysis.stages.motion.phases import span_rows
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: A resistance that grows by this share of the force that the log drives with, over one start,
+_GROWS: Final = 0.2
+#: and by so many of its deviations, is no ground.
+SURELY: Final = 4.0
+#: It begins after one of these shares of the start.
+_MET_AFTER: Final = (0.0, 0.15, 0.3, 0.45, 0.6)
+#: What a signal reaches: this quantile of it.
+_REACHES: Final = 0.95
+#: Driving that pauses for less is one start.
+_MOMENT_S: Final = 0.25
+#: A machine that slows down is still driving against something while its force is above this share
+#: of what the log drives with; brakes come with the throttle shut.
+_STILL_DRIVES: Final = 0.4
+#: Who drives for longer is on the way somewhere.
+_LONGEST_S: Final = 15.0
+#: A start of fewer samples tells nothing,
+_FEWEST: Final = 60
+#: and one of less, in s, is a move of a moment: no bucket fills in it.
+_SHORTEST_S: Final = 1.2
+#: Only the machine's momentum lets a resistance grow by more than the force that the log drives
+#: with: the largest growth of a start that digs, as a share of that force. Piles that stop a fast
+#: machine reach 2.1.
+_GROWS_MOST: Final = 2.5
+#: For each start that may dig, so many whose resistance falls as surely, grows the other way, or
+#: after which the machine drives on: then resistances change by themselves, and none is a pile. In
+#: shifts with a pile there was not one such start; cars, carts, racks and arms have about one each.
+_CONTRADICTS: Final = 0.34
+#: The mass of machine and load is this times the empty machine's, within this share of it,
+_HEAVIER: Final = 1.1
+_MASS_WIDTH: Final = 0.15
+#: friction at full speed and a constant force within these shares of the driving force: friction
+#: may take nearly all of it.
+_FRICTION_WIDTH: Final = 1.0
+_CONSTANT_WIDTH: Final = 0.3
+#: Noise and what the model misses, as a share of that force, and the samples that it lasts.
+_MISFIT: Final = 0.015
+_LASTS: Final = 10.0
+
+
+def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
+    """Find the starts whose resistance grows: F = m·a + b·v + c + d·max(0, t - t₀) with d > 0.
+
+    A start goes on while the force still drives, though the pile slows the machine down.
+    Mass, friction and constant have wide priors about what the machine can be, so that a short
+    start with an even acceleration, which could be a heavy machine as well, is not taken for one.
+
+    Args:
+        excitation: force, regressor, speed, phases.
+        machine: empty mass, where it is known; settings.
+
+    Returns:
+        `digging`, a row a start that digs.
+    """
+    met = _met(excitation, machine) if machine.machine.digs else []
+    found = [each.row for each in _piles(met)]
+    names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
+    columns = zip(*found, strict=True) if found else ([],) * len(names)
+    return build("digging", {n: pl.Series(list(c)) for n, c in zip(names, columns, strict=True)})
+
+
+@dataclass(frozen=True, slots=True)
+class _Met:
+    """A start whose resistance surely changes.
+
+    Attributes:
+        row: of `digging`: its first and last sample, in ns, the growth and its deviation, in N.
+        way: 1 ahead, -1 back.
+        stops: whether a stand, a reverse or the end of the log follows before it drives on.
+    """
+
+    row: tuple[int, int, float, float]
+    way: int
+    stops: bool
+
+
+def _met(excitation: pl.DataFrame, machine: Machine) -> list[_Met]:
+    """The starts whose resistance surely grows or falls by what may be a pile's size, in time."""
+    A, force = regressor(X, excitation, machine.settings)
+    acceleration, speed = A[:, 0], A[:, 1]
+    driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
+    slowing = (excitation["phase"] == "braking").fill_null(False).to_numpy()
+    whole = np.isfinite(A).all(axis=1) & np.isfinite(force)
+    driving &= whole
+    t_ns = excitation["t_ns"].to_numpy()
+    found: list[_Met] = []
+    # a force that reads zero throughout digs nowhere
+    if np.count_nonzero(driving) >= _FEWEST and (largest_N := _largest(force[driving])) > 0.0:
+        fastest = _largest(speed[driving])
+        against = slowing & whole & (np.sign(speed) * force > _STILL_DRIVES * largest_N)
+        mass_kg = machine.machine.empty_mass_kg or largest_N / max(
+            _largest(acceleration[driving]), 1e-3
+        )
+        widths = np.array(
+            [
+                _MASS_WIDTH * mass_kg,
+                _FRICTION_WIDTH * largest_N / max(fastest, 1e-3),
+                _CONSTANT_WIDTH * largest_N,
+            ]
+        )
+        drives = driving | against
+        # nor does a hole tell that it drives on
+        stood = np.abs(speed) <= machine.settings.phases.standstill_speed_m_s
+        stands = (stood | np.isnan(speed)) & ~drives
+        ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
+        goes_on = np.flatnonzero(drives)
+        for rows in _starts(drives, speed, machine.settings):
+            way = int(np.sign(np.mean(speed[rows])))
+            grown_N, std_N = _growth(
+                np.column_stack([way * acceleration[rows], way * speed[rows]]),
+                way * force[rows],
+                (t_ns[rows] - t_ns[rows[0]]) / max(t_ns[rows[-1]] - t_ns[rows[0]], 1),
+                _HEAVIER * mass_kg,
+                widths,
+                _MISFIT * largest_N,
+            )
+            least_N = max(_GROWS * largest_N, SURELY * std_N)
+            if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
+                row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
+                stops = _next(ends[way], int(rows[-1])) <= _next(goes_on, int(rows[-1]))
+                found.append(_Met(row, way, stops))
+    return found
+
+
+def _piles(met: list[_Met]) -> list[_Met]:
+    """Those that are driven into a pile; none where the log's resistances change by themselves."""
+    grows = [each for each in met if each.row[2] > 0.0]
+    # the bucket is where most of them go: a log may have its signs turned round
+    bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1
+    piles = [each for each in grows if each.way == bucket and each.stops]
+    # backwards out of a pile, what holds the bucket lets go
+    let_go = sum(each.way != bucket and each.row[2] < 0.0 for each in met)
+    against = len(met) - len(piles) - let_go
+    return piles if against < _CONTRADICTS * len(piles) else []
+
+
+def _next(rows: Ints, after: int) -> float:
+    """The first of these rows after one; infinite where there is none."""
+    place = int(np.searchsorted(rows, after, "right"))
+    return float(rows[place]) if place < rows.size else np.inf
+
+
+def without_digging(
+    gated: pl.DataFrame, excitation: pl.DataFrame, digs: pl.DataFrame, machine: Machine
+) -> pl.DataFrame:
+    """The gate with the windows refused that hold a sample of a start that digs.
+
+    Args:
+        gated: which windows are accepted.
+        excitation: the phases.
+        digs: `digging`.
+        machine: its settings.
+    """
+    if digs.is_empty():
+        return gated
+    # the phase sees a start late, and its end
+    dug = _dug(excitation["t_ns"].to_numpy(), digs, span_rows(machine.settings))
+    return refused(gated, dug, "digging", machine.settings)
+
+
+def with_digs(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
+    """The grid with `digs`, whether each sample is of a start that digs."""
+    return aligned.with_columns(digs=pl.Series(_dug(aligned["t_ns"].to_numpy(), digs)))
+
+
+def _dug(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
+    """Which samples are of a start that digs, or so many beside one, (n,)."""
+    dug = np.zeros(t_ns.size, np.bool_)
+    for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():
+        first, last = np.searchsorted(t_ns, [start, end])
+        dug[max(first - margin, 0) : last + margin + 1] = True
+    return dug
+
+
+def _largest(values: Floats) -> float:
+    """What the values reach without their outliers."""
+    return float(np.quantile(np.abs(values), _REACHES))
+
+
+def _starts(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
+    """The rows of each stretch of driving one way, over holes of a moment, that is short enough."""
+    rows = np.flatnonzero(driving)
+    hole = max(1, round(_MOMENT_S * settings.align.rate_hz))
+    turns = np.diff(np.sign(speed[rows])) != 0
+    parts = np.split(rows, np.flatnonzero((np.diff(rows) > hole) | turns) + 1)
+    longest = round(_LONGEST_S * settings.align.rate_hz)
+    fewest = max(_FEWEST, round(_SHORTEST_S * settings.align.rate_hz))
+    return [part for part in parts if fewest <= part.size <= longest]
+
+
+def _growth(
+    motion: Floats, force: Floats, progress: Floats, mean_kg: float, widths: Floats, noise_N: float
+) -> tuple[float, float]:
+    """The growth of the resistance over a start, and its deviation, in N.
+
+    Of the moments from which it may grow, the likeliest.
+
+    Args:
+        motion: (samples, 2) acceleration and speed.
+        force: (samples,).
+        progress: (samples,) 0 where the start begins, 1 where it ends.
+        mean_kg: of the prior of the mass.
+        widths: (3,) of the priors of mass, viscous friction and constant.
+        noise_N: standard deviation of the force about the model.
+    """
+    weight = 1.0 / (noise_N**2 * _LASTS)
+    known = np.append(widths**-2.0, 0.0)
+    likeliest, growth, variance = -np.inf, 0.0, np.inf
+    for met in _MET_AFTER:
+        ramp = np.maximum(progress - met, 0.0) / (1.0 - met)
+        design = np.column_stack([motion, np.ones(force.size), ramp])
+        information = weight * design.T @ design + np.diag(known)
+        right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])
+        covariance = np.linalg.inv(information)
+        # the sum of squares that this ramp leaves is less by as much
+        taken = float(right @ covariance @ right)
+        if taken > likeliest:
+            likeliest, growth = taken, float(covariance[3] @ right)
+            variance = float(covariance[3, 3])
+    return growth, float(np.sqrt(variance))

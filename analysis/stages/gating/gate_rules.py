@@ -1,0 +1,159 @@
+"""The rules of the gate, one for the windows of a log and for the window that ends now.
+
+Everything is an array over windows or rows; on board, an array of one.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.axes import Axis, X
+from analysis.model.schema import PHASES
+from analysis.model.settings import GateSettings
+from analysis.stages.motion.labels import first_index
+from analysis.stages.motion.phases import TURNS
+from estimators.methods.ls import WindowStatistics
+from estimators.numerics.mutual_information import information_index
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Codes = NDArray[np.uint8]
+
+#: The code of a phase that is not known; the others are their places in `PHASES`.
+UNKNOWN: Final = 255
+_BRAKING, _STANDSTILL = PHASES.index("braking"), PHASES.index("standstill")
+
+
+def _codes_of(*phases: str) -> Bools:
+    """Which codes (256,) are of these phases."""
+    found = np.zeros(256, np.bool_)
+    found[[PHASES.index(name) for name in phases]] = True
+    return found
+
+
+_TURNING: Final = _codes_of(*TURNS)
+#: What a window of the z axis may hold: in place the machine spins or stands.
+_IN_PLACE: Final = _codes_of("spinning", "standstill")
+
+
+class Decision(NamedTuple):
+    """What the gate says of windows, (windows,) each, NaN where a number is missing.
+
+    Attributes:
+        corr: correlation of acceleration and force.
+        mi_nat: the index (11).
+        predicted_std: of the mass, or of the inertia.
+        noise_share: share of noise in what the acceleration alone explains.
+        ksg_nat: mutual information by nearest neighbours; None unless it decides.
+        reasons: the reasons that there are, in the order of precedence.
+        chosen: the place in `reasons` of each window's.
+    """
+
+    corr: Floats
+    mi_nat: Floats
+    predicted_std: Floats
+    noise_share: Floats
+    ksg_nat: Floats | None
+    reasons: tuple[str, ...]
+    chosen: Codes
+
+
+def row_flags(
+    axis: Axis, phase: Codes, force: Floats, brakes: Bools, slips: Bools, settings: GateSettings
+) -> dict[str, Bools]:
+    """What a window must not hold, row by row, in the order of precedence.
+
+    Args:
+        axis: straight motion or spins.
+        phase: (rows,) codes of the phase.
+        force: (rows,) force, or yaw torque.
+        brakes: (rows,) whether travel, or the spin, slows down.
+        slips: (rows,) whether the wheels slip.
+        settings: what is refused.
+
+    Returns:
+        By reason, (rows,) each. `standstill` flags what moves: it is the reason where no row does.
+    """
+    limit = settings.saturation_force_N if axis is X else settings.saturation_torque_z_N_m
+    # a mean of clipped samples is the limit but for rounding
+    clipped = np.abs(force) >= (np.inf if limit is None else limit * (1.0 - 1e-9))
+    braking = brakes if settings.exclude_braking else np.zeros_like(brakes)
+    moving = phase != _STANDSTILL
+    if axis is X:
+        turning = _TURNING[phase]
+        return {
+            "saturated": clipped,
+            "turning": turning,
+            "braking": braking,
+            "standstill": moving,
+            "slip": slips,
+        }
+    travels = ~_IN_PLACE[phase]
+    return {
+        "saturated": clipped,
+        "translating": travels,
+        "braking": braking,
+        "standstill": moving,
+    }
+
+
+def is_braking(phase: Codes) -> Bools:
+    """Whether each row brakes, by its phase."""
+    return phase == _BRAKING
+
+
+def decide(
+    axis: Axis,
+    statistics: WindowStatistics,
+    warming_up: Bools,
+    holds: Mapping[str, Bools],
+    nearest: Callable[[Ints], Floats],
+    settings: GateSettings,
+) -> Decision:
+    """Decide about windows.
+
+    Args:
+        axis: straight motion or spins.
+        statistics: of each window, NaN where it misses a sample.
+        warming_up: (windows,) whether the log has had no whole window yet.
+        holds: whether each window holds a row flagged `gap` or as in `row_flags`, in that order.
+        nearest: computes the mutual information of some windows by nearest neighbours, in nat.
+        settings: the index and its threshold.
+    """
+    rho, spread, predicted_std, condition, _, noise_share = statistics
+    index = information_index(rho)
+    refusals = {
+        "warming_up": warming_up,
+        **{why: ~held if why == "standstill" else held for why, held in holds.items()},
+        "no_variance": np.isnan(rho),
+        "negative_dependence": rho < 0,
+    }
+    ksg = None
+    match settings.index:
+        case "information":
+            poor = index < settings.threshold_nat
+        case "variance":
+            std_max = settings.threshold_std_kg if axis is X else settings.threshold_std_kg_m2
+            poor = ~(predicted_std <= std_max)
+        case "ksg":
+            # costly, so only where nothing else refuses the window
+            left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
+            ksg = np.full(rho.size, np.nan)
+            if left.size:
+                ksg[left] = nearest(left)
+            poor = ~(ksg >= settings.threshold_nat)
+    refusals["low_information"] = poor
+    refusals["noise_limited"] = noise_share > settings.noise_share_max
+    refusals["ill_conditioned"] = ~(condition <= settings.condition_max)
+    return Decision(
+        corr=np.where(spread > 0, rho, np.nan),
+        mi_nat=index,
+        predicted_std=predicted_std,
+        noise_share=noise_share,
+        ksg_nat=ksg,
+        reasons=(*refusals, "accepted"),
+        chosen=first_index(list(refusals.values())),
+    )

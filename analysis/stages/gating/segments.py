@@ -1,0 +1,128 @@
+"""Manoeuvres: stretches that a window may lie in, and what each says when pooled."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.axes import Axis, X, Z, axes, regressor, trace_columns
+from analysis.model.methods import METHODS
+from analysis.model.schema import PHASE, REASON, build
+from analysis.model.settings import Settings
+from analysis.stages.gating.gate import accepted_samples
+from analysis.stages.motion.phases import TURNS
+from analysis.stages.noise.column_noise import axis_noise
+
+Ints = NDArray[np.int64]
+
+#: A straight manoeuvre is named after the first of these that it contains.
+_TELLING = ("accelerating", "braking", "cruising", "standstill")
+
+
+def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
+    """Number the manoeuvres, (rows,), -1 where a sample is missing.
+
+    Straight driving from a standstill or the end of braking to the next braking, turn or gap is
+    one manoeuvre; a stretch of braking (unless braking counts as driving), of spinning, of an arc
+    or of turning is one each.
+    """
+    phase = excitation["phase"]
+    alone = (*TURNS, *(("braking",) if settings.gate.exclude_braking else ()))
+    known = phase.is_not_null().to_numpy()
+    kinds = np.array([1 + alone.index(name) if name in alone else 0 for name in PHASE.categories])
+    kind = kinds.astype(np.int8)[phase.cast(PHASE).to_physical().fill_null(0).to_numpy()]
+    kind = np.where(known, kind, np.int8(-1))
+    begins = np.append(True, np.diff(kind) != 0)[: kind.size] & known
+    return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
+
+
+def pooled_samples(
+    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
+) -> Ints:
+    """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
+    used = accepted_samples(excitation, gated, settings, axis)
+    return np.where(used, manoeuvres(excitation, settings), -1)
+
+
+def segments(
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    settings: Settings,
+    noise: pl.DataFrame | None = None,
+) -> pl.DataFrame:
+    """Make `segments`: a row a manoeuvre with its pooled estimate, or the reason for none.
+
+    Args:
+        excitation: the regressor and the phases.
+        gated: which windows are accepted.
+        settings: window, what is refused.
+        noise: of the columns, where it is known.
+    """
+    turns = TURNS if Z not in axes(excitation) else ("arc", "turning")
+    refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
+    if settings.gate.exclude_braking:
+        refused_for["braking"] = "braking"
+    segment_id = manoeuvres(excitation, settings)
+    used = np.zeros(segment_id.size, np.bool_)
+    parts: list[pl.DataFrame] = []
+    for axis in axes(excitation):
+        pooled_ids = pooled_samples(excitation, gated, settings, axis)
+        used |= pooled_ids >= 0
+        A, f = regressor(axis, excitation, settings)
+        method = METHODS["pooled"]
+        options = method.options(settings.trace, axis_noise(axis, settings, noise))
+        traced = method.estimator.trace(A, f, pooled_ids, options)
+        parts.append(
+            pl.DataFrame(
+                {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},
+                schema_overrides={"segment_id": pl.Int64},
+            )
+        )
+    # no manoeuvre is pooled on two axes: x takes none that turns, z none that does not
+    estimates = pl.concat(parts, how="diagonal")
+    spinning = pl.col("phase") == "spinning"
+    table = (
+        pl.DataFrame(
+            {
+                "segment_id": segment_id,
+                "t_ns": excitation["t_ns"],
+                "phase": excitation["phase"].cast(pl.String),
+                "used": used,
+                "reason": gated["reason_x"].cast(pl.String),
+            }
+        )
+        .with_columns(
+            # a spin is judged on the yaw axis where there is one
+            pl.when(spinning).then(gated["reason_z"].cast(pl.String)).otherwise("reason")
+            if Z in axes(excitation)
+            else "reason"
+        )
+        .filter(pl.col("segment_id") >= 0)
+        .group_by("segment_id", maintain_order=True)
+        .agg(
+            pl.col("t_ns").first().alias("start_t_ns"),
+            pl.col("t_ns").last().alias("end_t_ns"),
+            pl.coalesce(
+                *(pl.when((pl.col("phase") == p).any()).then(pl.lit(p)) for p in _TELLING),
+                pl.col("phase").first(),
+            )
+            .first()
+            .alias("phase"),
+            pl.len().alias("samples"),
+            pl.col("used").sum().alias("samples_accepted"),
+            pl.when(pl.col("used").any())
+            .then(pl.lit("accepted"))
+            .otherwise(pl.col("reason").mode(maintain_order=True).first())
+            .first()
+            .alias("reason"),
+        )
+        .with_columns(
+            # a stretch that is refused for what it is says so
+            pl.when(pl.col("samples_accepted") > 0)
+            .then("reason")
+            .otherwise(pl.col("phase").replace_strict(refused_for, default=pl.col("reason")))
+            .cast(REASON),
+            pl.col("phase").cast(PHASE),
+        )
+        .join(estimates, on="segment_id", how="left", maintain_order="left")
+    )
+    return build("segments", table.to_dict())

@@ -1,0 +1,1 @@
+"""Force, acceleration and phase of the smoothed motion."""

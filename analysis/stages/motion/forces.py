@@ -1,0 +1,95 @@
+"""Force, torque and regressor acceleration from the smoothed motion: (17), (18), (4)."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.axes import YAW_COLUMNS
+from analysis.model.machine import Body, Machine
+from analysis.model.schema import FRAMES, build, values
+from analysis.stages.motion.phases import phases, speed_rate
+
+Floats = NDArray[np.float64]
+
+
+def forces(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame:
+    """Make `excitation`: what the estimators are fed, and the phase of motion.
+
+    Args:
+        smoothed: `aligned` after the moving mean.
+        machine: wheel radius, track width, force share; which acceleration.
+
+    Returns:
+        `excitation`.
+    """
+    settings = machine.settings
+    speed = values(smoothed, "speed_x_m_s")
+    rate = speed_rate(speed, settings)
+    declared = {column.name for column in FRAMES["excitation"].columns}
+    columns: dict[str, NDArray[np.float64] | pl.Series] = {
+        name: smoothed[name] for name in smoothed.columns if name in declared
+    }
+    columns["force_x_N"] = longitudinal_force(smoothed, machine.machine)
+    torque = yaw_torque(smoothed, machine.machine)
+    if torque is not None:
+        columns["torque_z_N_m"] = torque
+    columns["regressor_acc_x_m_s2"] = regressor_acceleration(smoothed, machine)
+    if set(YAW_COLUMNS) <= set(columns):
+        columns["regressor_acc_y_m_s2"] = lateral_acceleration(smoothed, machine)
+    columns["speed_rate_x_m_s2"] = rate
+    columns["phase"] = phases(smoothed, speed, rate, settings)
+    return build("excitation", columns)
+
+
+def longitudinal_force(smoothed: pl.DataFrame, body: Body) -> Floats:
+    """Equation (17), (rows,) in N: (τ_r + τ_l) / r over the share of the measured wheels."""
+    if "force_x_N" in smoothed.columns:
+        return values(smoothed, "force_x_N") / body.force_share
+    radius = float(body.wheel_radius_m or np.nan)
+    total = values(smoothed, "torque_right_N_m") + values(smoothed, "torque_left_N_m")
+    return total / radius / body.force_share
+
+
+def yaw_torque(smoothed: pl.DataFrame, body: Body) -> Floats | None:
+    """Equation (18), (rows,) in N·m: (τ_r - τ_l) / r · L/2 over the share; None when unknown."""
+    if "torque_z_N_m" in smoothed.columns:
+        return values(smoothed, "torque_z_N_m") / body.force_share
+    sides = {"torque_right_N_m", "torque_left_N_m"}
+    if body.wheel_radius_m is None or body.track_width_m is None:
+        return None
+    if not sides <= set(smoothed.columns):
+        return None
+    difference = values(smoothed, "torque_right_N_m") - values(smoothed, "torque_left_N_m")
+    return difference / body.wheel_radius_m * body.track_width_m / 2.0 / body.force_share
+
+
+def regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
+    """What multiplies the mass in (7), (rows,) in m/s².
+
+    Gravity moves to the left of (4): the accelerometer's specific force has it already, an
+    acceleration from the wheels needs + g·sin(pitch), pitch nose-up (flat ground where no pitch
+    is given).
+    """
+    if machine.settings.forces.acceleration == "specific_force":
+        return values(smoothed, "specific_force_x_m_s2")
+    acceleration = values(smoothed, "acc_x_m_s2")
+    if "pitch_rad" in smoothed.columns:
+        pitch = values(smoothed, "pitch_rad")
+        acceleration = acceleration + machine.machine.gravity_m_s2 * np.sin(pitch)
+    return acceleration
+
+
+def lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
+    """Specific force of the origin to the left, (rows,) in m/s².
+
+    The accelerometer's, where it is chosen and has that axis: it knows a skid-steer's sideways
+    slip. Otherwise ω v, which is right for wheels that do not slip, + g·sin(roll).
+    """
+    measured = "specific_force_y_m_s2" in smoothed.columns
+    if machine.settings.forces.acceleration == "specific_force" and measured:
+        return values(smoothed, "specific_force_y_m_s2")
+    acceleration = values(smoothed, "yaw_rate_rad_s") * values(smoothed, "speed_x_m_s")
+    if "roll_rad" in smoothed.columns:
+        roll = values(smoothed, "roll_rad")
+        acceleration = acceleration + machine.machine.gravity_m_s2 * np.sin(roll)
+    return acceleration

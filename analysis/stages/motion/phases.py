@@ -1,0 +1,130 @@
+"""The phase of motion, from v·dv/dt and the yaw rate; never from specific force.
+
+A slope of 5° alone puts 0.85 m/s² on the accelerometer, so it cannot tell braking from standing.
+"""
+
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.schema import PHASE, values
+from analysis.model.settings import Settings
+from analysis.stages.motion.labels import first_that_holds
+from analysis.stages.motion.smooth import trailing_mean
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: Over so long, in s, a stop takes off more speed than its noise; a cruise before it does not.
+_STOP_SPAN_S: Final = 1.0
+#: The phases in which the machine turns: straight motion has none of them.
+TURNS: Final = ("spinning", "arc", "turning")
+
+
+def speed_rate(speed: Floats, settings: Settings) -> Floats:
+    """The change of speed over the last `speed_rate_span_s`, (rows,) in m/s²; looks back only.
+
+    NaN where a sample of that span is missing: rows beside a hole may be hours apart.
+    """
+    span = min(span_rows(settings), speed.size)
+    rate = np.full(speed.size, np.nan)
+    rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.align.rate_hz / span
+    rate[np.isnan(trailing_mean(speed, span + 1))] = np.nan
+    return rate
+
+
+def beside_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
+    """An acceleration averaged over the span of the speed rate, so that both have one delay."""
+    return trailing_mean(acceleration, span_rows(settings))
+
+
+def span_rows(settings: Settings) -> int:
+    """Rows that the speed rate looks back."""
+    return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
+
+
+def pace(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floats:
+    """1 where v² grows, -1 where it falls, 0 where it is steady, (rows,); v may be a yaw rate.
+
+    v·dv/dt over the span is the change of v²/2: at a stop the sign of v alone would be noise.
+    Rates up to `steady` count as none.
+    """
+    changing = np.abs(rate) > steady
+    return np.where(changing, np.sign(_mean_over_span(speed, rate, settings) * rate), 0.0)
+
+
+def yaw_pace(yaw_rate: Floats, settings: Settings) -> Floats:
+    """Whether the turn speeds up (1), slows down (-1) or keeps its rate (0), (rows,)."""
+    rate = speed_rate(yaw_rate, settings)
+    return pace(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
+
+
+def stopping(speed: Floats, stands: Bools, noise_m_s: float, settings: Settings) -> Bools:
+    """The samples from which on the speed only falls until the machine stands, (n,).
+
+    Brakes that no sensor sees may stop a machine so gently that it counts as cruising: all along,
+    or for the last of a stop.
+
+    Args:
+        speed: (n,) in m/s.
+        stands: (n,) whether the machine stands.
+        noise_m_s: what noise does not change the speed by.
+        settings: the grid, and from when on a change of speed is braking.
+    """
+    phases = settings.phases
+    fall_m_s = max(noise_m_s, phases.steady_acc_m_s2 * phases.speed_rate_span_s)
+    size = np.nan_to_num(np.abs(speed))
+    span = max(1, round(_STOP_SPAN_S * settings.align.rate_hz))
+    found = np.zeros(speed.size, np.bool_)
+    ends = np.flatnonzero(stands & ~np.append(True, stands[:-1]))
+    begins = np.flatnonzero(~stands & np.append(True, stands[:-1]))
+    for begin, end in zip(begins, ends, strict=False):
+        fastest_from = np.maximum.accumulate(size[begin:end][::-1])[::-1]
+        before = np.append(np.full(span, fastest_from[0]), fastest_from)[: end - begin]
+        steady = (before <= fastest_from + fall_m_s) & (fastest_from > 2.0 * fall_m_s)
+        steady[: np.argmax(size[begin:end]) + 1] = True
+        found[begin + np.flatnonzero(steady)[-1] + 1 : end] = True
+    return found
+
+
+def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
+    return speed - rate * span_rows(settings) / settings.align.rate_hz / 2.0
+
+
+def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings) -> pl.Series:
+    """Classify every row; null where speed or its rate is not known.
+
+    Without a yaw rate the machine is taken to drive straight. Standing still means slow and
+    steady, so that a reversal passes through braking and accelerating without a stop.
+
+    Args:
+        smoothed: `aligned` after the moving mean.
+        speed: (rows,) its longitudinal speed in m/s.
+        rate: (rows,) the speed rate in m/s².
+        settings: the thresholds.
+
+    Returns:
+        (rows,) of the enum of phases.
+    """
+    yaw_rate = np.nan_to_num(values(smoothed, "yaw_rate_rad_s"))
+    # a derivative of the gyroscope is too noisy by itself to tell a steady arc
+    yaw_acc = beside_speed_rate(values(smoothed, "yaw_acc_rad_s2"), settings)
+    if "yaw_acc_rad_s2" not in smoothed.columns:
+        yaw_acc = speed_rate(yaw_rate, settings)
+    mean_speed = _mean_over_span(speed, rate, settings)
+    turning = np.abs(yaw_rate) > settings.phases.turning_rate_rad_s
+    slow = np.abs(speed) < settings.phases.standstill_speed_m_s
+    steady = np.abs(rate) <= settings.phases.steady_acc_m_s2
+    steady_turn = steady & (np.abs(yaw_acc) <= settings.phases.steady_yaw_acc_rad_s2)
+    conditions = {
+        None: np.isnan(speed) | np.isnan(rate),
+        "spinning": turning & slow,
+        "arc": turning & steady_turn,
+        "turning": turning,
+        "standstill": slow & steady,
+        "cruising": steady,
+        "accelerating": mean_speed * rate > 0,
+    }
+    return first_that_holds(conditions, "braking", PHASE).alias("phase")

@@ -1,0 +1,41 @@
+"""The trailing moving mean of the paper (10 samples), alike on every column."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.schema import build, values
+from analysis.model.settings import SmoothSettings
+
+
+def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
+    """Average each sample with the ones before it, `samples` in all.
+
+    The mean never reaches across a gap: a row is null until its whole mean lies in one gap-free
+    stretch. Every column is averaged alike, the Coulomb sign included, since a column filtered
+    otherwise than the force biases the mass.
+
+    Args:
+        aligned: the grid.
+        settings: `samples`.
+
+    Returns:
+        The same columns, gap rows null.
+    """
+    gap = aligned["gap"].to_numpy()
+    columns: dict[str, NDArray[np.float64]] = {}
+    for name in aligned.columns:
+        if name in ("t_ns", "gap"):
+            continue
+        x = np.where(gap, np.nan, values(aligned, name))
+        columns[name] = trailing_mean(x, settings.samples)
+    return build("aligned", {"t_ns": aligned["t_ns"], **columns, "gap": aligned["gap"]})
+
+
+def trailing_mean(x: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+    """Mean of each sample and the `samples` - 1 before it; NaN where any of them is."""
+    # each output is its own sum: a running sum would carry a NaN, and rounding, to the end
+    total = np.convolve(x, np.ones(samples))[: x.size] if x.size else x
+    mean = total / samples
+    mean[: samples - 1] = np.nan
+    return mean

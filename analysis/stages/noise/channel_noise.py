@@ -1,0 +1,356 @@
+"""The noise of every column of the equations, from the log: at standstill, and while it moves.
+
+At standstill nothing but noise happens, so its covariances are seen whole. While the machine moves,
+vibration adds to it, and only fast changes are noise for certain: where their power exceeds that at
+standstill, the noise is larger by that. A column that reads exactly one value at standstill (a
+quantised speed) has its noise from fast changes alone; slow ones, which the motion hides, follow
+from what was done to the channel: white noise stays level, a derivative's falls towards 0 Hz.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.axes import YAW_COLUMNS
+from analysis.model.machine import Machine
+from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
+from analysis.model.settings import NoiseSettings
+from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
+from analysis.stages.noise.column_response import ColumnResponse, responses
+from analysis.stages.noise.grid_noise import hidden, own_noise
+from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, bound
+from analysis.stages.noise.noise_spectra import (
+    LAGS,
+    Bools,
+    Floats,
+    Ints,
+    block_ends,
+    block_power,
+    covariances,
+    covariances_of,
+    fast_band,
+    frequencies,
+    neighbours_mean,
+    pieces,
+    quantisation,
+    quantum,
+    settled,
+    spectra_of,
+    spectrum_frequencies,
+    stretches,
+)
+from analysis.stages.signals.mounting import Series
+
+#: What is said of a source that is not the usual one.
+_INSTEAD: Final[Mapping[str, str]] = {
+    "samples": "the grid does not show it, so the channels' own samples tell it, through what is "
+    "done to them",
+    RESIDUALS: "its fast changes are motion too, so it is what force and motion leave over at most",
+    SPREAD: "its fast changes are more than it varies by, so it is taken for noise alone",
+}
+
+#: The machine rocks after it has stopped, and its torque rises before it starts.
+_AFTER_STOP_S: Final = 0.6
+_BEFORE_START_S: Final = 0.3
+#: A ratio of two powers exceeds 1 when it does by so many of its standard errors.
+_MORE: Final = 3.0
+#: A variance below the square of this share of a column's range is rounding.
+_ROUNDING: Final = 1e-9
+#: Below this share of the largest power a spectrum is a filter's stop band.
+_STOPPED: Final = 1e-3
+#: More stretches of standstill than this say nothing new.
+_MOST_STRETCHES: Final = 100
+#: A column that has at most so many values in a piece of standstill reads a constant.
+_FEW_VALUES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """The columns of one axis on the grid, and where to look.
+
+    Attributes:
+        x: (rows, columns), NaN where one is missing.
+        quiet: stretches of standstill, away from stops and starts.
+        moving: (rows,) the samples in motion.
+        still_blocks: ends of blocks in `quiet`.
+        moving_blocks: ends of blocks in motion.
+        every_block: ends of blocks of any samples.
+        rate_hz: of the grid.
+    """
+
+    x: Floats
+    quiet: list[tuple[int, int]]
+    moving: Bools
+    still_blocks: Ints
+    moving_blocks: Ints
+    every_block: Ints
+    rate_hz: float
+
+    @property
+    def fast(self) -> float:
+        """The lowest frequency at which all is noise, over the rate."""
+        return fast_band(self.rate_hz)[0]
+
+    @property
+    def top(self) -> float:
+        """The top of the band above that which tells how much there is below it."""
+        return fast_band(self.rate_hz)[1]
+
+
+def channel_noise(
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+    machine: Machine,
+    read: Mapping[str, Series] | None = None,
+) -> pl.DataFrame:
+    """Estimate the noise of the columns of each axis, on the grid before the moving mean.
+
+    Args:
+        aligned: the grid.
+        excitation: the phases.
+        machine: how the columns are made; settings of the noise override the log.
+        read: by channel, as it was measured: tells what the grid does not show; None: the grid
+            shows all there is to see.
+
+    Returns:
+        `noise`: a row a pair of columns and lag.
+    """
+    rate_hz = machine.settings.align.rate_hz
+    gap = aligned["gap"].to_numpy()
+    columns = _columns(aligned, machine)
+    phase = excitation["phase"]
+    stands = (phase == "standstill").fill_null(False).to_numpy()
+    moves = phase.is_not_null().to_numpy() & ~stands
+    tables: list[pl.DataFrame] = []
+    for declared in NOISE_COLUMNS.values():
+        axis = {name: setting for name, setting in declared.items() if name in columns}
+        if not axis:
+            continue
+        x = np.column_stack([columns[name] for name in axis])
+        known = np.isfinite(x).all(axis=1) & ~gap
+        samples = _samples(x, stands & known, moves & known, known, rate_hz)
+        made = responses(tuple(axis), machine)
+        found, sources = _noise(samples, made)
+        if read is not None:
+            _from_samples(found, sources, tuple(axis), machine, read)
+        bound(found, sources, x, samples.moving, [each.derivative_of for each in made])
+        _override(found, sources, axis, machine.settings.noise)
+        tables.append(_table(tuple(axis), found, sources))
+    return build("noise", pl.concat(tables).to_dict())
+
+
+def notes(noise: pl.DataFrame) -> list[str]:
+    """Say which columns' noise the grid does not show, and what tells it instead.
+
+    Args:
+        noise: as `channel_noise` makes it.
+    """
+    own = noise.filter((pl.col("first") == pl.col("second")) & (pl.col("lag") == 0))
+    said: list[str] = []
+    for source, why in _INSTEAD.items():
+        names = own.filter(pl.col("source") == source)["first"].to_list()
+        if names:
+            said.append(f"noise of {', '.join(names)}: {why}")
+    return said
+
+
+def _from_samples(
+    found: Floats,
+    sources: list[str],
+    names: tuple[str, ...],
+    machine: Machine,
+    read: Mapping[str, Series],
+) -> None:
+    """Put what the channels' own samples tell where the grid does not show it."""
+    beyond = [source == "differences" for source in sources]
+    unseen = np.array(hidden([_channels(name, machine) for name in names], machine, read)) & beyond
+    if not unseen.any():
+        return
+
+    def of_grid(aligned: pl.DataFrame) -> Floats:
+        columns = _columns(aligned, machine)
+        x = np.column_stack([columns[name] for name in names])
+        return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
+
+    told = own_noise(read, machine, of_grid)
+    if told is None:
+        return
+    for column in np.flatnonzero(unseen):
+        found[column, :] = np.where(unseen[:, None], told[column, :], 0.0)
+        found[:, column] = np.where(unseen[:, None], told[:, column], 0.0)
+        sources[column] = "samples"
+
+
+def _channels(name: str, machine: Machine) -> tuple[str, ...]:
+    """The channels that a column of the equations is made of."""
+    if name == "regressor_acc_x_m_s2":
+        kinematic = machine.settings.forces.acceleration == "kinematic"
+        return ("acc_x_m_s2",) if kinematic else ("specific_force_x_m_s2",)
+    if name in machine.channels:
+        return (name,)
+    return ("torque_left_N_m", "torque_right_N_m")
+
+
+def _columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+    """The columns of all axes, (rows,) each."""
+    body = machine.machine
+    columns = {
+        "regressor_acc_x_m_s2": regressor_acceleration(aligned, machine),
+        "speed_x_m_s": values(aligned, "speed_x_m_s"),
+        "force_x_N": longitudinal_force(aligned, body),
+    }
+    torque = yaw_torque(aligned, body)
+    columns |= {} if torque is None else {"torque_z_N_m": torque}
+    return columns | {
+        name: values(aligned, name)
+        for name in YAW_COLUMNS
+        if name in aligned.columns and name not in columns
+    }
+
+
+def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float) -> _Samples:
+    after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
+    quiet = [(a + after, b - before) for a, b in stretches(stands) if b - before > a + after]
+    quiet = quiet[:: max(len(quiet) // _MOST_STRETCHES, 1)]
+    quiet = [settled(x, begin, end) for begin, end in quiet]
+    still = np.zeros(stands.size, np.bool_)
+    for begin, end in quiet:
+        still[begin:end] = True
+    return _Samples(
+        x=x,
+        quiet=quiet,
+        moving=moves,
+        still_blocks=block_ends(still),
+        moving_blocks=block_ends(moves),
+        every_block=block_ends(known),
+        rate_hz=rate_hz,
+    )
+
+
+def _noise(samples: _Samples, made: list[ColumnResponse]) -> tuple[Floats, list[str]]:
+    """Covariances (columns, columns, LAGS) and the source of each column's."""
+    p = samples.x.shape[1]
+    cut = pieces(samples.x, samples.quiet)
+    found = covariances(cut) if cut else np.zeros((p, p, LAGS))
+    live = [bool(cut) and _lives(samples, cut, column) for column in range(p)]
+    powers = [
+        block_power(samples.x[:, column], samples.moving_blocks, samples.fast)
+        for column in range(p)
+    ]
+    spectra = spectra_of(found)
+    for column in np.flatnonzero(~np.array(live)):
+        spectra[column, :] = 0.0
+        spectra[:, column] = 0.0
+    for column in range(p):
+        if not live[column]:
+            power = powers[column]
+            if power is None:
+                power = block_power(samples.x[:, column], samples.every_block, samples.fast)
+            if power is not None:
+                # one that mostly keeps its reading has the noise of rounding at least
+                level = _level(power[0], made[column], samples)
+                spectra[column, column] = np.maximum(level, _rounding(samples, column))
+    # what is differentiated, and its derivative, have one noise
+    at = spectrum_frequencies()
+    for column, how in enumerate(made):
+        of = how.derivative_of
+        if of >= 0 and not (live[column] and live[of]):
+            shared = np.sqrt(np.maximum(spectra[column, column] * spectra[of, of], 0.0))
+            slope = how.slope(at)
+            turn = slope / np.maximum(np.abs(slope), np.finfo(float).tiny)
+            spectra[of, column] = shared * turn
+            spectra[column, of] = shared * turn.conj()
+    for column in range(p):
+        step = quantum(samples.x[:, column], samples.moving)
+        coarse = step is not None and step**2 / 12.0 > covariances_of(spectra)[column, column, 0]
+        if step is not None and coarse:
+            own = quantisation(samples.x[:, column], samples.moving, step)[None, None]
+            spectra[column, column] = spectra_of(own)[0, 0]
+            live[column] = False
+    grown = [
+        _growth(samples, column, powers[column]) if live[column] else np.ones(at.size)
+        for column in range(p)
+    ]
+    for i in range(p):
+        for j in range(p):
+            spectra[i, j] *= np.sqrt(grown[i] * grown[j])
+    return covariances_of(spectra), ["standstill" if alive else "differences" for alive in live]
+
+
+def _rounding(samples: _Samples, column: int) -> float:
+    """The variance below which a column's changes are rounding."""
+    return (_ROUNDING * float(np.nanmax(np.abs(samples.x[:, column]), initial=0.0))) ** 2
+
+
+def _lives(samples: _Samples, cut: list[Floats], column: int) -> bool:
+    """Whether a column shows its noise at standstill: most pieces hold more than few values."""
+    least = _rounding(samples, column)
+    noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
+    many = [
+        np.unique(samples.x[begin : min(end, begin + LAGS), column]).size > _FEW_VALUES
+        for begin, end in samples.quiet
+        if end > begin
+    ]
+    return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
+
+
+def _level(power: Floats, made: ColumnResponse, samples: _Samples) -> Floats:
+    """Spectrum of a column from its fast changes (frequencies,), at `spectrum_frequencies`."""
+    at, wanted = frequencies(), spectrum_frequencies()
+    response = made.response(at)
+    fast = samples.fast
+    band = (at >= fast) & (at <= samples.top) & (response > 0.0)
+    level = float(np.mean(power[band] / response[band]))
+    seen = np.interp(wanted, at[1:], neighbours_mean(power, 1)[1:])
+    return np.where(wanted < fast, level * made.response(wanted), seen)
+
+
+def _growth(samples: _Samples, column: int, moving: tuple[Floats, int] | None) -> Floats:
+    """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
+    at, wanted = frequencies(), spectrum_frequencies()
+    resting = block_power(samples.x[:, column], samples.still_blocks, samples.fast)
+    if moving is None or resting is None:
+        return np.ones(wanted.size)
+    still = resting[0]
+    told = (at >= samples.fast) & (still > _STOPPED * np.nanmax(still))
+    ratio = np.where(told, moving[0] / np.where(told, still, 1.0), np.nan)
+    # half-overlapping blocks are worth three quarters; so are neighbouring frequencies two thirds
+    error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
+    band = told & (at <= samples.top)
+    below = float(np.median(ratio[band])) if band.any() else 1.0
+    below = below if below > 1.0 + _MORE * error * np.sqrt(1.5 / max(band.sum(), 1)) else 1.0
+    near = np.where(told, neighbours_mean(ratio, 2), 1.0)
+    near = np.where(near > 1.0 + _MORE * error * np.sqrt(1.5 / 5.0), near, 1.0)
+    return np.where(wanted < samples.fast, below, np.interp(wanted, at, near))
+
+
+def _override(
+    found: Floats, sources: list[str], axis: Mapping[str, str], settings: NoiseSettings
+) -> None:
+    """Put white noise where the settings give one."""
+    for column, name in enumerate(axis.values()):
+        std = getattr(settings, name)
+        if std is not None:
+            found[column, :] = 0.0
+            found[:, column] = 0.0
+            found[column, column, 0] = std**2
+            sources[column] = "setting"
+
+
+def _table(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
+    p = len(names)
+    rank = np.array([NOISE_SOURCES.index(source) for source in sources])
+    first, second, lag = (axis.ravel() for axis in np.indices((p, p, LAGS)))
+    return pl.DataFrame(
+        {
+            "first": np.array(names)[first],
+            "second": np.array(names)[second],
+            "lag": lag,
+            "covariance": found.ravel(),
+            # a pair is from the log where both are
+            "source": np.array(NOISE_SOURCES)[np.maximum(rank[first], rank[second])],
+        }
+    )

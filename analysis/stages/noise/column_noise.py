@@ -1,0 +1,187 @@
+"""What the noise of an axis' columns does to its estimates, and how much of that is uncertain."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.axes import Axis, Floats, X, Z
+from analysis.model.methods import AxisNoise, Method
+from analysis.model.schema import NOISE_COLUMNS
+from analysis.model.settings import NoiseSettings, Settings
+from estimators.estimate import Ints
+from estimators.methods.attenuation import DOUBT, window_attenuations
+from estimators.methods.ls import residual_noise, solve_windows
+from estimators.methods.tls import TlsOptions
+from estimators.numerics.small_systems import factor, invert
+
+#: Ratios for TLS where neither log nor settings tell the noise: what the paper's sensors have.
+_USUAL: Final[Mapping[str, TlsOptions]] = {
+    "x": TlsOptions((0.01, 0.005, 0.001), 60.0),
+    "z": TlsOptions((0.026, 0.001), 45.0),
+}
+#: Coulomb's sign is nearly exact.
+_SIGN: Final = 0.001
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnNoise:
+    """The noise of the columns of an axis and of its force or torque, before the moving mean.
+
+    Attributes:
+        names: of the p columns.
+        covariances: (p, p, lags) E[first(t) second(t + lag)], in the columns' units.
+    """
+
+    names: tuple[str, ...]
+    covariances: Floats
+
+    @classmethod
+    def of(
+        cls, axis: Axis, noise: pl.DataFrame | None, settings: NoiseSettings
+    ) -> "ColumnNoise | None":
+        """The noise of an axis by the frame `noise`, or white by settings that name all of it."""
+        columns = NOISE_COLUMNS[axis.letter]
+        names = tuple(columns)
+        if noise is not None:
+            # in the order of `NOISE_COLUMNS`, as the stage makes them
+            rows = noise.filter(pl.col("first").is_in(names))
+            names = tuple(rows["first"].unique(maintain_order=True))
+            covariances = rows["covariance"].to_numpy()
+            return cls(names, covariances.reshape(len(names), len(names), -1)) if names else None
+        std = [getattr(settings, name) for name in columns.values()]
+        if None in std:
+            return None
+        return cls(names, np.diag(np.square(std))[:, :, None].astype(float))
+
+    @property
+    def std(self) -> Floats:
+        """(p,) of one sample."""
+        return np.sqrt(np.maximum(np.diagonal(self.covariances[:, :, 0]), 0.0))
+
+    def covariance(self, samples: int) -> Floats:
+        """(p, p) of the trailing means of `samples`."""
+        lag = np.arange(self.covariances.shape[2])
+        pairs = np.maximum(samples - lag, 0) / samples**2
+        return _possible(self._summed(pairs))
+
+    def lasting(self) -> Floats:
+        """(p, p) that sums of many samples vary by, a sample: the power at 0 Hz."""
+        lags = self.covariances.shape[2]
+        return _possible(self._summed(1.0 - np.arange(lags) / lags))
+
+    def _summed(self, weights: Floats) -> Floats:
+        """The covariances of all lags, earlier and later, weighed by `weights` (lags,)."""
+        # summed without BLAS, whose last bits depend on its threads: on board they are the replay's
+        later = np.einsum("ijk,k->ij", self.covariances[:, :, 1:], weights[1:])
+        return self.covariances[:, :, 0] * weights[0] + later + later.T
+
+
+def _possible(covariance: Floats) -> Floats:
+    """The nearest covariance: what estimates of many lags add up to may be negative."""
+    scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    of_unit, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    if of_unit[0] >= 0.0:
+        return covariance
+    return (vectors * np.maximum(of_unit, 0.0)) @ vectors.T * np.outer(scale, scale)
+
+
+def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None) -> AxisNoise:
+    """Collect what the log and the settings say of the noise of an axis.
+
+    Args:
+        axis: x or z.
+        settings: samples of the mean, noise.
+        noise: `noise` of the log; without it that of the settings counts, where they name all.
+    """
+    known = ColumnNoise.of(axis, noise, settings.noise)
+    usual = _with_settings(axis, settings.noise)
+    if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
+        return AxisNoise(usual, None, None)
+    mean, lasting = known.covariance(settings.smooth.samples), known.lasting()
+    std = np.sqrt(np.diagonal(mean))
+    *of_A, of_f = (float(each) for each in std)
+    if axis is X:
+        of_A.append(_SIGN / np.sqrt(settings.smooth.samples))
+    if axis is X and settings.forces.coulomb:
+        mean, lasting = (
+            np.insert(np.insert(each, 2, 0.0, 0), 2, 0.0, 1) for each in (mean, lasting)
+        )
+    # a column without any noise has no scale
+    ratios = TlsOptions(tuple(of_A), of_f) if (std > 0.0).all() else usual
+    return AxisNoise(ratios, mean, lasting)
+
+
+def _with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
+    """The usual ratios, with what the settings give."""
+    usual = _USUAL[axis.letter]
+    given = [getattr(settings, name) for name in NOISE_COLUMNS[axis.letter].values()]
+    both = zip(given, (*usual.noise_A[:2], usual.noise_f), strict=True)
+    *of_A, of_f = (float(value or std) for value, std in both)
+    return TlsOptions((*of_A, *usual.noise_A[2:]), of_f)
+
+
+def mean_stds(settings: Settings, noise: pl.DataFrame | None = None) -> dict[str, float]:
+    """Noise of each column after the moving mean, by its name; the usual where none is known."""
+    stds: dict[str, float] = {}
+    for axis in (X, Z):
+        usual = _with_settings(axis, settings.noise)
+        each = (*usual.noise_A[:2], usual.noise_f)
+        for name, std in zip(NOISE_COLUMNS[axis.letter], each, strict=True):
+            stds[name] = std / float(np.sqrt(settings.smooth.samples))
+        known = ColumnNoise.of(axis, noise, settings.noise)
+        if known is not None:
+            seen = np.sqrt(np.diagonal(known.covariance(settings.smooth.samples))).tolist()
+            told = dict(zip(known.names, seen, strict=True))
+            stds |= {name: std for name, std in told.items() if std > 0.0}
+    return stds
+
+
+def systematic(
+    method: Method,
+    A: Floats,
+    f: Floats,
+    index: Ints,
+    theta: Floats,
+    settings: Settings,
+    noise: AxisNoise,
+) -> Floats:
+    """Compute the errors of windows that their residuals do not show, (rows, p), signed.
+
+    The noise of the columns draws estimates towards zero. Methods that take the regressor for exact
+    keep that, so it counts whole; the others take it off by a noise that is known to about half.
+
+    Args:
+        method: a windowed or recursive one.
+        A: (n, p) regressor.
+        f: (n,) force or torque.
+        index: (rows,) last samples of the windows.
+        theta: (rows, p) their estimates.
+        settings: window.
+        noise: of the axis.
+    """
+    if noise.mean is None:
+        return np.zeros_like(theta)
+    drawn = window_attenuations(A, f, settings.gate.window_samples, index, theta, noise.mean)
+    return DOUBT * drawn if method.takes_noise_off else drawn
+
+
+def least_std(
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: AxisNoise
+) -> Floats:
+    """(rows, p) deviations of windows by the noise alone, 0 where it is not known.
+
+    The residuals of a window may be tiny where force is a function of speed, or by chance.
+    """
+    if noise.mean is None or noise.lasting is None:
+        return np.zeros_like(theta)
+    p = A.shape[1]
+    grams = np.ascontiguousarray(solve_windows(A, f, window, index).grams.T)
+    bread = invert(*factor(grams, p, p))
+    each = np.ascontiguousarray(theta.T)
+    # slow columns add up what lasts; no sample has less than its own
+    variance = np.maximum(residual_noise(each, noise.mean), residual_noise(each, noise.lasting))
+    return np.sqrt(np.array([bread[i, i] for i in range(p)]) * variance).T

@@ -1,0 +1,174 @@
+"""The noise of the grid's columns from that of the channels, before any filter.
+
+A low-pass may leave no band in which the grid shows noise alone; the channels' own samples have
+one. Their noise is taken for white, and goes through what is done to the channels: white noise in
+their place is filtered, differentiated and put onto the grid by the very stages that do it to them,
+and what comes out is looked at. No formula has to know of holes, jitter, means and lines between.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final
+
+import numpy as np
+import polars as pl
+from scipy.fft import next_fast_len
+
+from analysis.model.machine import Machine
+from analysis.stages.noise.noise_spectra import (
+    LAGS,
+    Floats,
+    Ints,
+    block_ends,
+    block_power,
+    fast_band,
+    frequencies,
+    quantum,
+)
+from analysis.stages.signals import filters, mounting, rates
+from analysis.stages.signals.align import align
+from analysis.stages.signals.derive import UNFILTERED, derive
+from analysis.stages.signals.grid_rate import PAPER_HZ
+from estimators.errors import DataError
+
+#: Rows of noise that covariances are taken from: sums over all lags are right to 5 %.
+_ROWS: Final = 65_536
+#: A short log is repeated, so often at most.
+_MOST_TIMES: Final = 64
+#: Begins the series of random numbers: a replay gives the same noise each time.
+_SEED: Final = 2026
+#: The filter of a column hides its noise where it leaves less of its power in the fast band.
+_SHOWS: Final = 0.01
+#: Rates that differ by less are one: a derivative taken at the other has the same response.
+_SAME_RATE: Final = 0.02
+#: The variance of second differences of white noise of variance 1.
+_SECOND_DIFFERENCES: Final = 6.0
+
+
+def hidden(
+    columns: list[tuple[str, ...]], machine: Machine, read: Mapping[str, mounting.Series]
+) -> list[bool]:
+    """Whether the grid does not show the noise of columns as the stages left it.
+
+    Args:
+        columns: the channels that each is made of.
+        machine: what is made of what, filter and grid.
+        read: by channel, as it was measured.
+    """
+    rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
+    causal = machine.settings.filter.causal
+    own_hz = {name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in read.items()}
+    derived = any(channel.differentiates for channel in machine.channels.values())
+
+    def of(names: Iterable[str]) -> list[float]:
+        made_of = frozenset[str]().union(*(rates.sources(name, machine) for name in names))
+        return [own_hz[name] for name in made_of if name in own_hz]
+
+    found: list[bool] = []
+    for names in columns:
+        mine = of(names)
+        beside = of(
+            next((each for each in rates.regressors(machine) if each & {*names}), frozenset(names))
+        )
+        if not mine:
+            found.append(False)
+            continue
+        # taken at the slowest one's stamps, averaged over its steps
+        mixed = min(beside) * filters.OTHER_RATE < min(max(beside), max(rate_hz, PAPER_HZ))
+        slow = min(beside) * filters.OTHER_RATE < (PAPER_HZ if derived else rate_hz)
+        filtered = derived and cutoff_hz < filters.HIGHEST_CUTOFF * min(mine)
+        top_hz = fast_band(rate_hz)[1] * rate_hz
+        left = filters.power_left(np.array(top_hz / cutoff_hz), causal=causal)
+        stopped = filtered and float(left) < _SHOWS
+        other = derived and abs(min(mine) / rate_hz - 1.0) > _SAME_RATE
+        found.append(mixed or slow or stopped or other)
+    return found
+
+
+def own_noise(
+    read: Mapping[str, mounting.Series],
+    machine: Machine,
+    columns: Callable[[pl.DataFrame], Floats],
+) -> Floats | None:
+    """Covariances (columns, columns, LAGS) that the channels' own noise has on the grid.
+
+    Args:
+        read: by channel, as it was measured.
+        machine: what is done to the channels.
+        columns: takes a grid to its (rows, columns).
+
+    Returns:
+        None where the log is too short to put anything on a grid.
+    """
+    settings = machine.settings.align
+    std = {
+        name: own_std(t, x, filters.longest_step_ns(t, settings))
+        for name, (t, x) in read.items()
+        if name not in UNFILTERED
+    }
+    longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
+    part = _repeated(_beginning(read, settings.rate_hz), settings.rate_hz, longest_ns)
+    rng = np.random.default_rng(_SEED)
+    noise = {
+        name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
+    }
+    try:
+        x = columns(align(derive(noise, machine)[0], machine)[0])
+    except DataError:
+        return None
+    sums, pairs = _sums(x)
+    return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
+
+
+def _beginning(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
+    """The stamps of as many rows as are looked at, from where all channels have begun."""
+    begin = max(int(t[0]) for t, _ in read.values())
+    end = begin + math.ceil(_ROWS / rate_hz * 1e9)
+    return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in read.items()}
+
+
+def _repeated(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float) -> dict[str, Ints]:
+    """Stamps of a short log, again and again behind a gap each, up to as many rows."""
+    last = max(int(t[-1]) for t in stamps.values())
+    lasts_ns = last - min(int(t[0]) for t in stamps.values())
+    every_ns = lasts_ns + math.ceil(2.0 * longest_ns)
+    room = 1 + (np.iinfo(np.int64).max - last) // max(every_ns, 1)
+    times = min(math.ceil(_ROWS / rate_hz * 1e9 / max(lasts_ns, 1)), _MOST_TIMES, room)
+    later_ns = np.arange(times) * every_ns
+    return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
+
+
+def _sums(x: Floats) -> tuple[Floats, Floats]:
+    """Sums of products (columns, columns, LAGS) by lag, and of how many pairs (LAGS,) they are."""
+    known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
+    x = np.where(known[:, None], x, 0.0)
+    # an offset of a derived channel is no noise
+    x = np.where(known[:, None], x - x.sum(axis=0) / max(int(known.sum()), 1), 0.0)
+    n = next_fast_len(len(x) + LAGS, real=True)
+    spectra = np.fft.rfft(x, n, axis=0)
+    cross = np.einsum("fi,fj->ijf", spectra.conj(), spectra)
+    seen = np.fft.rfft(known.astype(float), n)
+    sums = np.fft.irfft(cross, n)[:, :, :LAGS]
+    return sums, np.round(np.fft.irfft(np.abs(seen) ** 2, n)[:LAGS])
+
+
+def own_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
+    """Standard deviation of the white noise of a channel, from the fast changes of its samples.
+
+    Args:
+        t_ns: (n,) stamps.
+        x: (n,) samples.
+        longest_ns: a longer step is a gap.
+    """
+    whole = np.ones(t_ns.size, np.bool_)
+    whole[1:] = np.diff(t_ns) <= longest_ns
+    fast, top = fast_band(1e9 / filters.period_ns(t_ns))
+    power = block_power(x, block_ends(whole), fast)
+    if power is None:
+        second = np.diff(x, 2)[whole[1:-1] & whole[2:]]
+        variance = float((second**2).mean()) / _SECOND_DIFFERENCES if second.size else 0.0
+    else:
+        at = frequencies()
+        variance = float(power[0][(at >= fast) & (at <= top)].mean())
+    step = quantum(x, whole)
+    return float(np.sqrt(max(variance, 0.0 if step is None else step**2 / 12.0)))

@@ -1,0 +1,67 @@
+"""What a column's noise cannot be more than: its own spread, and what the equation leaves over."""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.stages.noise.noise_spectra import Bools, Floats
+
+#: An estimate is too large when it exceeds its limit by more than its own error.
+_EXCEEDS: Final = 1.25
+#: Fewer rows leave nothing over.
+_FEWEST_ROWS: Final = 20
+#: What a limit leaves to say of where the noise is from.
+RESIDUALS: Final = "residuals"
+SPREAD: Final = "spread"
+
+
+def limits(x: Floats, moves: Bools) -> tuple[Floats, Floats]:
+    """Largest standard deviation of each column's noise, (columns,) each.
+
+    Args:
+        x: (rows, columns) acceleration, speed and force, or of a turn; some may be missing.
+        moves: (rows,) the samples in motion.
+
+    Returns:
+        The spread of each column; and the residuals of force = m a + b v + c v|v| + d sign(v) + e
+        over the column's coefficient, infinite where there is none.
+    """
+    x = x[moves]
+    spread = x.std(axis=0) if len(x) else np.full(x.shape[1], np.inf)
+    left = np.full(x.shape[1], np.inf)
+    if x.shape[1] == 3 and len(x) > _FEWEST_ROWS:
+        a, v, force = x.T
+        A = np.column_stack([a, v, v * np.abs(v), np.sign(v), np.ones(v.size)])
+        theta = np.linalg.lstsq(A, force, rcond=None)[0]
+        residual = float(np.sqrt(((force - A @ theta) ** 2).sum() / (len(x) - A.shape[1])))
+        if theta[0] > 0.0:
+            left[0], left[2] = residual / theta[0], residual
+    return spread, left
+
+
+def bound(
+    found: Floats, sources: list[str], x: Floats, moves: Bools, derivative_of: list[int]
+) -> None:
+    """Take down what exceeds its limit, in place; a derivative goes with what it is taken of.
+
+    Args:
+        found: (columns, columns, LAGS) covariances.
+        sources: of each column; what standstill shows is seen whole, and stays.
+        x: (rows, columns).
+        moves: (rows,) the samples in motion.
+        derivative_of: the column that each is the derivative of, -1 for none.
+    """
+    spread, left = limits(x, moves)
+    std = np.sqrt(np.maximum(np.diagonal(found[:, :, 0]), 0.0))
+    for column, source in enumerate(sources):
+        limit = min(spread[column], left[column])
+        if source == "standstill" or not std[column] > _EXCEEDS * limit:
+            continue
+        share = limit / std[column]
+        for each in {column, derivative_of[column]} - {-1}:
+            if sources[each] == "standstill":
+                continue
+            found[each, :] *= share
+            found[:, each] *= share
+            std[each] *= share
+            sources[each] = SPREAD if spread[column] < left[column] else RESIDUALS

@@ -1,0 +1,271 @@
+"""Covariances and spectra of noise from stretches of samples, robust against what is no noise."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.windows import runs_of
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: Covariances are given for lags below this.
+LAGS: Final = 64
+#: A stretch is cut into pieces of at most this many samples, each with its own straight line.
+_PIECE: Final = 192
+#: Shorter stretches tell too little.
+_SHORTEST_PIECE: Final = 40
+#: More pieces and blocks than these say nothing new.
+_MOST_PIECES: Final = 100
+_MOST_BLOCKS: Final = 1000
+#: A mean of so many samples has left its level when it is so many median distances off.
+_SHORT_MEAN: Final = 10
+_AWAY: Final = 7.0
+_TRIMS: Final = 3
+#: A piece with this many times the median's variance holds an event (a bucket set down).
+_EVENT: Final = 4.0
+#: Samples of a block whose power at each frequency is looked at; every half of it one begins.
+_BLOCK: Final = 48
+#: A block with this many times the median's fast power holds a step.
+_STEP: Final = 2.0
+#: What it may have beyond that, over the number of blocks.
+_SCATTER: Final = 10.0
+#: Below this share of the largest power a spectrum is a filter's stop band.
+_STOPPED: Final = 1e-4
+#: Fewer blocks have no median worth the name.
+_FEWEST_BLOCKS: Final = 3
+#: Readings that are looked at for a step.
+_LOOKED_AT: Final = 4096
+#: A reading that occurs so often is a multiple of it, when so many samples are such.
+_OFTEN: Final = 3
+_MANY: Final = 0.3
+#: What a multiple may miss a whole number by.
+_WHOLE: Final = 1e-3
+#: Samples over which the slope of a quantised column is taken.
+_SPAN: Final = 10
+#: Faster changes than this are noise, not driving; at most this share of the rate.
+_FAST_HZ: Final = 10.0
+_FAST_SHARE: Final = 0.25
+#: Periods in a block below which white noise comes out too large: by half at one, a tenth at two.
+_LEAKS: Final = 3.0
+#: The band above that which tells how much there is below it, as a multiple.
+_BAND: Final = 2.5
+#: Lags that count as correlated where the power at zero frequency is asked for.
+_CORRELATED: Final = 24
+
+
+def fast_band(rate_hz: float) -> tuple[float, float]:
+    """Lowest frequency at which all is noise, and the top of the band above it, over the rate."""
+    # faster noise leaks into the lowest frequencies of a block
+    fast = min(max(_FAST_HZ / rate_hz, _LEAKS / _BLOCK), _FAST_SHARE)
+    return fast, min(_BAND * fast, 0.5)
+
+
+def stretches(of: Bools) -> list[tuple[int, int]]:
+    """First row and the row after the last of every run of True."""
+    first, last = runs_of(of)
+    return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
+
+
+def settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
+    """Trim a stretch to where no column's short mean has left its level yet, or no longer.
+
+    A slow start stands by its speed for up to a second.
+
+    Args:
+        x: (rows, columns), finite from `begin` to `end`.
+        begin: first row.
+        end: the row after the last.
+    """
+    for _ in range(_TRIMS):
+        if end - begin < _SHORTEST_PIECE:
+            break
+        sums = np.cumsum(x[begin:end] - x[begin], axis=0)
+        means = (sums[_SHORT_MEAN:] - sums[:-_SHORT_MEAN]) / _SHORT_MEAN
+        off = np.abs(means - np.median(means, axis=0))
+        usual = np.median(off, axis=0)
+        away = np.flatnonzero(((off > _AWAY * usual) & (usual > 0.0)).any(axis=1))
+        if away.size == 0:
+            break
+        middle = len(off) // 2
+        late = away[away >= middle]
+        last = end if late.size == 0 else begin + int(late[0])
+        early = away[away < middle]
+        first = begin if early.size == 0 else begin + int(early[-1]) + _SHORT_MEAN
+        begin, end = first, last
+    return begin, max(end, begin)
+
+
+def pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
+    """Cut stretches into pieces (n, columns), each less its own straight line; of many, some.
+
+    Args:
+        x: (rows, columns), finite in the stretches.
+        quiet: stretches in which nothing but noise happens.
+    """
+    cut: list[Floats] = []
+    long = [stretch for stretch in quiet if stretch[1] - stretch[0] >= _SHORTEST_PIECE]
+    pieces_in_all = sum(-(-(end - begin) // _PIECE) for begin, end in long)
+    for begin, end in long[:: max(pieces_in_all // _MOST_PIECES, 1)]:
+        parts = np.array_split(x[begin:end], -(-(end - begin) // _PIECE))
+        cut.extend(_without_line(part) for part in parts)
+    return cut[:: max(len(cut) // _MOST_PIECES, 1)]
+
+
+def _without_line(part: Floats) -> Floats:
+    ramp = np.linspace(-1.0, 1.0, len(part))[:, None]
+    level = part - part.mean(axis=0)
+    return level - ramp * ((ramp * level).sum(axis=0) / (ramp**2).sum())
+
+
+def covariances(cut: list[Floats]) -> Floats:
+    """E[x_i(t) x_j(t + lag)] over pieces without lines, (columns, columns, LAGS).
+
+    Pieces in which any column varies far more than usual are left out. What the straight lines took
+    with them, 2/n of the power at zero frequency, is put back.
+    """
+    power = np.array([(part**2).mean(axis=0) for part in cut])
+    usual = np.median(power, axis=0)
+    cut = [part for part, own in zip(cut, power, strict=True) if (own <= _EVENT * usual).all()]
+    if not cut:
+        return np.zeros((power.shape[1], power.shape[1], LAGS))
+    lengths = np.array([len(part) for part in cut])
+    padded = np.zeros((len(cut), cut[0].shape[1], _PIECE + LAGS))
+    for row, part in enumerate(cut):
+        padded[row, :, : len(part)] = part.T
+    spectra = np.fft.rfft(padded)
+    cross = np.einsum("kif,kjf->ijf", spectra.conj(), spectra)
+    sums = np.fft.irfft(cross, _PIECE + LAGS)[:, :, :LAGS]
+    pairs = np.maximum(lengths[:, None] - np.arange(LAGS), 0).sum(axis=0)
+    found = sums / np.maximum(pairs, 1)
+    lost = _power_at_zero(found) * (2.0 * len(cut) / lengths.sum())
+    return np.where(pairs > 0, found + lost[:, :, None], 0.0)
+
+
+def _power_at_zero(found: Floats) -> Floats:
+    """Sum of the covariances over all lags, tapered, (columns, columns), no variance negative."""
+    taper = 1.0 - np.arange(1, _CORRELATED) / _CORRELATED
+    later = found[:, :, 1:_CORRELATED] @ taper
+    total = found[:, :, 0] + later + later.T
+    own = np.sqrt(np.maximum(np.diag(total), 0.0))
+    limit = np.outer(own, own)
+    return np.clip(total, -limit, limit)
+
+
+def block_ends(of: Bools) -> Ints:
+    """The last rows of half-overlapping blocks that lie in runs of True; of many, some."""
+    rows = np.arange(of.size)
+    # the last row before the run
+    begun = np.maximum.accumulate(np.where(of, -1, rows))
+    run = rows - begun
+    length = _BLOCK + 2
+    ends = rows[of & (run >= length) & ((run - length) % (_BLOCK // 2) == 0)]
+    return ends[:: max(ends.size // _MOST_BLOCKS, 1)]
+
+
+def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None:
+    """Power of noise at `frequencies`, (frequencies,), and of how many blocks; None of too few.
+
+    Of second differences, so that what is smooth does not leak; divided by their response, so that
+    white noise of variance 1 has 1 everywhere (0 Hz is not told). Blocks with far more fast power
+    than most hold a throttle step or a stop, and are left out.
+
+    Args:
+        x: (rows,), finite in the blocks.
+        ends: `block_ends`.
+        fast: the lowest frequency, over the rate, at which a block is judged.
+    """
+    if ends.size < _FEWEST_BLOCKS:
+        return None
+    taper = np.hanning(_BLOCK + 2)[1:-1]
+    blocks = np.diff(np.lib.stride_tricks.sliding_window_view(x, _BLOCK + 2)[ends - _BLOCK - 1], 2)
+    power = np.abs(np.fft.rfft(blocks * taper)) ** 2 / (taper**2).sum()
+    usual = np.median(power, axis=0)
+    at = frequencies()
+    told = (at >= fast) & (usual > _STOPPED * usual.max())
+    if told.any():
+        ratio = (power[:, told] / usual[told]).mean(axis=1)
+        for _ in range(2):
+            # the power of one block scatters, and of a few their median does as well
+            keep = ratio <= (_STEP + _SCATTER / ratio.size) * np.median(ratio)
+            power, ratio = power[keep], ratio[keep]
+    mean = power.mean(axis=0)
+    mean[1:] /= (2.0 * np.sin(np.pi * at[1:])) ** 4
+    mean[0] = np.nan
+    return mean, len(power)
+
+
+def frequencies() -> Floats:
+    """The frequencies of `block_power`, over the rate."""
+    return np.arange(_BLOCK // 2 + 1) / _BLOCK
+
+
+def neighbours_mean(power: Floats, reach: int) -> Floats:
+    """Mean of each frequency and `reach` on either side, as far as there are any."""
+    kernel = np.ones(2 * reach + 1)
+    known = np.isfinite(power)
+    total = np.convolve(np.where(known, power, 0.0), kernel, "same")
+    return total / np.maximum(np.convolve(known.astype(float), kernel, "same"), 1.0)
+
+
+def spectra_of(found: Floats) -> NDArray[np.complex128]:
+    """Cross spectra of covariances (columns, columns, LAGS) at LAGS + 1 frequencies."""
+    both = np.zeros((*found.shape[:2], 2 * LAGS))
+    both[:, :, :LAGS] = found
+    # E[x_i(t) x_j(t - lag)] = E[x_j(t) x_i(t + lag)]
+    both[:, :, LAGS + 1 :] = found.transpose(1, 0, 2)[:, :, :0:-1]
+    return np.fft.rfft(both)
+
+
+def covariances_of(spectra: NDArray[np.complex128]) -> Floats:
+    """The covariances (columns, columns, LAGS) of cross spectra."""
+    return np.fft.irfft(spectra, 2 * LAGS)[:, :, :LAGS]
+
+
+def spectrum_frequencies() -> Floats:
+    """The frequencies of `spectra_of`, over the rate."""
+    return np.arange(LAGS + 1) / (2 * LAGS)
+
+
+def quantum(x: Floats, of: Bools) -> float | None:
+    """The step that a column's readings are multiples of, None where there is none to see.
+
+    Readings between two stamps are not; of those only multiples of the step occur again and again.
+    Where two rates keep step with each other some others do as well, but not twice in a row.
+    """
+    held = of.copy()
+    held[1:] &= x[1:] == x[:-1]
+    step = _step(x[held], int(of.sum()))
+    return _step(x[of], int(of.sum())) if step is None else step
+
+
+def _step(taken: Floats, of: int) -> float | None:
+    """What readings are multiples of that occur again and again among so many."""
+    every = max(taken.size // _LOOKED_AT, 1)
+    taken, of = taken[::every], of // every
+    reading, times = np.unique(taken, return_counts=True)
+    often = times >= _OFTEN
+    if often.sum() < 2 or times[often].sum() < _MANY * of:
+        return None
+    gaps = np.diff(reading[often])
+    step = float(gaps.min())
+    whole = gaps / step
+    return step if (np.abs(whole - np.round(whole)) < _WHOLE).all() else None
+
+
+def quantisation(x: Floats, of: Bools, step: float) -> Floats:
+    """Covariances (LAGS,) of the error of rounding to `step` while x changes as it does.
+
+    On a ramp the error is a sawtooth: of a variance step²/12, and a lag in which x changes by φ
+    steps has 1 - 6φ(1 - φ) of it.
+    """
+    span = _SPAN
+    rows = np.flatnonzero(of[span:] & of[:-span])
+    rows = rows[:: max(rows.size // _LOOKED_AT, 1)]
+    slopes = np.abs(x[rows + span] - x[rows]) / span
+    if slopes.size == 0:
+        slopes = np.zeros(1)
+    phase = np.mod(np.arange(LAGS)[:, None] * slopes / step, 1.0)
+    return step**2 / 12.0 * (1.0 - 6.0 * phase * (1.0 - phase)).mean(axis=1)

@@ -1,0 +1,1 @@
+"""From channels as read to one uniform grid."""

@@ -1,0 +1,342 @@
+"""Channels in SI units at their own rates: picked, scaled, filtered alike, derived."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import polars as pl
+
+from analysis.expressions.dimensions import in_si, told
+from analysis.expressions.parse import (
+    SLOPE,
+    Expression,
+    ExpressionError,
+    Name,
+    names,
+    slopes,
+)
+from analysis.expressions.values import NEAR_ZERO, evaluate
+from analysis.model.machine import BODY_NUMBERS, Channel, Machine
+from analysis.model.physical_units import registry, to_si, unit_behind
+from analysis.model.run_record import Loss
+from analysis.model.schema import CHANNEL_COLUMNS, HINTS
+from analysis.model.settings import AlignSettings, Settings
+from analysis.stages.signals import filters, mounting
+from estimators.errors import DataError, MachineError
+
+_SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
+#: Angles and places are not in the regressor, so they are not filtered with it.
+UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
+#: In SI units no channel of a machine comes near it: what does stands for no reading (a logger's
+#: largest float, say), and its powers would leave the range of numbers in every fit.
+_LARGEST_SI = 1e15
+#: and no sensor resolves this: what is smaller is 0, as its powers would be without saying so.
+_SMALLEST_SI = 1e-30
+
+
+def derive(
+    read: Mapping[str, mounting.Series], machine: Machine
+) -> tuple[dict[str, pl.DataFrame], list[str]]:
+    """Make every channel of the machine file from those that were measured.
+
+    Where any channel is differentiated, one zero-phase low-pass (causal by setting) is applied to
+    every force and motion channel alike, at its own rate, before any derivative is taken: a filter
+    on one regressor alone biases the mass. A rotated IMU's axes are turned into the machine's after
+    the filter and before any derivative.
+
+    Args:
+        read: by channel, as `measured` gives them.
+        machine: channels and settings.
+
+    Returns:
+        By channel, and `direction_x_1`: unix_ns and the channel's column; with `filter.causal`
+        known_ns as well, when that is known on board. And notes.
+    """
+    settings = machine.settings
+    notes: list[str] = []
+    filtering = any(channel.differentiates for channel in machine.channels.values())
+    picked = _low_passed(read, settings, notes) if filtering else dict(read)
+
+    series = mounting.to_machine_axes(picked, machine.machine.imu, settings.align)
+    for name in machine.derivation_order():
+        channel = machine.channels[name]
+        if channel.derivative_of:
+            t, x = series[channel.derivative_of]
+            longest_ns = filters.longest_step_ns(t, settings.align)
+            t, x = filters.derivative(t, x, longest_ns, causal=settings.filter.causal)
+        elif channel.mean_of:
+            first, second = channel.mean_of
+            t, x = _mean(series[first], series[second], settings.align)
+        elif channel.expression is not None:
+            t, x = _arithmetic(name, series, machine, notes)
+        else:
+            continue
+        series[name] = _filled(name, t, x * channel.scale + channel.offset)
+    # what arithmetic alone needed
+    series = {name: each for name, each in series.items() if name in _SI}
+    t, speed = series["speed_x_m_s"]
+    # the sign of a standing machine's noise is a regressor of pure noise
+    moves = np.abs(speed) > settings.forces.direction_deadband_m_s
+    series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
+    frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
+    if settings.filter.causal:
+        for name, known_ns in _known(read, picked, series, machine).items():
+            frames[name] = frames[name].with_columns(known_ns=known_ns)
+    return frames, notes
+
+
+def arithmetic(name: str, machine: Machine) -> Expression:
+    """The arithmetic that derives a channel, in SI units.
+
+    Raises:
+        MachineError: units that do not fit, with both sides.
+    """
+    tree = machine.channels[name].expression
+    assert tree is not None
+    try:
+        units = {each: unit_of(each) for each in names(tree)}
+        found, dimension = in_si(tree, units, registry())
+        _, wanted = in_si(Name(name), {name: unit_of(name)}, registry())
+    except (ExpressionError, MachineError) as error:
+        raise MachineError(f"channels.{name}: {error}") from None
+    if dimension != wanted:
+        raise MachineError(
+            f"channels.{name} is {told(wanted)}, '{machine.channels[name].derive}' is "
+            f"{told(dimension)}: multiply or divide by a constant with its unit in brackets, "
+            "as 0.35 [m]"
+        )
+    return found
+
+
+def unit_of(name: str) -> str:
+    """The unit of a channel or of a key of `[machine]`, which its name ends in.
+
+    Raises:
+        MachineError: it ends in none.
+    """
+    if name in _SI:
+        return "" if _SI[name] == "1" else _SI[name]
+    _, unit = unit_behind(name)
+    if unit is None and name not in BODY_NUMBERS and not name.endswith("_1"):
+        raise MachineError(
+            f"'{name}' does not end in its unit; call it {name}_A, or {name}_1 for a pure number"
+        )
+    return unit or ""
+
+
+def _arithmetic(
+    name: str, series: Mapping[str, mounting.Series], machine: Machine, notes: list[str]
+) -> mounting.Series:
+    """A channel from others, at the stamps of the slowest, the others on the line between theirs.
+
+    Samples that have no value are left out, as where a divisor is near zero.
+    """
+    tree, settings = arithmetic(name, machine), machine.settings
+    own = {each: series[each] for each in names(tree) if each not in BODY_NUMBERS}
+    for each in slopes(tree):
+        t, x = series[each]
+        longest_ns = filters.longest_step_ns(t, settings.align)
+        own[f"{SLOPE} {each}"] = filters.derivative(t, x, longest_ns, causal=settings.filter.causal)
+    at = max((t for t, _ in own.values()), key=lambda t: (filters.period_ns(t), -t.size))
+    values = {
+        each: filters.interpolate(t, x, at, filters.longest_step_ns(t, settings.align))
+        if not np.array_equal(t, at)
+        else x
+        for each, (t, x) in own.items()
+    }
+    for each in BODY_NUMBERS:
+        number = getattr(machine.machine, each)
+        values[each] = np.full(at.size, np.nan if number is None else number)
+    x, near_zero = evaluate(tree, values, at.size)
+    if near_zero:
+        notes.append(
+            f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly nothing (below "
+            f"{NEAR_ZERO:.0%} of the divisor's range): they are left out"
+        )
+    known = np.isfinite(x)
+    return at[known], x[known]
+
+
+def measured(
+    placed: Mapping[str, pl.DataFrame], machine: Machine
+) -> tuple[dict[str, mounting.Series], list[Loss]]:
+    """Read every channel that comes from a topic: SI units, finite, one sample a stamp.
+
+    Args:
+        placed: by topic: unix_ns and fields; the topic of a hint may be missing.
+        machine: channels.
+
+    Returns:
+        By channel: stamps and samples, before any filter. What was not finite, or no reading.
+    """
+    losses: list[Loss] = []
+    read: dict[str, mounting.Series] = {}
+    for name, channel in machine.channels.items():
+        topic = channel.topic or "table"
+        if channel.sources or (name in HINTS and topic not in placed):
+            continue
+        if channel.angle_of:
+            read[name] = _angle(name, channel, placed[topic], machine, losses)
+        else:
+            read[name] = _pick(name, channel, placed[topic], losses)
+    return read, losses
+
+
+def _low_passed(
+    read: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
+) -> dict[str, mounting.Series]:
+    """The low-pass of the settings on every channel of which the rate allows it.
+
+    A causal one delays, so where one channel's rate does not allow it, none is filtered.
+    """
+    cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
+    rates_hz = {n: 1e9 / filters.period_ns(t) for n, (t, _) in read.items() if n not in UNFILTERED}
+    slow = {name: hz for name, hz in rates_hz.items() if cutoff_hz > filters.HIGHEST_CUTOFF * hz}
+    notes += [
+        f"{name}: low-pass of {cutoff_hz:g} Hz not applied, its topic has only {hz:.4g} Hz"
+        for name, hz in slow.items()
+    ]
+    if causal and slow:
+        notes.append("nor to any other channel: a causal filter on some of them delays those")
+        return dict(read)
+    out = dict(read)
+    for name in (each for each in rates_hz if each not in slow):
+        t, x = read[name]
+        longest_ns = filters.longest_step_ns(t, settings.align)
+        out[name] = _filled(name, *filters.low_pass(t, x, cutoff_hz, longest_ns, causal=causal))
+    return out
+
+
+def _angle(
+    name: str,
+    channel: Channel,
+    frame: pl.DataFrame,
+    machine: Machine,
+    losses: list[Loss],
+) -> tuple[filters.Ints, filters.Floats]:
+    """An angle of the machine from the orientation of its IMU."""
+    assert channel.angle_of is not None
+    angle, quaternion = channel.angle_of
+    parts = np.stack([_numbers(name, channel, field, frame) for field in channel.fields])
+    x = mounting.inclination(parts, machine.machine.imu)[angle]
+    return _usable(name, channel, quaternion, frame, x, losses)
+
+
+def _pick(
+    name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
+) -> tuple[filters.Ints, filters.Floats]:
+    """A field in SI units."""
+    field = str(channel.field)
+    gain, offset = to_si(channel.unit, unit_of(name)) if channel.unit else (1.0, 0.0)
+    with np.errstate(over="ignore"):  # what does not fit is no reading
+        x = _numbers(name, channel, field, frame) * channel.scale + channel.offset
+        x = x * gain + offset
+    return _usable(name, channel, field, frame, x, losses)
+
+
+def _numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
+    dtype = frame[field].dtype
+    if not (dtype.is_numeric() or dtype == pl.Boolean or dtype == pl.Null):
+        where = f"{field} of {channel.topic or 'the table'}"
+        raise DataError(f"{name}: {where} is {dtype}, not a number")
+    return frame[field].cast(pl.Float64).to_numpy()
+
+
+def _usable(
+    name: str,
+    channel: Channel,
+    field: str,
+    frame: pl.DataFrame,
+    x: filters.Floats,
+    losses: list[Loss],
+) -> tuple[filters.Ints, filters.Floats]:
+    """Readings alone, one a stamp (the last), when they were measured."""
+    where = f"{field} of {channel.topic or 'the table'}"
+    t = frame["unix_ns"].to_numpy()
+    finite = np.isfinite(x)
+    if not finite.any():
+        raise DataError(f"{name}: {where} holds no number in {x.size} samples")
+    told = finite & (np.abs(x) <= _LARGEST_SI)
+    limit = f"beyond {_LARGEST_SI:g} {unit_of(name)}, which is no reading"
+    if not told.any():
+        raise DataError(f"{name}: {where} holds nothing but numbers {limit}: check its unit, scale")
+    for left_out, why in ((~finite, "missing or not finite"), (finite & ~told, limit)):
+        if left_out.any():
+            losses.append(
+                Loss(
+                    source=name,
+                    topic=channel.topic or "",
+                    what=f"{int(left_out.sum())} of {x.size} samples of {field} are {why}; "
+                    "they were left out",
+                )
+            )
+    last = np.append(np.diff(t[told]) > 0, True)
+    if not last.all():
+        losses.append(
+            Loss(
+                source=name,
+                topic=channel.topic or "",
+                what=f"{int((~last).sum())} samples of {field} share a stamp with the "
+                "next; the last of each was kept",
+            )
+        )
+    t, x = t[told][last], x[told][last]
+    if t.size < 2:
+        raise DataError(f"{name}: {where} holds a single sample")
+    return t - round(channel.delay_s * 1e9), _resolved(x)
+
+
+def _filled(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
+    if t.size == 0:
+        raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
+    return t, _resolved(x)
+
+
+def _resolved(x: filters.Floats) -> filters.Floats:
+    """The same with 0 for what no sensor resolves: a filter rings out down to the last number."""
+    return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
+
+
+def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mounting.Series:
+    """The mean of two channels at the stamps of one, the other on the line between its samples.
+
+    At those of the slower, since that line is a low-pass; of the first where none is.
+    """
+    if filters.period_ns(b[0]) > filters.OTHER_RATE * filters.period_ns(a[0]):
+        a, b = b, a
+    t, other = filters.interpolated(*b, a[0], filters.longest_step_ns(b[0], settings))
+    return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
+
+
+def _known(
+    read: Mapping[str, mounting.Series],
+    picked: Mapping[str, mounting.Series],
+    series: Mapping[str, mounting.Series],
+    machine: Machine,
+) -> dict[str, filters.Ints]:
+    """When each sample of each channel is known on board.
+
+    Args:
+        read: the channels that were read.
+        picked: the same channels after the filter.
+        series: all channels.
+        machine: their delays, and what is made of what.
+    """
+    filtered = {
+        name: filters.known(t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0])
+        for name, (t, _) in read.items()
+    }
+    known: dict[str, filters.Ints] = {}
+    for name, own in filtered.items():
+        beside = mounting.turned_with(name, picked, machine.machine.imu)
+        at = series[name][0]
+        each = [filters.known(picked[other][0], filtered[other], at) for other in beside]
+        known[name] = np.max(each, axis=0) if each else own
+    for name in machine.derivation_order():
+        channel, sources = machine.channels[name], machine.channels[name].sources
+        if sources:
+            # a central difference waits for the next sample
+            wait_ns = 1 if channel.derivative_of else 0
+            at = series[name][0] + wait_ns
+            each = [filters.known(series[source][0], known[source], at) for source in sources]
+            known[name] = np.max(each, axis=0)
+    return known | {"direction_x_1": known["speed_x_m_s"]}

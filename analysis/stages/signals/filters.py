@@ -1,0 +1,144 @@
+"""Low-pass and derivative at a topic's own rate, inside gap-free stretches."""
+
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.settings import AlignSettings
+from analysis.stages.signals.resample import interpolate
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Rates that differ by less are one rate.
+OTHER_RATE: Final = 1.5
+#: A cut-off above this share of a topic's rate leaves too few samples to filter.
+HIGHEST_CUTOFF: Final = 0.45
+_ORDER: Final = 4
+#: Stamps that stray less than this share of a period count as uniform.
+_UNIFORM = 0.01
+
+
+def period_ns(t_ns: Ints) -> float:
+    """The median period of ascending stamps; NaN below two samples."""
+    return float(np.median(np.diff(t_ns))) if t_ns.size > 1 else float("nan")
+
+
+def longest_step_ns(t_ns: Ints, settings: AlignSettings) -> float:
+    """The longest step that is no gap: `gap_periods` of the topic's period, or of the grid's.
+
+    Log times come in bursts, so the topic's period alone would see gaps in every pause between.
+    """
+    return settings.gap_periods * float(np.fmax(period_ns(t_ns), 1e9 / settings.rate_hz))
+
+
+def stretches(t_ns: Ints, longest_ns: float) -> list[slice]:
+    """Slices between steps longer than `longest_ns`."""
+    edges = np.flatnonzero(np.diff(t_ns) > longest_ns) + 1
+    return [slice(a, b) for a, b in zip([0, *edges], [*edges, t_ns.size], strict=True)]
+
+
+def low_pass(
+    t_ns: Ints, x: Floats, cutoff_hz: float, longest_ns: float, *, causal: bool
+) -> tuple[Ints, Floats]:
+    """Butterworth low-pass of fourth order, forwards and backwards unless `causal`.
+
+    Irregular stamps are put on the uniform grid of their own median period first. A stretch too
+    short for the filter to settle is left out.
+
+    Args:
+        t_ns: (n,) ascending stamps.
+        x: (n,) samples.
+        cutoff_hz: half-power frequency of one pass, below half the rate.
+        longest_ns: a longer step separates stretches.
+        causal: filter forwards only.
+
+    Returns:
+        Stamps and filtered samples.
+    """
+    # late: it takes as long to import as all else that a run imports, and few logs need it
+    from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
+
+    period = period_ns(t_ns)
+    sos = cast("Floats", butter(_ORDER, cutoff_hz, fs=1e9 / period, output="sos"))
+    settle = 3 * (2 * sos.shape[0] + 1)
+    times: list[Ints] = []
+    outputs: list[Floats] = []
+    for part in stretches(t_ns, longest_ns):
+        t, y = _uniform(t_ns[part], x[part], period)
+        if t.size <= settle:
+            continue
+        if causal:
+            zi = np.asarray(sosfilt_zi(sos), np.float64)
+            filtered = np.asarray(sosfilt(sos, y, zi=zi * y[0])[0], np.float64)
+        else:
+            filtered = np.asarray(sosfiltfilt(sos, y), np.float64)
+        times.append(t)
+        outputs.append(filtered)
+    if not times:
+        return t_ns[:0], x[:0]
+    return np.concatenate(times), np.concatenate(outputs)
+
+
+def power_left(at: Floats, *, causal: bool) -> Floats:
+    """Share of the power that the low-pass leaves at frequencies over its cut-off.
+
+    As far as they are well below half the rate.
+    """
+    one_pass = 1.0 / (1.0 + at ** (2 * _ORDER))
+    return one_pass if causal else one_pass**2
+
+
+def derivative(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:
+    """Differentiate between steps longer than `longest_ns`, centrally: nothing is delayed.
+
+    When `causal`, the ends of a stretch have no derivative: they would be one-sided, and on board
+    nobody knows yet that a stretch ends. The others are known with the next sample.
+    """
+    times: list[Ints] = []
+    rates: list[Floats] = []
+    inner = slice(1, -1) if causal else slice(None)
+    for part in stretches(t_ns, longest_ns):
+        t, y = t_ns[part], x[part]
+        if t.size < 3:
+            continue
+        seconds = (t - t[0]) / 1e9
+        times.append(t[inner])
+        rates.append(np.gradient(y, seconds)[inner])
+    if not times:
+        return t_ns[:0], x[:0]
+    return np.concatenate(times), np.concatenate(rates)
+
+
+def interpolated(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:
+    """Read the line between samples no further apart than `longest_ns` at ascending instants.
+
+    Returns:
+        The instants that have a value, and the values.
+    """
+    if np.array_equal(t_ns, at_ns):
+        return at_ns, x
+    values = interpolate(t_ns, x, at_ns, longest_ns)
+    found = ~np.isnan(values)
+    return at_ns[found], values[found]
+
+
+def known(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
+    """When the line between samples is known at ascending instants: when its later end has come.
+
+    Args:
+        t_ns: (n,) stamps, ascending.
+        known_ns: (n,) when each sample has come.
+        at_ns: (rows,) instants.
+    """
+    return known_ns[np.minimum(np.searchsorted(t_ns, at_ns), t_ns.size - 1)]
+
+
+def _uniform(t_ns: Ints, x: Floats, period: float) -> tuple[Ints, Floats]:
+    if t_ns.size < 2 or np.abs(np.diff(t_ns) - period).max() <= _UNIFORM * period:
+        return t_ns, x
+    count = int((t_ns[-1] - t_ns[0]) // period) + 1
+    t = t_ns[0] + np.round(np.arange(count) * period).astype(np.int64)
+    # relative to the first stamp: float64 holds 2**53 ns, not the nanoseconds since 1970
+    return t, np.interp((t - t_ns[0]).astype(float), (t_ns - t_ns[0]).astype(float), x)

@@ -1,0 +1,79 @@
+"""Grid, window and moving mean at the rate of the log's slowest channel, where none is set.
+
+The paper's log comes at 100 Hz, and so are its settings in samples. They stand for times: 10
+samples for 0.1 s, 320 for 3.2 s. Rows between the samples of a slower log say nothing new, and the
+uncertainty would count them.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+from analysis.model.machine import Machine
+from analysis.model.settings import AlignSettings, GateSettings, SmoothSettings
+from analysis.stages.signals import filters, mounting, rates
+
+#: The paper's rate, in Hz: the highest that is chosen, and that of a log that is not much slower.
+PAPER_HZ: Final[float] = AlignSettings.model_fields["rate_hz"].default
+#: The paper's window and moving mean, in s.
+_WINDOW_S: Final[float] = GateSettings.model_fields["window_samples"].default / PAPER_HZ
+_MEAN_S: Final[float] = SmoothSettings.model_fields["samples"].default / PAPER_HZ
+#: A window holds so many readings of the slowest channel at least: mass, friction and how they
+#: scatter are told from them.
+FEWEST_READINGS: Final = 20
+
+
+def at_own_rate(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[Machine, list[str]]:
+    """Fill in what the machine file does not set: the grid's rate, the window and the moving mean.
+
+    Args:
+        read: by channel, as `derive.measured` gives them.
+        machine: channels; settings that are given are kept as they are.
+
+    Returns:
+        The machine with all of them set, and what was chosen, where that is not the paper's.
+    """
+    settings = machine.settings
+    slowest, own_hz = _slowest(read, machine)
+    rate_hz = settings.align.rate_hz
+    chosen: dict[str, float] = {}
+    if "rate_hz" not in settings.align.model_fields_set:
+        rate_hz = PAPER_HZ if own_hz * filters.OTHER_RATE > PAPER_HZ else own_hz
+        chosen["align.rate_hz"] = rate_hz
+    if "window_samples" not in settings.gate.model_fields_set:
+        readings = math.ceil(FEWEST_READINGS * rate_hz / own_hz)
+        chosen["gate.window_samples"] = rows_in(_WINDOW_S, rate_hz, readings)
+    if "samples" not in settings.smooth.model_fields_set:
+        chosen["smooth.samples"] = rows_in(_MEAN_S, rate_hz)
+    differs = any(settings.value(name) != value for name, value in chosen.items())
+    settings = settings.changed(chosen)
+    said = f"{slowest} comes at {own_hz:.4g} Hz, so without a setting " + ", ".join(
+        {
+            "align.rate_hz": f"the grid is at {rate_hz:.4g} Hz",
+            "gate.window_samples": f"a window is {settings.gate.window_samples} samples "
+            f"({settings.gate.window_samples / rate_hz:.3g} s)",
+            "smooth.samples": f"the moving mean {settings.smooth.samples}",
+        }[name]
+        for name in chosen
+    )
+    return machine.model_copy(update={"settings": settings}), [said] if differs else []
+
+
+def rows_in(seconds: float, rate_hz: float, least: int = 1) -> int:
+    """How many rows of the grid stand for so long."""
+    return max(round(seconds * rate_hz), least)
+
+
+def _slowest(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[str, float]:
+    """The channel that comes least often of those that the regressor is made of, and its rate."""
+    names = {
+        source
+        for regressor in rates.regressors(machine)
+        for name in regressor - {"direction_x_1"}
+        for source in rates.sources(name, machine)
+        if source in read
+    }
+    periods = {name: rates.mean_period_ns(read[name][0], 1e9 / PAPER_HZ) for name in names}
+    slowest = max(sorted(periods), key=lambda name: periods[name])
+    # six digits: a clock is no better, and the grid of an even log falls on its samples
+    return slowest, float(f"{1e9 / periods[slowest]:.6g}")

@@ -1,0 +1,107 @@
+"""The IMU's axes and place turned into the machine's."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.machine import ImuMounting
+from analysis.model.settings import AlignSettings
+from analysis.stages.signals import filters
+from estimators.errors import DataError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Series = tuple[Ints, Floats]
+
+_SPECIFIC_FORCE = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
+_RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
+
+
+def rotation(imu: ImuMounting) -> Floats:
+    """(3, 3) from IMU axes to machine axes: R = Rz(yaw) Ry(pitch) Rx(roll), right-handed."""
+    r, p, y = np.deg2rad([imu.roll_deg, imu.pitch_deg, imu.yaw_deg])
+    Rx = np.array([[1, 0, 0], [0, np.cos(r), -np.sin(r)], [0, np.sin(r), np.cos(r)]])
+    Ry = np.array([[np.cos(p), 0, np.sin(p)], [0, 1, 0], [-np.sin(p), 0, np.cos(p)]])
+    Rz = np.array([[np.cos(y), -np.sin(y), 0], [np.sin(y), np.cos(y), 0], [0, 0, 1]])
+    return Rz @ Ry @ Rx
+
+
+def is_rotated(imu: ImuMounting) -> bool:
+    """Whether the IMU's axes are not the machine's; less than 1e-12 rad counts as none."""
+    return not np.allclose(rotation(imu), np.eye(3), rtol=0.0, atol=1e-12)
+
+
+def inclination(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
+    """`pitch` and `roll` of the machine, each (n,) in rad, from its IMU's orientation (4, n).
+
+    The quaternion (x, y, z, w) turns IMU axes into the world's: x forward, y left, z up (REP-103).
+    Pitch is positive nose-up here. NaN where the quaternion is zero: an IMU that has none.
+    """
+    with np.errstate(invalid="ignore"):
+        x, y, z, w = quaternion / np.linalg.norm(quaternion, axis=0)
+    # the world's vertical in IMU axes, then in those of the machine
+    up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x**2 + y**2)], -1)
+    up_x, up_y, up_z = (up @ rotation(imu).T).T
+    return {"pitch": np.arcsin(np.clip(up_x, -1.0, 1.0)), "roll": np.arctan2(up_y, up_z)}
+
+
+def to_machine_axes(
+    series: Mapping[str, Series], imu: ImuMounting, settings: AlignSettings
+) -> dict[str, Series]:
+    """Rotate the accelerometer and the gyroscope, each at its own rate, before any derivative.
+
+    Args:
+        series: by channel: stamps (n,) and samples (n,), in IMU axes.
+        imu: how it sits.
+        settings: the gap rule of an axis that has other stamps than the first; it is interpolated.
+
+    Raises:
+        DataError: a rotated sensor of which only some axes are given.
+    """
+    out = dict(series)
+    if not is_rotated(imu):
+        return out
+    R = rotation(imu)
+    for triple in (_SPECIFIC_FORCE, _RATES):
+        given = [name for name in triple if name in series]
+        if not given:
+            continue
+        if len(given) < len(triple):
+            missing = ", ".join(f"channels.{n}" for n in triple if n not in series)
+            raise DataError(f"machine.imu is rotated, so all three axes are needed: add {missing}")
+        t = series[triple[0]][0]
+        for name in triple:
+            t = _at(series[name], t, settings)[0]
+        seen = np.stack([_at(series[name], t, settings)[1] for name in triple])
+        out.update((name, (t, turned)) for name, turned in zip(triple, R @ seen, strict=True))
+    return out
+
+
+def turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str, ...]:
+    """The axes that an axis is turned with, itself among them; none where nothing is turned."""
+    for triple in (_SPECIFIC_FORCE, _RATES):
+        if name in triple and is_rotated(imu):
+            return tuple(each for each in triple if each in set(given))
+    return ()
+
+
+def _at(series: Series, t: Ints, settings: AlignSettings) -> Series:
+    return filters.interpolated(*series, t, filters.longest_step_ns(series[0], settings))
+
+
+def at_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
+    """Move the accelerometer from where it sits to the origin, in machine axes.
+
+    The lever arm's share in the plane is taken off: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z x,
+    as far as the yaw rate and acceleration are known.
+    """
+    out = dict(columns)
+    x, y, _ = imu.position_m
+    if (x or y) and _SPECIFIC_FORCE[0] in out and _RATES[2] in out:
+        square = out[_RATES[2]] ** 2
+        turn = out.get("yaw_acc_rad_s2", np.zeros_like(square))
+        out[_SPECIFIC_FORCE[0]] = out[_SPECIFIC_FORCE[0]] + square * x + turn * y
+        if _SPECIFIC_FORCE[1] in out:
+            out[_SPECIFIC_FORCE[1]] = out[_SPECIFIC_FORCE[1]] + square * y - turn * x
+    return out

@@ -1,0 +1,218 @@
+"""How the IMU seems to sit, from the log: gravity tells roll and pitch, driving tells yaw.
+
+Gravity cannot tell a tilted sensor from sloping ground, so angles are rounded to what the ground
+leaves of them, and a tilt that a slope may be is not sure.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.machine import ImuMounting, Machine
+from analysis.model.schema import values
+from analysis.stages.signals.filters import stretches
+from analysis.stages.signals.mounting import rotation
+from analysis.stages.signals.resample import average
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+_AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
+#: Where a mean specific force is no gravity: other units, or gravity taken off already.
+_GRAVITY_M_S2: Final = (9.3, 10.3)
+#: A tilt up to this may be the ground's.
+_SLOPE_DEG: Final = 10.0
+#: Roll and pitch are rounded to so much: a level place is level to two degrees.
+_TILT_STEP_DEG: Final = 5.0
+#: Yaw is rounded to the first of these that two standard deviations fit into.
+_YAW_STEPS_DEG: Final = (1.0, 5.0, 10.0, 30.0, 90.0)
+#: Wheels that turn slower than this share of their usual speed stand.
+_STANDING_SHARE: Final = 0.02
+_STANDING_NS: Final = 500_000_000
+#: Wheel acceleration is taken over so long a time, and so is the specific force.
+_SPAN_NS: Final = 300_000_000
+_FEWEST_SPANS: Final = 20
+#: Less correlation of specific force with wheel acceleration tells no direction.
+_CORRELATION: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class MountingGuess:
+    """Angles for `[machine.imu]`.
+
+    Attributes:
+        roll_deg: rounded.
+        pitch_deg: rounded.
+        yaw_deg: rounded; None where the log does not tell it.
+        tilt_deg: how far gravity lies from the sensor's z axis, not rounded.
+        yaw_std_deg: standard deviation of the yaw before it was rounded, NaN without one.
+        stood: whether gravity is that of standstills; otherwise the mean of the whole drive.
+    """
+
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float | None
+    tilt_deg: float
+    yaw_std_deg: float
+    stood: bool
+
+    @property
+    def tilt_is_sure(self) -> bool:
+        """Whether the sensor is tilted by more than ground may be."""
+        return self.tilt_deg > _SLOPE_DEG
+
+    @property
+    def is_level(self) -> bool:
+        """Whether nothing says that the sensor's axes are not the machine's."""
+        return not (self.roll_deg or self.pitch_deg or self.yaw_deg)
+
+
+def guess_mounting(
+    t_ns: Ints, specific_force: Floats, speed: tuple[Ints, Floats] | None
+) -> MountingGuess | None:
+    """Guess how an IMU is turned from what it and the wheels said.
+
+    Args:
+        t_ns: (n,) stamps, strictly ascending.
+        specific_force: (n, 3) in m/s², along the sensor's axes.
+        speed: stamps and speeds (m,), positive forward, in any unit; None where there are none.
+
+    Returns:
+        None where the mean specific force is no gravity.
+    """
+    still = _standing(t_ns, speed) if speed is not None else np.zeros(t_ns.size, np.bool_)
+    stood = bool(still.any())
+    gravity = np.median(specific_force[still], axis=0) if stood else specific_force.mean(axis=0)
+    size = float(np.linalg.norm(gravity))
+    if not _GRAVITY_M_S2[0] < size < _GRAVITY_M_S2[1]:
+        return None
+    x, y, z = gravity / size
+    tilt_deg = float(np.degrees(np.arccos(np.clip(z, -1.0, 1.0))))
+    # with the x axis upright, roll is the yaw's business
+    upright = np.hypot(y, z) < np.sin(np.deg2rad(_TILT_STEP_DEG / 2))
+    roll_deg = 0.0 if upright else float(np.degrees(np.arctan2(y, z)))
+    pitch_deg = float(np.degrees(np.arctan2(-x, z if upright else np.hypot(y, z))))
+    roll_deg, pitch_deg = (_rounded(angle, _TILT_STEP_DEG) for angle in (roll_deg, pitch_deg))
+    levelled = specific_force @ rotation(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
+    yaw_deg, std_deg = _yaw(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
+    step_deg = next((step for step in _YAW_STEPS_DEG if 2 * std_deg <= step), None)
+    return MountingGuess(
+        roll_deg=roll_deg,
+        pitch_deg=pitch_deg,
+        yaw_deg=None if step_deg is None else _rounded(yaw_deg, step_deg),
+        tilt_deg=tilt_deg,
+        yaw_std_deg=std_deg,
+        stood=stood,
+    )
+
+
+def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
+    """Measure how far gravity at standstill lies from the machine's +z, in degrees.
+
+    With x alone of the accelerometer, how far it does at least.
+
+    Args:
+        frame: `aligned` or `excitation`, in machine axes.
+        machine: its gravity, and the speed that counts as standing.
+
+    Returns:
+        NaN without an accelerometer or a standstill.
+    """
+    axes = [values(frame, name) for name in _AXES if name in frame.columns]
+    if _AXES[0] not in frame.columns or len(axes) == 2:
+        return float("nan")
+    if "phase" in frame.columns:
+        still = (frame["phase"] == "standstill").fill_null(value=False).to_numpy()
+    else:
+        slow = np.abs(values(frame, "speed_x_m_s"))
+        still = slow < machine.settings.phases.standstill_speed_m_s
+        t_ns = frame["t_ns"].to_numpy()
+        still = _long_enough(t_ns, still)
+    force = np.stack(axes, axis=1)[still]
+    force = force[~np.isnan(force).any(axis=1)]
+    if not force.size:
+        return float("nan")
+    mean = np.median(force, axis=0)
+    if len(axes) > 1 and not mean.any():  # an accelerometer that feels no gravity shows no tilt
+        return float("nan")
+    if len(axes) == 1:
+        share = float(np.abs(mean[0])) / machine.machine.gravity_m_s2
+        return float(np.degrees(np.arcsin(min(share, 1.0))))
+    return float(np.degrees(np.arccos(np.clip(mean[2] / np.linalg.norm(mean), -1.0, 1.0))))
+
+
+def _rounded(angle_deg: float, step_deg: float) -> float:
+    """To a multiple of a step, in (-180°, 180°], and no -0."""
+    angle = round(angle_deg / step_deg) * step_deg
+    return angle + 360.0 if angle <= -180.0 else angle + 0.0
+
+
+def _standing(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
+    """Where the wheels stand (n,), without the moments before and after they move."""
+    stamps, v = speed
+    slow = np.abs(v) <= _STANDING_SHARE * np.quantile(np.abs(v), 0.99)
+    still = _long_enough(stamps, slow)
+    if not still.any() or still.all():
+        return np.full(t_ns.size, bool(still.all()) and v.size > 0)
+    before = np.clip(np.searchsorted(stamps, t_ns, side="right") - 1, 0, stamps.size - 1)
+    after = np.clip(np.searchsorted(stamps, t_ns), 0, stamps.size - 1)
+    return still[before] & still[after]
+
+
+def _long_enough(t_ns: Ints, still: Bools) -> Bools:
+    """Stretches of standing samples of half a second and more, without a hole."""
+    kept = np.zeros(still.size, np.bool_)
+    index = np.flatnonzero(still)
+    if not index.size:
+        return kept
+    # a moving sample between two standing ones ends a stretch
+    edges = np.flatnonzero(np.diff(index) > 1) + 1
+    for run in np.split(index, edges):
+        for part in stretches(t_ns[run], _STANDING_NS):
+            each = run[part]
+            if t_ns[each[-1]] - t_ns[each[0]] >= _STANDING_NS:
+                kept[each] = True
+    return kept
+
+
+def _yaw(t_ns: Ints, levelled: Floats, speed: tuple[Ints, Floats]) -> tuple[float, float]:
+    """Yaw and its standard deviation in degrees; NaN where driving does not tell it.
+
+    The horizontal specific force is regressed on the change of the wheels' speed, both over the
+    same spans: its direction is the machine's x axis.
+    """
+    stamps, v = speed
+    first = max(int(t_ns[0]), int(stamps[0]))
+    count = int(min(int(t_ns[-1]), int(stamps[-1])) - first) // _SPAN_NS
+    if count < _FEWEST_SPANS:
+        return np.nan, np.nan
+    edges = first + np.arange(count + 1) * _SPAN_NS
+    wheels = np.diff(np.interp((edges - first) / 1e9, (stamps - first) / 1e9, v)) * 1e9 / _SPAN_NS
+    longest_ns = float(_SPAN_NS)
+    seen = np.stack(
+        [
+            average(t_ns, levelled[:, axis], edges[:-1] + _SPAN_NS // 2, _SPAN_NS, longest_ns)
+            for axis in (0, 1)
+        ],
+        axis=1,
+    )
+    kept = ~np.isnan(seen).any(axis=1)
+    wheels, seen = wheels[kept], seen[kept]
+    if wheels.size < _FEWEST_SPANS or not np.ptp(wheels) > 0:
+        return np.nan, np.nan
+    wheels = wheels - wheels.mean()
+    seen = seen - seen.mean(axis=0)
+    power = float(wheels @ wheels)
+    slope = wheels @ seen / power
+    size = float(np.hypot(*slope))
+    forward = slope / size
+    along = seen @ forward
+    if float(along @ wheels) < _CORRELATION * float(np.sqrt((along @ along) * power)):
+        return np.nan, np.nan
+    across = seen @ np.array([-forward[1], forward[0]])
+    std = float(np.sqrt(across @ across / (wheels.size - 2) / power)) / size
+    return float(np.degrees(-np.arctan2(forward[1], forward[0]))), float(np.degrees(std))

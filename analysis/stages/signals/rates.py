@@ -1,0 +1,221 @@
+"""How often each channel comes, and what is done so that the regressor's are treated alike."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.settings import AlignSettings
+from analysis.stages.signals import filters
+from analysis.stages.signals.resample import Floats, Ints, average, interpolate
+
+_TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
+#: Steps of so many ns are short beside all that a machine does.
+_FINE_NS: Final = 1e7
+_WHOLE_TURN: Final = {"longitude_deg": 360.0, "roll_rad": 2 * np.pi}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelSeries:
+    """One channel at its own stamps.
+
+    Attributes:
+        t_ns: (n,) stamps, strictly ascending.
+        x: (n,) samples.
+        known_ns: (n,) when each has come; the stamps themselves, unless the replay is causal.
+        longest_ns: the longest step that is no gap.
+        period_ns: the mean step that is no gap.
+        width_ns: a value is the mean over so long a time; 0: it is interpolated.
+    """
+
+    t_ns: Ints
+    x: Floats
+    known_ns: Ints
+    longest_ns: float
+    period_ns: float
+    width_ns: int
+
+    def at(self, instants_ns: Ints) -> Floats:
+        """The values (rows,) at ascending instants, NaN in gaps."""
+        if self.width_ns:
+            return average(self.t_ns, self.x, instants_ns, self.width_ns, self.longest_ns)
+        return interpolate(self.t_ns, self.x, instants_ns, self.longest_ns)
+
+    def known_at(self, instants_ns: Ints) -> Ints:
+        """When the values at ascending instants are known, (rows,)."""
+        return filters.known(self.t_ns, self.known_ns, instants_ns + self.width_ns // 2)
+
+    def newest(self, now_ns: Ints) -> Ints:
+        """The latest instant whose value is known at each time, (rows,); far past before any."""
+        last = np.searchsorted(self.known_ns, now_ns, side="right") - 1
+        return np.where(last >= 0, self.t_ns[last] - self.width_ns // 2, np.int64(-(2**62)))
+
+    @property
+    def lag_ns(self) -> float:
+        """How long after its instant a value is known, as a rule."""
+        return float(np.median(self.known_ns - self.t_ns)) + self.width_ns / 2
+
+
+def series_of(name: str, frame: pl.DataFrame, settings: AlignSettings) -> ChannelSeries:
+    """Take a channel as `derive` gives it; a topic faster than the grid is averaged."""
+    t_ns = frame["unix_ns"].to_numpy()
+    x = frame[name].to_numpy()
+    if name in _WHOLE_TURN:
+        # 179° and -179° are neighbours
+        x = np.unwrap(x, period=_WHOLE_TURN[name])
+    known_ns = frame["known_ns"].to_numpy() if "known_ns" in frame.columns else t_ns
+    step_ns = 1e9 / settings.rate_hz
+    longest_ns = filters.longest_step_ns(t_ns, settings)
+    period_ns = _mean_step_ns(t_ns, longest_ns, step_ns)
+    faster = period_ns * filters.OTHER_RATE < step_ns
+    return ChannelSeries(t_ns, x, known_ns, longest_ns, period_ns, round(step_ns) if faster else 0)
+
+
+def mean_period_ns(t_ns: Ints, step_ns: float) -> float:
+    """The mean step of a channel that is no gap on a grid of `step_ns`."""
+    gap_periods: float = AlignSettings.model_fields["gap_periods"].default
+    longest_ns = gap_periods * float(np.fmax(filters.period_ns(t_ns), step_ns))
+    return _mean_step_ns(t_ns, longest_ns, step_ns)
+
+
+def _mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
+    """The mean of the steps up to the longest; the grid's where there are none."""
+    steps = np.diff(t_ns)
+    steps = steps[steps <= longest_ns]
+    return float(steps.mean()) if steps.size else step_ns
+
+
+def wrapped(name: str, x: Floats) -> Floats:
+    """Undo the unwrapping of an angle that `series_of` took."""
+    if name not in _WHOLE_TURN:
+        return x
+    turn = _WHOLE_TURN[name]
+    return np.where(np.abs(x) > turn / 2, x - turn * np.round(x / turn), x)
+
+
+def regressors(machine: Machine) -> list[frozenset[str]]:
+    """The channels that share an equation: of straight motion (7), of spins (8), or of both."""
+    channels = set(machine.channels)
+    kinematic = machine.settings.forces.acceleration == "kinematic"
+    acceleration = "acc_x_m_s2" if kinematic else "specific_force_x_m_s2"
+    force = ("force_x_N",) if "force_x_N" in channels else _TORQUES
+    straight = frozenset({*force, "speed_x_m_s", "direction_x_1", acceleration})
+    torque = ("torque_z_N_m",) if "torque_z_N_m" in channels else _TORQUES
+    spin = frozenset({*torque, "yaw_rate_rad_s", "yaw_acc_rad_s2"})
+    if not spin <= channels:
+        return [straight]
+    return [straight | spin] if straight & spin else [straight, spin]
+
+
+def sources(name: str, machine: Machine) -> frozenset[str]:
+    """The measured channels that a channel is made of; itself where it is measured."""
+    channel = machine.channels.get(name)
+    if channel is None or not channel.sources:
+        return frozenset({name})
+    return frozenset[str]().union(*(sources(each, machine) for each in channel.sources))
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """A regressor that is taken at the stamps of its slowest channel.
+
+    Attributes:
+        names: its channels.
+        slowest: the channel.
+        rate_hz: how often that comes.
+        derived: those that are differences over two steps of a slow channel.
+        span_ns: what the others are averaged over about each stamp: two steps of the slow channel
+            where one is derived, else one of the slowest channel.
+    """
+
+    names: frozenset[str]
+    slowest: str
+    rate_hz: float
+    derived: frozenset[str]
+    span_ns: int
+
+    def __str__(self) -> str:
+        """What a reader of the answer should know of it."""
+        return (
+            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_listed(self.names)} are "
+            f"taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow channel "
+            "among faster ones biases the estimate"
+        )
+
+
+def reduced(series: Mapping[str, ChannelSeries], machine: Machine) -> list[Reduced]:
+    """The regressors of which one channel is slower than another one, or a slow derivative.
+
+    The line between its samples is a low-pass that the others do not have. On a grid coarser than
+    all of them there is none.
+    """
+    step_ns = 1e9 / machine.settings.align.rate_hz
+    found: list[Reduced] = []
+    for names in regressors(machine):
+        # the sign of the speed comes with the speed
+        own = sorted((names & set(series)) - {"direction_x_1"})
+        least_ns = step_ns
+        if max(series[name].period_ns for name in own) * filters.OTHER_RATE >= step_ns:
+            least_ns = min(step_ns, _FINE_NS)
+        periods = {name: max(series[name].period_ns, least_ns) for name in own}
+        slowest = max(periods, key=lambda name: periods[name])
+        derived = frozenset(
+            name
+            for name in own
+            if (channel := machine.channels.get(name))
+            and channel.derivative_of
+            and periods[name] > filters.OTHER_RATE * least_ns
+        )
+        if derived or periods[slowest] > filters.OTHER_RATE * min(periods.values()):
+            # without a derived one, as long as no sample of a faster channel is left out
+            span_ns = max((2 * periods[name] for name in derived), default=periods[slowest])
+            rate_hz = 1e9 / periods[slowest]
+            found.append(Reduced(names & set(series), slowest, rate_hz, derived, round(span_ns)))
+    return found
+
+
+def reduce(series: Mapping[str, ChannelSeries], each: Reduced) -> dict[str, ChannelSeries]:
+    """Take a regressor's channels at the stamps of the slowest, where all of them are known.
+
+    There they are means over one span, alike: single samples of a fast channel would let its
+    vibration in. A difference over two steps is such a mean already.
+    """
+    slowest = series[each.slowest]
+    at_ns = slowest.t_ns
+    values: dict[str, Floats] = {}
+    known: list[Ints] = []
+    for name in each.names:
+        wait_ns = 0 if name in each.derived else each.span_ns // 2
+        values[name] = (
+            _mean(series[name], at_ns, 2 * wait_ns) if wait_ns else series[name].at(at_ns)
+        )
+        known.append(series[name].known_at(at_ns + wait_ns))
+    kept = ~np.isnan(np.stack(list(values.values()))).any(axis=0)
+    if kept.sum() < 2:
+        # they share no time: for `align` to say
+        return {}
+    known_ns = np.max(known, axis=0)[kept]
+    return {
+        name: replace(slowest, t_ns=at_ns[kept], x=x[kept], known_ns=known_ns, width_ns=0)
+        for name, x in values.items()
+    }
+
+
+def _mean(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
+    """The mean over a span about each instant, (rows,), of a signal that curves between samples.
+
+    With the curvature x'', the line through samples lies T²/12 x'' too high on average, and the
+    middle lies span²/24 x'' below the mean: this mixture of both is right (of three samples over a
+    span of two steps, Simpson's rule).
+    """
+    line = average(series.t_ns, series.x, at_ns, span_ns, series.longest_ns)
+    share = span_ns**2 / (2 * series.period_ns**2 + span_ns**2)
+    return share * line + (1.0 - share) * series.at(at_ns)
+
+
+def _listed(names: frozenset[str]) -> str:
+    *first, last = sorted(names - {"direction_x_1"})
+    return f"{', '.join(first)} and {last}"

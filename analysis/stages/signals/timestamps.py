@@ -1,0 +1,167 @@
+"""Which stamp places a sample in time: the header's where there is any, else the log's.
+
+Header stamps that scatter where log time is even were given late: log time places such samples,
+less its median delay, so that they stay in the header's clock.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.run_record import Loss
+
+#: Clocks that start at boot count from 0: what lies before 1990 is no date.
+FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
+#: A header stamp may not fall back by more than this, nor may two topics' stamps lie further apart
+#: when they are compared by log time: then it is another clock.
+_CLOCK_JUMP_NS = 1_000_000_000
+_MOSTLY = 0.99
+#: Header stamps scatter by this share of their period, and log time by so much less.
+_SCATTER = 0.5
+_EVENER = 0.25
+#: Fewer stamps do not show it.
+_FEWEST = 100
+
+
+def place(
+    raw: Mapping[str, pl.DataFrame],
+) -> tuple[dict[str, pl.DataFrame], dict[str, str], list[Loss]]:
+    """Give every sample its `unix_ns` and sort by it.
+
+    Args:
+        raw: by topic: log_time_ns, header_stamp_ns and fields.
+
+    Returns:
+        By topic: unix_ns and the fields, ascending. By topic: "header", "log" or "table".
+        And what was dropped or doubtful.
+    """
+    losses: list[Loss] = []
+    headers = {topic: _header_usable(topic, frame, losses) for topic, frame in raw.items()}
+    # how far log time lies after the stamps that would place each topic
+    behind_ns = {t: _log_behind_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
+    if max(behind_ns.values()) - min(behind_ns.values()) > _CLOCK_JUMP_NS:
+        for topic in raw:
+            if abs(behind_ns[topic]) > _CLOCK_JUMP_NS:
+                headers[topic] = False
+                losses.append(
+                    Loss(
+                        source="stamps",
+                        topic=topic,
+                        what="header stamps are of another clock than the other topics' stamps "
+                        f"({abs(behind_ns[topic]) / 1e9:.3g} s from log time), so log time places "
+                        "it",
+                    )
+                )
+    placed: dict[str, pl.DataFrame] = {}
+    labels: dict[str, str] = {}
+    for topic, frame in raw.items():
+        column = "header_stamp_ns" if headers[topic] else "log_time_ns"
+        of_table = topic == "table" or topic.startswith("table/")
+        labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
+        kept = frame.filter(pl.col(column).is_not_null())
+        scatter = uneven_headers(frame) if headers[topic] else None
+        if scatter is not None:
+            labels[topic] = "log"
+            kept = kept.with_columns(
+                header_stamp_ns=pl.col("log_time_ns") - round(behind_ns[topic])
+            )
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"header stamps scatter by {scatter[0]:.0%} of their period and log time "
+                    f"by {scatter[1]:.0%}, so log time less its median delay of "
+                    f"{behind_ns[topic] / 1e6:.1f} ms places it",
+                )
+            )
+        if headers[topic]:
+            kept = kept.filter(pl.col(column) != 0)
+        if kept.height < frame.height:
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"{frame.height - kept.height} samples without a stamp were dropped",
+                )
+            )
+        stamps = kept[column].to_numpy()
+        back = np.minimum(np.diff(stamps), 0) if stamps.size else np.empty(0)
+        if (back < 0).any():
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"{int((back < 0).sum())} stamps go backwards (by up to "
+                    f"{-int(back.min()) / 1e9:.3g} s); samples were sorted",
+                )
+            )
+        placed[topic] = (
+            kept.rename({column: "unix_ns"})
+            .drop({"log_time_ns", "header_stamp_ns"} - {column})
+            .sort("unix_ns", maintain_order=True)
+        )
+    return placed, labels, losses
+
+
+def uneven_headers(frame: pl.DataFrame) -> tuple[float, float] | None:
+    """Scatter of the steps of header stamps and of log time, over their period.
+
+    Args:
+        frame: log_time_ns and header_stamp_ns of a topic, in its order.
+
+    Returns:
+        None where header stamps are even enough, or log time is hardly more so.
+    """
+    both = frame.select("log_time_ns", "header_stamp_ns").drop_nulls()
+    if both.height < _FEWEST:
+        return None
+    steps_ns = [both[name].sort().diff().drop_nulls().to_numpy() for name in both.columns]
+    log, header = (steps.astype(np.float64) for steps in steps_ns)
+    period_ns = float(np.median(log))
+    if period_ns <= 0.0:
+        return None
+    # a pause of the recorder is in both
+    usual, header = log[log < 3.0 * period_ns], header[header < 3.0 * period_ns]
+    if header.size < log.size / 2:  # what is delivered in bursts has another period in the log
+        return None
+    of_log, of_header = float(np.std(usual)), float(np.std(header))
+    if of_header < _SCATTER * period_ns or of_log > _EVENER * of_header:
+        return None
+    return of_header / period_ns, of_log / period_ns
+
+
+def _header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
+    """Whether nearly every header stamp is set and they do not jump back by a second."""
+    stamps = frame["header_stamp_ns"].drop_nulls()
+    stamps = stamps.filter(stamps != 0)
+    if frame.height == 0 or stamps.len() < _MOSTLY * frame.height:
+        if stamps.len() or frame["header_stamp_ns"].null_count() < frame.height:
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"{frame.height - stamps.len()} of {frame.height} header stamps are not "
+                    "set, so log time places it",
+                )
+            )
+        return False
+    steps = np.diff(stamps.to_numpy())
+    if steps.size and steps.min() < -_CLOCK_JUMP_NS:
+        losses.append(
+            Loss(
+                source="stamps",
+                topic=topic,
+                what=f"header stamps jump back by {-int(steps.min()) / 1e9:.3g} s, so log time "
+                "places it",
+            )
+        )
+        return False
+    return True
+
+
+def _log_behind_ns(frame: pl.DataFrame) -> float:
+    """The median of log time less header stamp."""
+    behind = (frame["log_time_ns"] - frame["header_stamp_ns"]).median()
+    return float(behind) if isinstance(behind, int | float) else 0.0

@@ -1,0 +1,238 @@
+"""An accelerometer whose gain differs between loads: a body that squats more with its load.
+
+Springs let the body pitch in proportion to load and acceleration; the accelerometer sees gravity
+through that pitch. To the force that is a load of another size; the wheels tell:
+
+    v = ∫ (1 + g + h · load) a dt + slip · u F - delay · a + a constant and a slope a stretch
+
+with the load relative to a reference. The slopes are tilt, bias and grade: they scatter about a
+common one as much as the log shows, so that on even ground few starts tell h, and on hills few
+do not. Where the pitch is measured, it shows by itself how it follows the acceleration.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.weighing.fit_columns import RelativeLoads
+from analysis.weighing.motion_samples import Equation, Floats, begins, ends, rolled_share
+from analysis.weighing.pitch_squat import instrumented, squats_of_stretches
+from analysis.weighing.wheel_kinematics import Kinematics
+from estimators.numerics.autocorrelation import student_factor
+
+#: Samples of a mean, and the fewest means of a stretch that is compared.
+_MEAN: Final = 10
+_FEWEST_MEANS: Final = 10
+#: Stretches with a load that differs, and without, that tell a gain: fewer do not.
+_FEWEST_STRETCHES: Final = 6
+#: A body squats with its load in one log of ten, before anything is measured.
+_BEFORE: Final = 0.1
+#: It does in one of two where the wheels say that it squats at all.
+_BEFORE_IF_SQUATS: Final = 0.5
+#: Standard deviation of how a squat grows with the mass, over growing in proportion to it: springs
+#: stiffen, and the mass lies higher or lower with a load.
+_SPRINGS: Final = 0.5
+#: Odds beyond this, as a logarithm, are certain.
+_SURE: Final = 50.0
+
+
+@dataclass(frozen=True)
+class Squat:
+    """An accelerometer's gain that changes with the load.
+
+    Attributes:
+        gain: the change for a load of the reference mass, by the likelier reading: 0, or what the
+            wheels say.
+        std: its standard deviation, the other reading counted (law of total variance).
+        relative_load: (masses,) of each state.
+    """
+
+    gain: float
+    std: float
+    relative_load: Floats
+
+    @property
+    def factor(self) -> Floats:
+        """(masses,) what each mass is too large by."""
+        return 1.0 + self.gain * self.relative_load
+
+    def u_kg(self, weights: Floats, masses_kg: Floats) -> float:
+        """Standard uncertainty of a sum of masses, in kg.
+
+        Args:
+            weights: (masses,) of each mass in the sum.
+            masses_kg: (masses,).
+        """
+        return abs(float(weights @ (masses_kg * self.relative_load))) * self.std
+
+
+def find_squat(
+    motion: Equation,
+    wheels: Kinematics,
+    loads: RelativeLoads,
+    relative_load: Floats,
+    prior_std: float,
+) -> Squat | None:
+    """Compare wheels and accelerometer load by load; None where nothing tells.
+
+    Args:
+        motion: the samples, the speed as it was measured.
+        wheels: delay and slip of the wheels.
+        loads: relative load of each manoeuvre.
+        relative_load: (masses,) likewise of each state.
+        prior_std: of the change of gain for a load of the reference mass.
+    """
+    if motion.without_gravity is not None:
+        gain, variance = _grown_squat(wheels.squat[0], _by_pitch(motion, loads))
+        return Squat(gain, float(np.sqrt(variance)), relative_load)
+    found = _by_wheels(_stretches(motion, wheels, loads))
+    if found is None:
+        return None
+    value, variance = found
+    before = _BEFORE
+    if wheels.gain_counts and wheels.gain[0] < 0.0:
+        # a body that squats without a load does so more with one
+        before = _BEFORE_IF_SQUATS
+    # normal densities of what was measured, with a change and without
+    wide = variance + prior_std**2
+    log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
+    odds = before / (1.0 - before) * float(np.exp(min(log_odds, _SURE)))
+    probability = odds / (1.0 + odds)
+    value *= prior_std**2 / wide
+    variance *= prior_std**2 / wide
+    squats = probability > 0.5
+    other = 1.0 - probability if squats else probability
+    own = variance if squats else probability * variance
+    return Squat(value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load)
+
+
+def _grown_squat(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
+    """The change of gain by load of a body that squats by this share, and its variance.
+
+    Linear springs give way in proportion to the mass that they hold.
+
+    Args:
+        share: of the acceleration, with the reference mass.
+        seen: what the pitch shows of the change, and its variance.
+    """
+    mean, variance = -share, (_SPRINGS * share) ** 2
+    if seen is None:
+        return mean, variance
+    both = variance + seen[1]
+    return (mean * seen[1] + seen[0] * variance) / both, variance * seen[1] / both
+
+
+_Stretch = tuple[Floats, Floats, Floats, float]
+
+
+def _stretches(motion: Equation, wheels: Kinematics, loads: RelativeLoads) -> list[_Stretch]:
+    """Columns (means, 4), response and time of each stretch, without their means, and its load."""
+    assert motion.specific_force is not None
+    # such a squat is itself a reason why wheels and accelerometer do not go together
+    known = wheels.goes_together
+    delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
+    in_time = motion.with_speed_moved_back(delay_s)
+    ground = in_time.speed * rolled_share(in_time.speed, motion.force, slip_1_N)
+    relative = loads.at(motion.unit)
+    first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
+    found: list[_Stretch] = []
+    for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
+        means = (end - begin) // _MEAN
+        if means < _FEWEST_MEANS:
+            continue
+        part = slice(begin, begin + means * _MEAN)
+        a = motion.specific_force[part]
+        gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
+        load = float(relative[begin])
+        columns = np.column_stack(
+            [gained * load, gained, np.abs(ground[part]) * motion.force[part], -a]
+        )
+        y = ground[part] - gained
+        both = np.column_stack([columns, y]).reshape(means, _MEAN, -1).mean(axis=1)
+        both = both - both.mean(axis=0)
+        time = np.linspace(-0.5, 0.5, means) * means * _MEAN / motion.rate_hz
+        found.append((both[:, :-1], both[:, -1], time, load))
+    return found
+
+
+def _by_pitch(motion: Equation, loads: RelativeLoads) -> tuple[float, float] | None:
+    """The change of gain by load that the pitch shows, and its variance; None: undetermined."""
+    assert motion.specific_force is not None
+    assert motion.without_gravity is not None
+    gravity = motion.specific_force - motion.without_gravity
+    squats = squats_of_stretches(gravity, motion)
+    relative = loads.at(motion.unit)[squats.first]
+    if relative.size < _FEWEST_STRETCHES or np.ptp(relative) == 0.0:
+        return None
+    # beside the share and the rate, the share that grows with the load
+    times = np.column_stack([relative, np.ones((relative.size, 2))])
+    columns = squats.columns[:, [0, 0, 1], :][:, :, [0, 0, 1]]
+    columns = times[:, :, None] * columns * times[:, None, :]
+    solved = instrumented(columns, times * squats.response[:, [0, 0, 1]])
+    if solved is None:
+        return None
+    theta, covariance = solved
+    # the accelerometer reads more by what the pitch adds, and the mass is less by it
+    variance = float(covariance[0, 0]) * student_factor(relative.size - theta.size) ** 2
+    return -float(theta[0]), variance
+
+
+def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
+    """The change of gain by load that the wheels say, and its variance, by clusters.
+
+    None where it is undetermined.
+    """
+    if len(rows) < _FEWEST_STRETCHES or len({load for *_, load in rows}) < 2:
+        return None
+    free = [_without_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
+    # each stretch a slope of its own: how slopes scatter, beyond their noise
+    X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
+    beta, _, rank, _ = np.linalg.lstsq(X, y)
+    if rank < X.shape[1]:
+        return None
+    freedom = y.size - X.shape[1] - 2 * len(rows)
+    variance = float(((y - X @ beta) ** 2).sum()) / max(freedom, 1)
+    if not variance > 0.0:
+        return None
+    slopes = np.array([time @ (y - X @ beta) / (time @ time) for X, y, time, _ in rows])
+    noise = np.array([variance / (time @ time) for *_, time, _ in rows])
+    count = slopes.size
+    scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
+    scatter *= student_factor(count - 1) ** 2
+    part = [_without_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
+    X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
+    shared = np.concatenate([each[2] for each in part])
+    X = np.column_stack([X, shared])
+    scale = np.sqrt((X**2).mean(axis=0))
+    if not (scale > 0.0).all():
+        return None
+    X = X / scale
+    gram = X.T @ X
+    bread = np.linalg.pinv(gram)
+    theta = bread @ X.T @ y
+    residual = y - X @ theta
+    ends_at = np.cumsum([each[1].size for each in part])[:-1]
+    parts = zip(np.split(X, ends_at), np.split(residual, ends_at), strict=True)
+    scores = np.stack([own.T @ left for own, left in parts])
+    meat = scores.T @ scores * count / max(count - X.shape[1], 1)
+    # stretches that agree by chance tell no more than white noise lets them
+    found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
+    found *= student_factor(max(count - X.shape[1], 1)) ** 2
+    return float(theta[0] / scale[0]), found / float(scale[0]) ** 2
+
+
+def _without_slope(
+    columns: Floats, y: Floats, time: Floats, ratio: float
+) -> tuple[Floats, Floats, Floats]:
+    """Whiten a stretch whose slope scatters with `ratio` times the variance of a row.
+
+    A slope that is free (infinite ratio) is taken off.
+    """
+    square = float(time @ time)
+    kept = 0.0 if np.isinf(ratio) else 1.0 / np.sqrt(1.0 + ratio * square)
+
+    def whitened(x: Floats) -> Floats:
+        return x - (1.0 - kept) * np.multiply.outer(time, time @ x / square)
+
+    return whitened(columns), whitened(y), whitened(time)

@@ -1,0 +1,227 @@
+"""The empty machine as a datum: its mass on a weighbridge tells the scale of the log's masses.
+
+A gain of the force, the share of the measured wheels and their radius multiply every mass alike.
+Where the log has weighed the empty machine as m0, and a weighbridge as M0, the payload p of the log
+becomes p + K (M0 - m0). K is the gain of a Kalman update with the fit's own covariances: p/m0 where
+no one knows the scale, so that the payload is M0 p/m0; less where the machine file knows it, as
+p + K (M0 - m0) is then the estimate of the smallest variance. All that is uncertain of m0 is in the
+payload K times, together with what the same cause does to p.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import date, datetime
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from analysis.model.machine import Body, Machine
+from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined, largest_first
+from analysis.weighing.mass_budget import budget
+from analysis.weighing.motion_samples import Floats
+from analysis.weighing.weigh import Weighing
+
+#: The two masses differ by so many standard uncertainties of their difference, at most.
+_AGREES: Final = 3.0
+#: Relative standard uncertainty of a scale of which the machine file says nothing, where it has to
+#: be told from another machine.
+UNKNOWN_SCALE: Final = 0.1
+#: Factors that an empty machine does not tell: they change with the load.
+_BY_LOAD: Final = frozenset(scale.name for scale in SCALES if scale.by_load)
+#: A log that begins earlier counts from 0, and has no day.
+_CLOCKS_FROM: Final = date(1980, 1, 1)
+_TICKET: Final = UncertaintySource(
+    "empty_mass",
+    "scale",
+    0.0,
+    "mass of the empty machine, with its fuel, operator and mud, as the machine file states it",
+    "weighing the empty machine again, on the day; machine.empty_mass_u_kg",
+)
+_CARRIED: Final = UncertaintySource(
+    "empty_bucket",
+    "common",
+    0.0,
+    "material that stays in the bucket of the empty machine",
+    "a clean bucket in some empty passes",
+)
+
+
+def ticket_notes(body: Body, begin_ns: int) -> list[str]:
+    """That the empty machine was weighed on another day than that of the log.
+
+    Args:
+        body: with the day of the ticket, where that is known.
+        begin_ns: when the log begins, in unix time.
+    """
+    weighed = body.empty_mass_day
+    if weighed is None or body.empty_mass_u_kg is None:
+        return []
+    today = datetime.fromtimestamp(begin_ns // 10**9, body.zone).date()
+    days = (today - weighed).days
+    if days == 0 or today < _CLOCKS_FROM:
+        return []
+    apart = f"{abs(days)} day{'s' * (abs(days) > 1)} {'before' if days > 0 else 'after'} this log"
+    return [
+        f"the empty machine was weighed on {weighed}, {apart}: what fuel, operator, mud and "
+        "attachment have changed since belongs to machine.empty_mass_u_kg"
+    ]
+
+
+def unknown_factors(sources: Sequence[UncertaintySource]) -> list[str]:
+    """The unknown factors that an empty machine tells."""
+    return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
+
+
+@dataclass(frozen=True)
+class EmptyMachine:
+    """What a log says of the empty machine.
+
+    Attributes:
+        weighing: the joint fit.
+        machine: what is known of the machine.
+        weights: (masses,) of the empty states, which add up to 1.
+        carried_kg: what stays in the bucket of these on average, and its standard uncertainty.
+    """
+
+    weighing: Weighing
+    machine: Machine
+    weights: Floats
+    carried_kg: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def _body(self) -> Body:
+        return self.machine.machine
+
+    @cached_property
+    def rotating_kg(self) -> float:
+        """What the log weighs, with what only turns."""
+        return float(self.weights @ self.weighing.fit.masses_kg) - self.carried_kg[0]
+
+    @cached_property
+    def sources(self) -> list[UncertaintySource]:
+        """What its uncertainty is made of."""
+        found = budget(self.weighing, self.machine, self.weights)
+        return [*found, replace(_CARRIED, u=self.carried_kg[1])]
+
+    @cached_property
+    def _stated_kg(self) -> float | None:
+        """What the machine file states, with what only turns."""
+        empty_kg = self._body.empty_mass_kg
+        return None if empty_kg is None else empty_kg + self._body.rotating_mass_kg
+
+    @property
+    def contradiction(self) -> str:
+        """Why the log and the machine file do not speak of one machine; nothing where they may."""
+        stated_kg = self._stated_kg
+        if stated_kg is None:
+            return ""
+        scale_kg = UNKNOWN_SCALE * self.rotating_kg if unknown_factors(self.sources) else 0.0
+        u_kg = float(np.hypot(combined(self.sources), scale_kg))
+        allowed_kg = _AGREES * float(np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0))
+        if abs(self.rotating_kg - stated_kg) <= allowed_kg:
+            return ""
+        here_kg = self.rotating_kg - self._body.rotating_mass_kg
+        return (
+            f"empty_mass: the empty machine weighs {here_kg:,.0f} ± {u_kg:,.0f} kg here, and "
+            f"{self._body.empty_mass_kg:,.0f} kg by its machine file"
+        )
+
+    @property
+    def gain(self) -> tuple[float, float] | None:
+        """Its mass here over that of the machine file, with its u; None where that has no u."""
+        stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
+        if stated_kg is None or stated_u_kg is None:
+            return None
+        u_kg = combined(self.sources, "random", "common")
+        turns_u_kg = self._body.rotating_mass_u_kg
+        u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
+        return self.rotating_kg / stated_kg, u_1
+
+    def datum(self, payloads: Floats) -> "Datum | None":
+        """What it makes of payloads; None where it adds nothing.
+
+        Args:
+            payloads: (masses,) weights of the sum of payloads, for whose variance it is made.
+        """
+        stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
+        sum_kg = float(payloads @ self.weighing.fit.masses_kg)
+        if stated_kg is None or stated_u_kg is None or sum_kg <= 0.0 or self.rotating_kg <= 0.0:
+            return None
+        in_ratio = 1.0 / self.rotating_kg
+
+        def made(by_kg: float) -> Datum:
+            return Datum(
+                self,
+                by_kg,
+                1.0 + by_kg * (stated_kg - self.rotating_kg),
+                by_kg * stated_u_kg,
+            )
+
+        if unknown_factors(self.sources):
+            found = made(in_ratio)
+            # of masses so far apart that rounding leaves no ratio
+            return found if found.scale_1 > 0.0 else None
+        own_kg2 = self._variance(payloads)
+        empty_kg2 = combined(self.sources) ** 2
+        ratio_kg2 = self._variance(payloads - in_ratio * sum_kg * self.weights)
+        together_kg2 = own_kg2 + (in_ratio * sum_kg) ** 2 * self._variance(self.weights) - ratio_kg2
+        together_kg2 /= 2.0 * in_ratio * sum_kg
+        by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
+        found = made(float(np.clip(by_kg, 0.0, in_ratio)))
+        if found.scale_1 <= 0.0 or combined(found.sources(payloads)) ** 2 >= own_kg2:
+            return None
+        return found
+
+    def _variance(self, weights: Floats) -> float:
+        return combined(budget(self.weighing, self.machine, weights)) ** 2
+
+
+@dataclass(frozen=True)
+class Datum:
+    """What the empty machine makes of a log's payloads.
+
+    Attributes:
+        empty: the machine.
+        by_kg: K of a payload over the payload, in 1/kg.
+        scale_1: the factor of all payloads.
+        ticket_1: standard uncertainty of it by the stated mass of the empty machine.
+    """
+
+    empty: EmptyMachine
+    by_kg: float
+    scale_1: float
+    ticket_1: float
+
+    def weights(self, payload: Floats) -> Floats:
+        """(masses,) by which errors of the masses are in a payload, over its factor.
+
+        Args:
+            payload: (masses,) weights of the log's own.
+        """
+        payload_kg = float(payload @ self.empty.weighing.fit.masses_kg)
+        return payload - self.by_kg * payload_kg * self.empty.weights
+
+    def sources(self, payload: Floats) -> list[UncertaintySource]:
+        """What the uncertainty of a payload, in kg, is made of; the largest first.
+
+        Args:
+            payload: (masses,) weights of the log's own.
+        """
+        empty = self.empty
+        payload_kg = abs(float(payload @ empty.weighing.fit.masses_kg))
+        found = budget(empty.weighing, empty.machine, self.weights(payload))
+        known = unknown_factors(found)
+        kept = [
+            replace(each, u=None if each.u is None else each.u * abs(self.scale_1))
+            for each in found
+            if each.name not in known
+        ]
+        bucket_kg = self.by_kg * payload_kg * empty.carried_kg[1]
+        return largest_first(
+            [
+                *kept,
+                replace(_TICKET, u=self.ticket_1 * payload_kg),
+                replace(_CARRIED, u=bucket_kg * abs(self.scale_1)),
+            ]
+        )

@@ -1,0 +1,442 @@
+"""The columns of the fit: means inside the stretches, thinned, and what noise is in them."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+
+from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.haul_route import Route
+from analysis.weighing.motion_samples import (
+    Bools,
+    Equation,
+    Floats,
+    Ints,
+    NoiseOfColumns,
+    begins,
+    ends,
+    rolled_share,
+)
+from analysis.weighing.nuisances import Moments, Nuisance
+from estimators.numerics import group_sums
+from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.group_mean import trailing_group_means
+from estimators.numerics.group_sums import NoiseMoments
+from estimators.threads import mapped
+
+#: So many rows a length of the mean hold nearly all that its means hold.
+_ROWS_A_MEAN: Final = 2
+#: Stretches that last less tell nothing of their own.
+_SHORTEST_S: Final = 0.5
+#: A derivative of the force is noise below so many of its deviations.
+_RATE_COUNTS: Final = 4.0
+#: No transfer of load takes more of the force away.
+_LEAST_GAIN: Final = 0.5
+#: No load is more than this share of the mass that it is related to.
+_LARGEST_LOAD: Final = 0.9
+#: Between these quantiles of the manoeuvres' masses is the middle of empty and loaded ones.
+_EMPTY_AND_LOADED: Final = (0.1, 0.9)
+#: It is clear where its r.m.s. is so many, on a grid that has it of more than two rows: of jerks
+#: that are stick-slip or noise slip would come out too small (loaders have 4 to 10, cars 10 to 13).
+_RATE_IS_CLEAR: Final = 10.0
+#: To either side of a sample, in s, the parabola reaches that gives the derivative.
+_RATE_HALF_S: Final = 0.04
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeLoads:
+    """The mass that each manoeuvre moves over a reference mass, less 1.
+
+    Attributes:
+        unit: (units,) numbers of the manoeuvres, ascending.
+        value: (units,) of each.
+        weight_shares: of the constant force and of Coulomb friction, what is expected to be in
+            proportion to the weight.
+    """
+
+    unit: Ints
+    value: Floats
+    weight_shares: tuple[float, float]
+
+    @classmethod
+    def of(cls, unit: Ints, mass_kg: Floats, weight_shares: tuple[float, float]) -> Self | None:
+        """Relate (units,) masses to their mean; None where they are no masses."""
+        reference_kg = float(np.mean(mass_kg))
+        if not reference_kg > 0.0:
+            return None
+        value = np.clip(mass_kg / reference_kg - 1.0, -_LARGEST_LOAD, _LARGEST_LOAD)
+        return cls(unit, value, weight_shares)
+
+    def contrast_at(self, unit: Ints) -> Floats:
+        """The same over the root mean square of all manoeuvres'."""
+        return self.at(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
+
+    def loaded_at(self, unit: Ints) -> Bools:
+        """Whether samples of these manoeuvres haul, (n,)."""
+        return self.at(unit) > float(np.quantile(self.value, _EMPTY_AND_LOADED).mean())
+
+    def at(self, unit: Ints) -> Floats:
+        """Of samples of these manoeuvres, (n,); one that is not known goes with the one before."""
+        place = np.searchsorted(self.unit, unit, "right") - 1
+        return self.value[place.clip(0, self.unit.size - 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class EarlierRounds:
+    """What earlier rounds found, on which columns that are products depend.
+
+    Attributes:
+        lag_s: how late the force is.
+        slip_1_N: share of the ground's speed that a newton makes the wheels slip.
+        transfer_s2_m: share of the force that the measured wheels gain a m/s² of acceleration.
+        offset_N: what the measured force is too large by.
+        slip_s_m: what slip costs, as a share of the force a m/s.
+        speed_late_s: how late the speed is, by the wheels.
+        motion_gain: share of the acceleration's own part, without gravity's, that is added to it.
+        relative_loads: of the load states; None where there is one.
+        route: between where they are loaded and dumped; None where none is dumped.
+        uneven_1_s: how much the ground's force differs from stretch to stretch, in variances of the
+            noise of a second.
+    """
+
+    lag_s: float = 0.0
+    slip_1_N: float = 0.0
+    transfer_s2_m: float = 0.0
+    offset_N: float = 0.0
+    slip_s_m: float = 0.0
+    speed_late_s: float = 0.0
+    motion_gain: float = 0.0
+    relative_loads: RelativeLoads | None = None
+    route: Route | None = None
+    uneven_1_s: float = 0.0
+
+    def acting(self, motion: Equation) -> Floats:
+        """The force on the ground, (n,) in N, of a motion whose force is in time."""
+        gain = 1.0 + self.transfer_s2_m * motion.acceleration
+        return (motion.force - self.offset_N) / np.maximum(gain, _LEAST_GAIN)
+
+
+@dataclass(frozen=True)
+class Averages:
+    """What is fitted, weighted by how many samples each mean is of.
+
+    Attributes:
+        A: (rows, 2 + terms) columns: acceleration, speed, terms.
+        f: (rows,) force.
+        group: (rows,) stretch.
+        direction: (rows,) of each stretch.
+        noise: what noise adds to the normal equations.
+        shortest: stretches of fewer rows tell nothing of their own.
+        terms: whose columns they are.
+    """
+
+    A: Floats
+    f: Floats
+    group: Ints
+    direction: Floats
+    noise: NoiseMoments
+    shortest: int
+    terms: tuple[Nuisance, ...]
+
+    def of(self, terms: tuple[Nuisance, ...]) -> "Averages":
+        """The same with the columns of some of the terms."""
+        if terms == self.terms:
+            return self
+        at = np.array([0, 1, *(2 + self.terms.index(term) for term in terms)])
+        parts = self.A[:, at], self.noise.gram[:, at[:, None], at], self.noise.cross[:, at]
+        # in the order of what was made so: sums depend on it to their last bits
+        A, gram, cross = (np.ascontiguousarray(part) for part in parts)
+        return replace(self, A=A, noise=NoiseMoments(gram, cross), terms=terms)
+
+
+@dataclass(frozen=True)
+class FitColumns:
+    """What is averaged, whatever the length of the mean.
+
+    Attributes:
+        pieces: of the log.
+        terms: the nuisances.
+        found: by earlier rounds.
+        rate_hz: of the grid.
+    """
+
+    pieces: list["_PieceColumns"]
+    terms: tuple[Nuisance, ...]
+    found: EarlierRounds
+    rate_hz: float
+
+    @classmethod
+    def of(
+        cls,
+        motion: Equation,
+        noise: NoiseOfColumns,
+        terms: tuple[Nuisance, ...],
+        found: EarlierRounds,
+    ) -> Self:
+        """Make the columns; the arguments are those of `averages`."""
+        pieces = mapped(lambda piece: _columns(piece, noise, terms, found), list(motion.pieces))
+        return cls(pieces, terms, found, motion.rate_hz)
+
+    def averaged(self, noise: NoiseOfColumns, samples: int) -> Averages:
+        """Average them over so many samples."""
+        pieces = mapped(lambda piece: _averaged(piece, samples), self.pieces)
+        return _joined(pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz)
+
+
+def averages(
+    motion: Equation,
+    noise: NoiseOfColumns,
+    terms: tuple[Nuisance, ...],
+    samples: int,
+    found: EarlierRounds,
+) -> Averages:
+    """Average the columns with the force moved back by its lag.
+
+    Args:
+        motion: the samples.
+        noise: of acceleration, speed and force.
+        terms: the nuisances.
+        samples: longest mean.
+        found: by earlier rounds.
+    """
+    # a piece at a time: the columns of a whole shift are many
+    pieces = mapped(
+        lambda piece: _averaged(_columns(piece, noise, terms, found), samples), list(motion.pieces)
+    )
+    return _joined(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
+
+
+def _joined(
+    pieces: list["_Averaged"],
+    noise: NoiseOfColumns,
+    terms: tuple[Nuisance, ...],
+    samples: int,
+    uneven_1_s: float,
+    rate_hz: float,
+) -> Averages:
+    """Weigh the rows of all pieces.
+
+    Args:
+        pieces: of the log.
+        noise: of acceleration, speed and force.
+        terms: the nuisances.
+        samples: longest mean.
+        uneven_1_s: how much stretches' constants differ (`EarlierRounds`).
+        rate_hz: of the grid.
+    """
+    A = np.concatenate([piece.A for piece in pieces])
+    f = np.concatenate([piece.f for piece in pieces])
+    lengths, which = np.unique(
+        np.concatenate([piece.count for piece in pieces]), return_inverse=True
+    )
+    covariances = np.stack([noise.covariance(int(length)) for length in lengths])
+    weight = _weights(A[:, :2], f, covariances, which)
+    ends_at = np.cumsum([piece.f.size for piece in pieces])[:-1]
+    added = mapped(
+        lambda each: _noise_moments(terms, each[0], covariances, each[1], each[2]),
+        list(zip(pieces, np.split(which, ends_at), np.split(weight, ends_at), strict=True)),
+    )
+    A *= weight[:, None]
+    f *= weight
+    group = np.concatenate([piece.group for piece in pieces])
+    if uneven_1_s:
+        _whiten_constants(A, f, group, uneven_1_s / rate_hz * stride_of(samples))
+    return Averages(
+        A,
+        f,
+        group,
+        np.concatenate([piece.raw.direction for piece in pieces]),
+        NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
+        max(rows_in(_SHORTEST_S, rate_hz) // stride_of(samples), 6),
+        terms,
+    )
+
+
+def _whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
+    """Take off each stretch's mean as much as its constant is unknown (random intercepts).
+
+    Args:
+        A: (rows, p) columns, changed in place.
+        f: (rows,) likewise.
+        group: (rows,) stretch.
+        ratio: variance of the constants over that of a row.
+    """
+    for part in group_rows(group):
+        off = 1.0 - 1.0 / np.sqrt(1.0 + ratio * part.size)
+        A[part] -= off * A[part].mean(axis=0)
+        f[part] -= off * f[part].mean()
+
+
+@dataclass(frozen=True, slots=True)
+class _PieceColumns:
+    """Of a piece: (terms + 3, n) columns, the force behind them, and the stretch of each sample."""
+
+    values: Floats
+    group: Ints
+    raw: Moments
+
+
+@dataclass(frozen=True, slots=True)
+class _Averaged:
+    """Of a piece: columns, force, stretch and length of each mean, and its last sample."""
+
+    A: Floats
+    f: Floats
+    group: Ints
+    count: Ints
+    raw: Moments
+
+
+def _columns(
+    motion: Equation, noise: NoiseOfColumns, terms: tuple[Nuisance, ...], found: EarlierRounds
+) -> _PieceColumns:
+    """Make the columns of a piece."""
+    in_time = motion.with_force_moved_back(found.lag_s)
+    if found.speed_late_s:
+        # what a late speed does to friction goes with the motion, which a specific force is not
+        in_time = in_time.with_speed_moved_back(found.speed_late_s)
+    force, acting, speed = in_time.force, found.acting(in_time), in_time.speed
+    acceleration = motion.acceleration
+    if found.motion_gain:
+        own = acceleration if motion.without_gravity is None else motion.without_gravity
+        acceleration = acceleration + found.motion_gain * own
+    loads = found.relative_loads
+    wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
+    force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
+    raw = Moments(
+        acceleration,
+        zeros if wheels is None else wheels,
+        speed,
+        rolled_share(speed, acting, found.slip_1_N),
+        acting,
+        _rate(force, motion.rate_hz, force_std, whole=wheels is not None),
+        motion.direction,
+        motion.progress,
+        _since(motion.group) / motion.rate_hz,
+        zeros if loads is None else loads.at(motion.unit),
+        zeros if loads is None else loads.contrast_at(motion.unit),
+        motion.place_1,
+        _travelled(motion),
+        *_along_route(motion, found),
+        found.slip_s_m,
+        found.transfer_s2_m,
+        (0.0, 0.0) if loads is None else loads.weight_shares,
+    )
+    group = _under_way(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
+    values = np.empty((len(terms) + 3, group.size))
+    values[0], values[1], values[-1] = raw.acceleration, raw.speed, force
+    for place, term in enumerate(terms, start=2):
+        values[place] = term.column(raw)
+    return _PieceColumns(values, group, raw)
+
+
+def _averaged(piece: _PieceColumns, samples: int) -> _Averaged:
+    """Average the columns of a piece, not weighted."""
+    kept = np.flatnonzero(_thinned(piece.group, stride_of(samples)))
+    means, count = trailing_group_means(piece.values, piece.group, samples, kept)
+    return _Averaged(means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.at(kept))
+
+
+def stride_of(samples: int) -> int:
+    """Every so many-th mean of so many samples is fitted."""
+    return max(1, samples // _ROWS_A_MEAN)
+
+
+def _since(group: Ints) -> Ints:
+    """How many samples of its stretch are before each, (n,)."""
+    row = np.arange(group.size)
+    return row - np.maximum.accumulate(np.where(begins(group), row, 0))
+
+
+def _travelled(motion: Equation) -> Floats:
+    """How far each sample is from the begin of its stretch, (n,) in m."""
+    way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
+    return way - way[np.arange(way.size) - _since(motion.group)]
+
+
+def _along_route(motion: Equation, found: EarlierRounds) -> tuple[Floats, float]:
+    """Where each sample is on the route, (n,), and how long that is; 0 where there is none."""
+    loads, route = found.relative_loads, found.route
+    if loads is None or route is None:
+        return np.zeros(motion.speed.size), 0.0
+    return route.position(motion, loads.loaded_at(motion.unit)), route.haul_m
+
+
+def _under_way(group: Ints, lag: int) -> Ints:
+    """The stretches without their first samples, whose force is from before the break-away."""
+    return np.where((_since(group) >= lag) | ends(group), group, -1)
+
+
+def _thinned(group: Ints, stride: int) -> Bools:
+    """Every so many-th sample of each stretch, and the last of one that has fewer."""
+    since = _since(group)
+    short = ends(group) & (since < stride - 1)
+    return (group >= 0) & ((since % stride == stride - 1) | short)
+
+
+def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
+    """Square roots of the rows' weights: the first means of a start are of few samples."""
+    mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
+    gradient = np.array([mass, friction, -1.0])
+    variances = np.array([gradient @ covariance @ gradient for covariance in covariances])
+    if not variances[-1] > 0.0:  # noise that adds up to none is that of every row
+        return np.ones(which.size)
+    return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
+
+
+def _rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
+    """The derivative of the force in N/s, 0 where it is no more than noise.
+
+    Args:
+        force: (n,) in N.
+        rate_hz: of the grid.
+        noise_N: standard deviation of a sample.
+        whole: also where it is small, if next to nothing of it is noise: what slip takes from the
+            wheels' acceleration is all of it, and without small values masses were 0.3 % off where
+            wheels slip by 2 %.
+    """
+    half = rows_in(_RATE_HALF_S, rate_hz)
+    steps = (
+        np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
+    )
+    rate = np.convolve(force, steps, "same")
+    std = noise_N * float(np.sqrt(steps @ steps))
+    clear = _RATE_COUNTS if half == 1 else _RATE_IS_CLEAR
+    if whole and float(np.sqrt(np.mean(rate**2))) > clear * std:
+        return rate
+    return np.where(np.abs(rate) > _RATE_COUNTS * std, rate, 0.0)
+
+
+def _noise_moments(
+    terms: tuple[Nuisance, ...],
+    piece: _Averaged,
+    covariances: Floats,
+    which: Ints,
+    weight: Floats,
+) -> tuple[Floats, Floats]:
+    """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by stretch.
+
+    Args:
+        terms: the nuisances.
+        piece: the rows.
+        covariances: (kinds, 3, 3) of means of so many samples.
+        which: (rows,) the kind of each.
+        weight: (rows,) that rows are multiplied by.
+    """
+    ids, index = np.unique(piece.group, return_inverse=True)
+    # derivatives of the columns by acceleration, speed and force; the others are 0
+    slopes, places = [weight, weight], [(0, 0), (1, 1)]
+    for j, term in enumerate(terms, start=2):
+        for channel, by in enumerate((term.by_acceleration, term.by_speed, term.by_force)):
+            if by is not None:
+                slopes.append(by(piece.raw) * weight)
+                places.append((j, channel))
+    return group_sums.noise_moments(
+        np.stack(slopes),
+        np.array(places, np.int64),
+        covariances,
+        which,
+        index,
+        (ids.size, 2 + len(terms)),
+    )

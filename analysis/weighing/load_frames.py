@@ -1,0 +1,431 @@
+"""The answer as frames: loads and manoeuvres, nuisances with prior and posterior, the budget."""
+
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.schema import CALIBRATED, FRAMES, build
+from analysis.model.uncertainty_sources import combined, unknown_scale
+from analysis.model.verdict import Verdict
+from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_states import States, sample_units
+from analysis.weighing.mass_budget import budget, relative_u
+from analysis.weighing.motion_samples import Floats, Ints
+from analysis.weighing.weigh import NOTHING_FITTED, Weighing
+from analysis.weighing.wheel_kinematics import TERMS
+
+#: The lightest state is empty when its mass is the machine's within so many uncertainties,
+_ALIKE: Final = 2.0
+#: and the heaviest is heavier by so many.
+_HEAVIER: Final = 3.0
+#: Others are as light within so many deviations of their difference.
+_AS_LIGHT: Final = 3.0
+#: So many manoeuvres are named, the others counted.
+_TOLD: Final = 3
+#: Unit and meaning of what the wheels say of slip, gain and delay.
+_OF_WHEELS: Final = (
+    ("1/N", "what share of its speed a newton makes the wheels slip, by the wheels"),
+    ("1", "gain of the accelerometer less 1, by the wheels"),
+    ("s", "delay of the speed behind the accelerometer, by the wheels"),
+)
+_NOT_EMPTY: Final = (
+    "settings.loads.empty_from_s and empty_to_s name no load of several: payloads are to the "
+    "machine's empty mass"
+)
+
+
+def loads(
+    weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine, verdict: Verdict
+) -> pl.DataFrame:
+    """Make `loads`: a row a load state.
+
+    Args:
+        weighing: the joint fit; None where nothing could be fitted.
+        excitation: for its times.
+        machine: empty mass, budget, limits.
+        verdict: what it forbids is withheld.
+    """
+    if weighing is None:
+        return _no_load()
+    fit = weighing.fit
+    times = _times(fit, excitation)
+    empty = empty_states(weighing, times, machine)
+    datum, against = _datum(weighing, empty, machine)
+    rows = [
+        _load(weighing, state, empty, times[state], machine, verdict, datum)
+        for state in range(fit.count)
+    ]
+    said = "; ".join(filter(None, (_said(fit, machine), against, _growing(weighing, excitation))))
+    if machine.settings.loads.empty_from_s is not None and not empty:
+        said = "; ".join(filter(None, (_NOT_EMPTY, said)))
+    said = pl.Series("said", [said] * len(rows))
+    return build("loads", {**pl.DataFrame(rows, infer_schema_length=None).to_dict(), "said": said})
+
+
+def _times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
+    """When each state begins and ends."""
+    states = fit.states
+    assert states is not None
+    t_ns = excitation["t_ns"].to_numpy()
+    used = np.flatnonzero(fit.motion.used)
+    of = states.of[_places(fit, states)]
+    inside = (used[of == state] for state in range(fit.count))
+    return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
+
+
+def _places(fit: JointFit, states: States) -> Ints:
+    """Of each fitted sample, the place of its manoeuvre among those of the states."""
+    return np.searchsorted(states.unit, sample_units(fit.motion))
+
+
+def changes(weighing: Weighing | None) -> list[int]:
+    """The rows of the grid where another load begins to move."""
+    if weighing is None or weighing.fit.states is None:
+        return []
+    fit, states = weighing.fit, weighing.fit.states
+    of = states.of[_places(fit, states)]
+    used = np.flatnonzero(fit.motion.used)
+    return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
+
+
+def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Machine) -> list[int]:
+    """The states of this log that carry nothing; none where there are none, or no telling.
+
+    Where `settings.loads` says when the machine was empty, the states that lie mostly in that time,
+    or the one that most of it is of. Else the lightest of several, if its mass is the machine's own
+    as far as both are known, and they are known well enough that the heaviest would not pass for
+    it; and those that are as light. The lightest of many alone would be the one that errs most.
+    """
+    fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
+    if fit.count < 2:
+        return []
+    if settings.empty_from_s is not None and settings.empty_to_s is not None:
+        first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
+        shared = [min(last, end) - max(first, begin) for begin, end in times]
+        inside = [
+            state for state, (begin, end) in enumerate(times) if 2 * shared[state] > end - begin
+        ]
+        most = int(np.argmax(shared))
+        return inside or ([most] if shared[most] > 0 else [])
+    if body.empty_mass_kg is None:
+        return []
+    lightest = int(np.argmin(fit.masses_kg))
+    apart_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
+    u_kg = combined(budget(weighing, machine, fit.weights(lightest)))
+    u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
+    carried_kg = float(np.ptp(fit.masses_kg))
+    if apart_kg > _ALIKE * u_kg or carried_kg < _HEAVIER * u_kg:
+        return []
+    return _as_light(weighing, lightest, machine)
+
+
+def _as_light(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
+    """The states whose mass is that of the lightest, by what is random of the difference."""
+    fit = weighing.fit
+    found = [lightest]
+    for state in np.argsort(fit.masses_kg, kind="stable").tolist():
+        if state == lightest:
+            continue
+        weights = weights_against(weighing, state, found)
+        random_kg = combined(budget(weighing, machine, weights), "random")
+        if float(weights @ fit.masses_kg) > _AS_LIGHT * random_kg:
+            break
+        found.append(state)
+    return sorted(found)
+
+
+def _datum(weighing: Weighing, empty: list[int], machine: Machine) -> tuple[Datum | None, str]:
+    """What the empty states make of payloads; and why they do not, where the log contradicts it."""
+    fit = weighing.fit
+    if not empty or len(empty) == fit.count:
+        return None, ""
+    # less the mass of none: the empty ones alone
+    weights = fit.weights(0) - weights_against(weighing, 0, empty)
+    found = EmptyMachine(weighing, machine, weights)
+    if found.contradiction:
+        return None, f"{found.contradiction}: payloads are on the log's own scale"
+    others = [state for state in range(fit.count) if state not in empty]
+    payloads = np.sum([weights_against(weighing, state, empty) for state in others], axis=0)
+    return found.datum(payloads), ""
+
+
+def weights_against(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+    """(masses,) weights of a mass less the mean of others, by how many manoeuvres each has."""
+    states = weighing.fit.states
+    assert states is not None
+    count = np.bincount(states.of).astype(np.float64)
+    weights = weighing.fit.weights(state)
+    if empty:
+        weights[empty] -= count[empty] / count[empty].sum()
+    return weights
+
+
+def _load(
+    weighing: Weighing,
+    state: int,
+    empty: list[int],
+    times: tuple[int, int],
+    machine: Machine,
+    verdict: Verdict,
+    datum: Datum | None,
+) -> dict[str, object]:
+    fit, body, states = weighing.fit, machine.machine, weighing.fit.states
+    assert states is not None
+    sources = budget(weighing, machine, fit.weights(state))
+    mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
+    u_kg = combined(sources)
+    withheld = [check.check for check in verdict.failed("mass")]
+    # as the check of that name judges the load that most manoeuvres are of
+    known = relative_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
+    if not known and "relative_u" not in withheld:
+        withheld.append("relative_u")
+    payload, unknown = _payload(weighing, state, empty, machine, datum)
+    friction = fit.friction
+    numbers = {
+        "mass_kg": mass_kg,
+        "u_kg": u_kg,
+        "u_random_kg": combined(sources, "random"),
+        "u_common_kg": combined(sources, "common", "scale"),
+        **payload,
+        "friction_x_N_s_m": friction[0],
+        "friction_x_std_N_s_m": friction[1],
+        "mass_halved_priors_kg": float(weighing.halved_kg[state]) - body.rotating_mass_kg,
+        "mass_doubled_priors_kg": float(weighing.doubled_kg[state]) - body.rotating_mass_kg,
+    }
+    return {
+        "load_id": state,
+        "start_t_ns": times[0],
+        "end_t_ns": times[1],
+        "manoeuvres": int((states.of == state).sum()),
+        **{name: None if withheld else value for name, value in numbers.items()},
+        "payload_to": empty[0] if empty and not withheld else None,
+        "empty": state in empty,
+        "scatter_kg": states.scatter_kg if states.freedom > 0 and not withheld else None,
+        "scatter_known": states.scatter_known,
+        "mean_samples": fit.mean_samples,
+        "braking_left_out": weighing.braking_left_out,
+        "scale_unknown": ", ".join(unknown_scale(sources)),
+        "payload_scale_unknown": ", ".join(unknown),
+        "withheld": bool(withheld),
+        "withheld_for": ", ".join(withheld),
+    }
+
+
+def _payload(
+    weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: Datum | None
+) -> tuple[dict[str, float | None], list[str]]:
+    """Payload and its uncertainty, and the factors of it that nothing tells.
+
+    To the empty states, on the scale of the machine's stated mass where that is known, and by the
+    log alone beside it; or to the machine's empty mass.
+    """
+    fit, body = weighing.fit, machine.machine
+    names = ("kg", "u_kg", "u_random_kg")
+    if not empty and body.empty_mass_kg is None:
+        return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
+    weights = weights_against(weighing, state, empty)
+    sources = budget(weighing, machine, weights)
+    own_kg = float(weights @ fit.masses_kg)
+    u_kg = combined(sources)
+    if not empty:
+        own_kg -= body.rotating_mass_kg + (body.empty_mass_kg or 0.0)
+        u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
+    own = (own_kg, u_kg, combined(sources, "random"))
+    told = own
+    if datum is not None:
+        sources = datum.sources(weights)
+        told = (datum.scale_1 * own_kg, combined(sources), combined(sources, "random"))
+    found: dict[str, float | None] = {
+        f"payload_{n}": value for n, value in zip(names, told, strict=True)
+    }
+    found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
+    return found, unknown_scale(sources)
+
+
+def _said(fit: JointFit, machine: Machine) -> str:
+    """What a reader must know of the states, beside every number."""
+    states = fit.states
+    assert states is not None
+    said: list[str] = []
+    if states.other is not None:
+        others = int(states.other.of.max()) + 1
+        readings = sorted(
+            [(fit.count, states.scatter_kg), (others, states.other.scatter_kg)],
+            key=lambda reading: reading[0],
+        )
+        texts = [
+            f"{count} {'load' if count == 1 else 'loads'} with manoeuvres that scatter by "
+            f"{scatter_kg:.3g} kg"
+            for count, scatter_kg in readings
+        ]
+        said.append(
+            f"states or scatter: {texts[0]}, or {texts[1]}; one load with a probability of "
+            f"{states.single_probability:.0%}"
+        )
+    if machine.machine.repeatability_kg is None and not states.scatter_known:
+        said.append("repeatability unknown: too few manoeuvres tell how they scatter")
+    return "; ".join(said)
+
+
+def _growing(weighing: Weighing, excitation: pl.DataFrame) -> str:
+    """The manoeuvres in which the load changes."""
+    t_ns = excitation["t_ns"].to_numpy()
+    told = [
+        f"the load changes within the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s, by about "
+        f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: it is left out"
+        for each in weighing.growing
+    ]
+    more = [f"so it does within {len(told) - _TOLD} more"] if len(told) > _TOLD else []
+    return "; ".join(told[:_TOLD] + more)
+
+
+def manoeuvre_frame(
+    weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine
+) -> pl.DataFrame:
+    """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself.
+
+    As those of loads, masses are without what only turns.
+    """
+    if weighing is None or weighing.fit.states is None:
+        return _empty("manoeuvres")
+    fit, states = weighing.fit, weighing.fit.states
+    t_ns = excitation["t_ns"].to_numpy()
+    used = np.flatnonzero(fit.motion.used)
+    place = _places(fit, states)
+    first = np.flatnonzero(np.append(True, np.diff(place) > 0))
+    last = np.append(first[1:] - 1, place.size - 1)
+    # the nuisances that the answer took off have its bias as well
+    shift_kg = fit.masses_kg - states.means_kg - machine.machine.rotating_mass_kg
+    return build(
+        "manoeuvres",
+        {
+            "load_id": states.of,
+            "start_t_ns": t_ns[used[first]],
+            "end_t_ns": t_ns[used[last]],
+            "mass_kg": states.level_kg + shift_kg[states.of],
+            "mass_std_kg": states.std_kg,
+        },
+    )
+
+
+def _no_load() -> pl.DataFrame:
+    """One load of which nothing is known."""
+    said = {
+        "load_id": 0,
+        "manoeuvres": 0,
+        "braking_left_out": False,
+        "scale_unknown": "",
+        "payload_scale_unknown": "",
+        "withheld": True,
+        "withheld_for": NOTHING_FITTED,
+        "scatter_known": False,
+        "empty": False,
+        "said": "",
+    }
+    columns = [c for c in FRAMES["loads"].columns if c.name not in CALIBRATED]
+    return build("loads", {c.name: pl.Series([said.get(c.name)], dtype=c.dtype) for c in columns})
+
+
+def nuisances(weighing: Weighing | None) -> pl.DataFrame:
+    """Make `nuisances`: a row a term, prior and posterior."""
+    if weighing is None:
+        return _empty("nuisances")
+    rows = pl.concat([_terms(weighing), _wheels(weighing)], how="diagonal")
+    return build("nuisances", rows.to_dict())
+
+
+def _terms(weighing: Weighing) -> pl.DataFrame:
+    """The terms of the fit."""
+    fit, own = weighing.fit, weighing.alone
+    parts_kg = fit.parts_kg(fit.weights(fit.main))
+    prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
+    columns = {
+        "term": [term.name for term in fit.terms],
+        "unit": [term.unit for term in fit.terms],
+        "prior_mean": fit.prior_means.mean,
+        "prior_std": prior_std,
+        "posterior": fit.posterior[0],
+        "posterior_std": fit.posterior[1],
+        "u_kg": [parts_kg[term.name] for term in fit.terms],
+        "meaning": [term.meaning for term in fit.terms],
+    }
+    if own is None:
+        return pl.DataFrame(columns)
+    learnt = weighing.learnt if weighing.told else {}
+    for place, term in enumerate(fit.terms):
+        if term.name in learnt and not fit.prior_means.mean_u[place]:
+            prior_std[place] = learnt[term.name].std
+            mean_u[place] = learnt[term.name].mean_u
+    alone = {
+        "prior_mean_u": mean_u,
+        "alone": own.posterior[0],
+        "alone_std": own.posterior[1],
+        "alone_prior_mean": own.prior_means.mean,
+        "alone_prior_std": own.prior_std,
+    }
+    return pl.DataFrame({**columns, **alone})
+
+
+def _wheels(weighing: Weighing) -> pl.DataFrame:
+    """What wheels and accelerometer say of each other, where they go together."""
+    fit, own = weighing.fit, weighing.alone
+    wheels = fit.kinematics
+    if wheels is None or not wheels.goes_together or wheels.gain_counts:
+        return pl.DataFrame()
+    parts_kg = fit.parts_kg(fit.weights(fit.main))
+    said = list(wheels.by_term.values())
+    rows: dict[str, object] = {
+        "term": TERMS,
+        "unit": [unit for unit, _ in _OF_WHEELS],
+        "prior_mean": [0.0] * len(TERMS) if wheels.own is None else [mean for mean, _ in said],
+        "prior_std": wheels.prior_std,
+        "posterior": [value for value, _ in said],
+        "posterior_std": np.hypot([std for _, std in said], wheels.mean_u),
+        # that of the slip is in the term of its own
+        "u_kg": [0.0, parts_kg.get("gain", 0.0), parts_kg.get("speed_delay", 0.0)],
+        "meaning": [meaning for _, meaning in _OF_WHEELS],
+    }
+    if own is not None:
+        alone = wheels if wheels.own is None else wheels.own
+        rows |= {
+            "prior_mean_u": wheels.mean_u,
+            "alone": [value for value, _ in alone.by_term.values()],
+            "alone_std": [std for _, std in alone.by_term.values()],
+            "alone_prior_mean": [0.0] * len(TERMS),
+            "alone_prior_std": alone.prior_std,
+        }
+    return pl.DataFrame(rows)
+
+
+def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
+    """Make `budget`: a row a load and source."""
+    if weighing is None:
+        return _empty("budget")
+    fit = weighing.fit
+    rows = [_sources(weighing, machine, state) for state in range(fit.count)]
+    return build("budget", pl.concat(rows).to_dict())
+
+
+def _sources(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
+    sources = budget(weighing, machine, weighing.fit.weights(state))
+    total = combined(sources)
+    u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
+    return pl.DataFrame(
+        {
+            "load_id": np.full(u_kg.size, state),
+            "cause": [source.name for source in sources],
+            "kind": [source.kind for source in sources],
+            "u_kg": u_kg,
+            "share_1": u_kg**2 / total**2 if total else u_kg * np.nan,
+            "meaning": [source.meaning for source in sources],
+            "shrinks": [source.shrinks for source in sources],
+        }
+    )
+
+
+def _empty(name: str) -> pl.DataFrame:
+    """A frame without rows."""
+    return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[name].columns})

@@ -1,0 +1,334 @@
+"""Load states: which manoeuvres carry one load, and how they scatter about it.
+
+A manoeuvre's mass is what it says once the nuisances that all manoeuvres share are taken off.
+A load changes between manoeuvres, where the machine stood.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.motion_samples import Equation, Floats, Ints, begins, ends
+from estimators.joint.changepoints import Partitions, partitions
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, Units
+from estimators.joint.partition_posterior import Partition
+from estimators.joint.random_intercepts import Levels
+
+#: A load is anything up to this share of the machine's mass (rated loads of loaders are).
+_LARGEST_LOAD: Final = 1.0 / 3.0
+#: Manoeuvres of one load repeat to about so much of the machine's mass: those who sell scales for
+#: loaders state one or two percent.
+_REPEATS: Final = 0.02
+#: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
+FEWEST_FREEDOM: Final = 4
+#: One load is not ruled out when it is more probable than this.
+_DOUBTED: Final = 0.05
+#: Several are not when all ways of them together are: some of many always fit chance.
+_DOUBTED_SEVERAL: Final = 0.2
+_ROUNDS: Final = 60
+#: A load that turns so often from heavier to lighter or back comes back, if not to the kilogram:
+#: a bucket is never quite empty.
+_ALTERNATES: Final = 2
+#: A boom or a bucket that moves by so much between two manoeuvres may have loaded or dumped.
+_ARM_MOVES_RAD: Final = 0.15
+#: So long lasts a manoeuvre that tells a mass, and so many samples it has at least.
+_TELLS_S: Final = 0.5
+_TELLS_SAMPLES: Final = 10
+#: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations: more than
+#: of a fit's groups, since the deviations of manoeuvres are themselves found from few samples.
+_DISAGREE: Final = 5.0
+
+
+@dataclass(frozen=True)
+class OtherReading:
+    """What the manoeuvres may as well say, where the log cannot tell.
+
+    Attributes:
+        of: (units,) the load state of each.
+        differs_kg: (units,) by how much its mass then differs.
+        scatter_kg: standard deviation of manoeuvres about their state.
+        probability: that it is not as the states have it.
+    """
+
+    of: Ints
+    differs_kg: Floats
+    scatter_kg: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class States:
+    """Which load each manoeuvre carries.
+
+    Attributes:
+        unit: (units,) numbers of the manoeuvres, as the samples have them, ascending.
+        of: (units,) the load state of each, from 0 on in time.
+        level_kg: (units,) mass that each says, the nuisances taken off.
+        std_kg: (units,) its deviation by the manoeuvre alone.
+        scatter_kg: standard deviation of manoeuvres about their state.
+        freedom: degrees of freedom that tell it; infinite where the machine file does.
+        birge_ratio: deviation from manoeuvre to manoeuvre over that of each alone; NaN where there
+            is nothing to compare.
+        single_probability: how probable it is that there is one state.
+        other: the other reading, where the log cannot tell; else None.
+        comes_back: whether a load is there again after another: an empty machine, say.
+    """
+
+    unit: Ints
+    of: Ints
+    level_kg: Floats
+    std_kg: Floats
+    scatter_kg: float
+    freedom: float
+    birge_ratio: float
+    single_probability: float = 1.0
+    other: OtherReading | None = None
+    comes_back: bool = False
+
+    @property
+    def count(self) -> int:
+        """How many states there are."""
+        return int(self.of.max()) + 1
+
+    @property
+    def means_kg(self) -> Floats:
+        """(states,) the mass of each by its manoeuvres."""
+        weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
+        return means_by_state(self.level_kg, weight, self.of)
+
+    @property
+    def misfit(self) -> float:
+        """How far manoeuvres are from their states, and how many these are (Schwarz 1978)."""
+        variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
+        return self.of.size * float(np.log(variance)) + self.count * float(np.log(self.of.size))
+
+    @property
+    def scatters(self) -> bool:
+        """Whether manoeuvres disagree by more than chance lets them."""
+        if not 0 < self.freedom < np.inf:
+            return self.scatter_kg > float(np.median(self.std_kg))
+        return self.birge_ratio**2 > 1.0 + _DISAGREE * float(np.sqrt(2.0 / self.freedom))
+
+    @property
+    def scatter_known(self) -> bool:
+        """Whether the scatter is more than a guess."""
+        return self.freedom >= FEWEST_FREEDOM
+
+    def among(self, motion: Equation) -> "States":
+        """The same of a motion that may have fewer manoeuvres, or others: states are renumbered."""
+        unit = np.unique(stretch_units(motion))
+        place = np.searchsorted(self.unit, unit, "right") - 1
+        place = place.clip(0, self.unit.size - 1)
+        return replace(
+            self,
+            unit=unit,
+            of=np.unique(self.of[place], return_inverse=True)[1],
+            level_kg=self.level_kg[place],
+            std_kg=self.std_kg[place],
+            other=self.other
+            and replace(
+                self.other, of=self.other.of[place], differs_kg=self.other.differs_kg[place]
+            ),
+        )
+
+    def other_reading_kg(self, weights: Floats) -> float:
+        """What the doubt of the states does to a sum of their masses, in kg.
+
+        The mass of a manoeuvre drawn from each state has the variance between the two readings.
+
+        Args:
+            weights: (states,) of each mass in the sum.
+        """
+        if self.other is None:
+            return 0.0
+        count = np.bincount(self.of)
+        mean_kg = np.bincount(self.of, weights=self.other.differs_kg) / count
+        within = np.bincount(self.of, weights=(self.other.differs_kg - mean_kg[self.of]) ** 2)
+        variance = float(weights @ mean_kg) ** 2 + float(weights**2 @ (within / count))
+        return float(np.sqrt(self.other.probability * variance))
+
+    def levels(self, motion: Equation) -> Levels:
+        """The states of the stretches of the motion whose manoeuvres these are."""
+        number = np.searchsorted(self.unit, stretch_units(motion))
+        scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
+        return Levels(self.of[number], number, scatter_kg, self.freedom)
+
+
+def stretch_units(motion: Equation) -> Ints:
+    """The manoeuvre of each stretch, (stretches,).
+
+    One that is too short to tell a mass goes with the one before it, or with the one after it where
+    something tells that the load changed before and not after.
+    """
+    unit = motion.unit[begins(motion.group)]
+    number, of = np.unique(unit, return_inverse=True)
+    samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
+    tells = samples >= min(rows_in(_TELLS_S, motion.rate_hz, _TELLS_SAMPLES), samples.max())
+    place = np.arange(number.size)
+    before = np.maximum.accumulate(np.where(tells, place, -1))
+    after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
+    goes = np.where(before < 0, np.argmax(tells), before)
+    first, last = (np.flatnonzero(each(motion.group)) for each in (begins, ends))
+    for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
+        left, here, right = (of == each for each in (before[short], short, after[short]))
+        begin, end = first[here][0], last[here][-1]
+        sooner, later = (last[left][-1], begin), (end, first[right][0])
+        if _place(motion, *sooner, *sooner) > 1 and _place(motion, *later, *later) == 1:
+            goes[short] = after[short]
+    return number[goes][of]
+
+
+def sample_units(motion: Equation) -> Ints:
+    """The manoeuvre of each fitted sample, (used samples,)."""
+    return stretch_units(motion)[motion.group[motion.used]]
+
+
+def places(motion: Equation) -> Ints:
+    """What tells a change of load between one manoeuvre and the next, (units - 1,).
+
+    Returns:
+        0 where the machine drove on, 1 where only the masses can, `RESTARTED` where the log was
+        silent as between two files, `HINTED` where the boom or the bucket moved as well, `FILLED`
+        where the machine dug, `NAMED` where the time begins or ends in which it is named as empty.
+    """
+    used = np.flatnonzero(motion.used)
+    first = np.flatnonzero(np.append(True, np.diff(sample_units(motion)) > 0))
+    last = np.append(first[1:], used.size) - 1
+    # a boom may go up before the machine stands, and come down when it moves again
+    middle = used[(first + last) // 2]
+    spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
+    return np.array([_place(motion, *span) for span in spans], np.int64)
+
+
+def _place(motion: Equation, end: int, begin: int, since: int, until: int) -> int:
+    """What tells a change of load between two manoeuvres.
+
+    Args:
+        motion: arms and digging.
+        end: last sample of the first manoeuvre.
+        begin: first sample of the second one.
+        since: from where on the boom is looked at.
+        until: likewise.
+    """
+    if motion.digs is not None and motion.digs[end : begin + 1].any():
+        return FILLED
+    if motion.empty is not None and motion.empty[end] != motion.empty[begin]:
+        return NAMED
+    if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
+        return 0
+    moved = any(_range(arm[since : until + 1]) > _ARM_MOVES_RAD for arm in motion.arms)
+    if moved:
+        return HINTED
+    silent = motion.silences is not None and motion.silences[end] != motion.silences[begin]
+    return RESTARTED if silent else 1
+
+
+def _range(x: Floats) -> float:
+    """From the least to the largest that is known, 0 where nothing is."""
+    known = x[np.isfinite(x)]
+    return float(np.ptp(known)) if known.size else 0.0
+
+
+def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> States:
+    """Find the states.
+
+    Args:
+        units: what each manoeuvre says.
+        number: (units,) of the manoeuvres.
+        repeatability_kg: how manoeuvres of one load scatter, where the machine file knows.
+    """
+    if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
+        return untold_states(number)
+    # manoeuvres of no mass have no scale of loads: that is then what their own noise lets them say
+    typical_kg = float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
+    found = partitions(
+        units,
+        _LARGEST_LOAD * typical_kg,
+        _REPEATS * typical_kg,
+        repeatability_kg,
+    )
+    best = found.best if _chosen(found, repeatability_kg) else found.single
+    other = found.several if best.states == 1 else found.single
+    level_kg = units.y - units.x @ best.effects
+    scatter_kg, freedom, ratio = _scatter(level_kg, units.variance, best)
+    if repeatability_kg is not None:
+        scatter_kg, freedom = repeatability_kg, np.inf
+    probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
+    return States(
+        number,
+        best.state,
+        level_kg,
+        np.sqrt(units.variance),
+        scatter_kg,
+        freedom,
+        ratio,
+        found.single_probability,
+        _other_reading(units, best, other, probability),
+        np.unique(best.level).size < best.states or _turns(best) >= _ALTERNATES,
+    )
+
+
+def _turns(found: Partition) -> int:
+    """How often a load that was put on is taken off, or the other way round."""
+    rises = np.sign(np.diff(found.levels))
+    return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
+
+
+def _other_reading(
+    units: Units, best: Partition, other: Partition | None, probability: float
+) -> OtherReading | None:
+    """What the units may as well say; None where the log can tell."""
+    doubted = _DOUBTED_SEVERAL if best.states == 1 else _DOUBTED
+    if other is None or probability < doubted:
+        return None
+    level_kg = units.y - units.x @ other.effects
+    scatter_kg, _, _ = _scatter(level_kg, units.variance, other)
+    differs_kg = other.levels[other.state] - best.levels[best.state]
+    return OtherReading(other.state, differs_kg, scatter_kg, probability)
+
+
+def untold_states(number: Ints) -> States:
+    """One state of these manoeuvres, of which nothing is known."""
+    one, nothing = np.zeros(number.size, np.int64), np.full(number.size, np.nan)
+    return States(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
+
+
+def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:
+    """Whether the most probable partition is taken, or one state where nothing can tell."""
+    few = found.best.freedom < FEWEST_FREEDOM
+    doubted = found.single_probability > _DOUBTED
+    return repeatability_kg is not None or not (few and doubted)
+
+
+def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
+    """Weighted means by state, (states,).
+
+    Args:
+        level: (units,) what each says.
+        weight: (units,) of each.
+        state: (units,) from 0.
+    """
+    return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
+
+
+def _scatter(level: Floats, variance: Floats, found: Partition) -> tuple[float, float, float]:
+    """Scatter about the levels (Paule & Mandel 1982), its degrees of freedom, Birge's ratio."""
+    freedom, state = found.freedom, found.level[found.state]
+    if freedom < 1:
+        return 0.0, 0.0, float("nan")
+
+    def excess(tau: float) -> float:
+        weight = 1.0 / (variance + tau**2)
+        mean = means_by_state(level, weight, state)
+        return float(weight @ (level - mean[state]) ** 2) / freedom
+
+    ratio = float(np.sqrt(excess(0.0)))
+    if ratio <= 1.0:
+        return 0.0, float(freedom), ratio
+    low, high = 0.0, float(np.ptp(level)) + 1e-9
+    for _ in range(_ROUNDS):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if excess(middle) > 1.0 else (low, middle)
+    return high, float(freedom), ratio

@@ -1,0 +1,156 @@
+"""Which effects a log has: drifts, a force by the place, uneven ground: none, one or several.
+
+A gain that drifts and friction that warms look alike while the machine drives at a steady speed,
+and free to cancel each other they hide a change of load. That a log has neither is likelier than
+that it has two which cancel: the evidence of each choice says by how much (Bayesian model
+averaging, Hoeting et al. 1999), and what the likeliest leaves out stays in the uncertainty.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Final, Self
+
+import numpy as np
+
+from analysis.model.settings import PriorSettings
+from analysis.weighing.force_by_place import BY_PLACE, PLACE
+from analysis.weighing.motion_samples import Floats
+from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.uneven_ground import GROUND
+from estimators.joint.prior_fit import PriorFit
+
+#: The settings that are the widths of an effect's priors.
+_WIDTHS: Final = {
+    "friction": ("viscous_drift_share",),
+    "gain": ("gain_drift",),
+    BY_PLACE: ("place_share",),
+    "ground": ("ground_share", "ground_change_share", "ground_route_share"),
+}
+#: The effect that each term is of.
+EFFECTS: Final = {
+    "viscous_drift": "friction",
+    "viscous_bend": "friction",
+    "gain_drift": "gain",
+    **{term.name: BY_PLACE for term in PLACE},
+    **{term.name: "ground" for term in GROUND},
+}
+#: A log has each effect with this probability, before anything is measured.
+_BEFORE: Final = 0.2
+_LOG_ODDS: Final = float(np.log(_BEFORE / (1.0 - _BEFORE)))
+#: The width of the prior of an effect that is left out, over its own.
+NARROW: Final = 0.02
+
+
+@dataclass(frozen=True)
+class LikelyEffects:
+    """The likeliest choice of effects, and what the others would change.
+
+    Attributes:
+        left_out: the effects that it does not have.
+        probability: (choices,) of the other choices.
+        moved_kg: (choices, masses) by how much each moves the masses.
+        response_kg: (masses, terms) what a unit of each term moves the masses by.
+        widened: (choices, terms, terms) covariance that each has beyond the likeliest.
+    """
+
+    left_out: tuple[str, ...]
+    probability: Floats
+    moved_kg: Floats
+    response_kg: Floats
+    widened: Floats
+
+    @classmethod
+    def of(
+        cls, fit: PriorFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
+    ) -> Self | None:
+        """Weigh the choices by a fit that has all effects; None where it has none.
+
+        Args:
+            fit: masses, friction and terms.
+            masses: how many masses there are.
+            terms: the nuisances.
+            prior_std: (terms,) widths of their priors, whose means are 0.
+        """
+        own = [place for place, term in enumerate(terms) if term.name in EFFECTS]
+        if not own or not np.isfinite(fit.covariance).all():
+            return None
+        at, variance = masses + 1 + np.array(own), prior_std[own] ** 2
+        found, covariance = fit.theta[at], fit.covariance[np.ix_(at, at)]
+        precision = np.linalg.inv(covariance)
+        squares, vectors = np.linalg.eigh(precision - np.diag(1.0 / variance))
+        information = (vectors * np.maximum(squares, 0.0)) @ vectors.T
+        effect = [EFFECTS[terms[place].name] for place in own]
+        names = sorted(set(effect))
+        choices = [
+            _choice(
+                np.array([kept[names.index(name)] for name in effect]),
+                sum(kept) * _LOG_ODDS,
+                information,
+                precision @ found,
+                variance,
+            )
+            for kept in product((False, True), repeat=len(names))
+        ]
+        evidence = np.array([choice[0] for choice in choices])
+        probability = np.exp(evidence - evidence.max())
+        probability /= probability.sum()
+        best = int(np.argmax(probability))
+        response = fit.covariance[:masses, at] @ precision
+        _, kept, mean, spread = choices[best]
+        others = [choice for number, choice in enumerate(choices) if number != best]
+        return cls(
+            tuple(sorted({name for name, has in zip(effect, kept, strict=True) if not has})),
+            np.delete(probability, best),
+            np.stack([response @ (other[2] - mean) for other in others]),
+            response,
+            np.stack([other[3] - spread for other in others]),
+        )
+
+    def narrowed(self, priors: PriorSettings) -> PriorSettings:
+        """The priors of a fit without the effects that are left out."""
+        keys = [key for name in self.left_out for key in _WIDTHS[name]]
+        return priors.model_copy(update={key: NARROW * getattr(priors, key) for key in keys})
+
+    def doubt_kg(self, weights: Floats) -> float:
+        """What the other choices do to a sum of masses, in kg (law of total variance).
+
+        Args:
+            weights: (masses,) of each mass in the sum.
+        """
+        moved, by_term = self.moved_kg @ weights, weights @ self.response_kg
+        wider = np.einsum("i,cij,j->c", by_term, self.widened, by_term)
+        return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
+
+
+def _inverse(precision: Floats) -> Floats:
+    """The covariance; of what rounding leaves singular, of what it determines."""
+    try:
+        inverse = np.linalg.inv(precision)
+    except np.linalg.LinAlgError:
+        inverse = np.linalg.pinv(precision, hermitian=True)
+    return inverse.astype(np.float64, copy=False)
+
+
+def _choice(
+    kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
+) -> tuple[float, np.ndarray, Floats, Floats]:
+    """Logarithm of the evidence of a choice of effects, the choice, their mean and covariance.
+
+    Args:
+        kept: (terms,) those that it has.
+        before: logarithm of its odds before anything is measured, up to a constant.
+        information: (terms, terms) that the log has about them.
+        scores: (terms,) information times what the log says of them.
+        variance: (terms,) of their priors.
+    """
+    mean, covariance = np.zeros(kept.size), np.zeros((kept.size, kept.size))
+    own = np.flatnonzero(kept)
+    if not own.size:
+        return before, kept, mean, covariance
+    inside = np.ix_(own, own)
+    inner = _inverse(information[inside] + np.diag(1.0 / variance[own]))
+    mean[own], covariance[inside] = inner @ scores[own], inner
+    sized = np.linalg.slogdet(np.eye(own.size) + variance[own][:, None] * information[inside])[1]
+    # at least 0, but for rounding, of which only what is singular shows anything
+    sized = max(sized, 0.0)
+    return float(before - sized / 2.0 + scores[own] @ mean[own] / 2.0), kept, mean, covariance

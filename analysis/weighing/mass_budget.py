@@ -1,0 +1,203 @@
+"""What the mass' uncertainty is made of: the fit's parts, and what no log can tell (its scale)."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.model.machine import Machine
+from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined, largest_first
+from analysis.weighing.force_by_place import BY_PLACE
+from analysis.weighing.joint_result import JointFit, root_sum_of_squares
+from analysis.weighing.motion_samples import Floats
+from analysis.weighing.uneven_ground import BY_GROUND
+from analysis.weighing.weigh import Weighing
+
+#: The answer leans on its priors when doubling them moves it by so many of its deviations.
+_LEANS: Final = 1.5
+#: Share of a gain's drift by which it differs at either end of the log from its mean, which the
+#: masses are of.
+_HALF_OF_DRIFT: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class _FitPart:
+    kind: str
+    meaning: str
+    shrinks: str
+
+
+#: Of the fit, besides the priors.
+_PARTS: Final = {
+    "noise": _FitPart("random", "noise of this log, through its residuals", "more starts"),
+    "scatter": _FitPart(
+        "random",
+        "manoeuvres of one load that disagree with each other",
+        "more starts, and alike",
+    ),
+    "other_reading": _FitPart(
+        "common",
+        "masses that change or that scatter: the log cannot tell which",
+        "more starts with each load; a boom or bucket channel; machine.repeatability_kg",
+    ),
+    BY_PLACE: _FitPart(
+        "common",
+        "a force that depends on the place on a short path: a spring, gravity",
+        "strokes at different accelerations over the same path",
+    ),
+    BY_GROUND: _FitPart(
+        "common",
+        "ground that holds the machine by another force where it starts with a load",
+        "more cycles; a pitch channel; even ground",
+    ),
+    "other_effects": _FitPart(
+        "common",
+        "drifts and uneven ground that the log neither shows nor rules out",
+        "loads that come back: empty, loaded, empty; a machine that is warm",
+    ),
+    "drifted_gain": _FitPart(
+        "common",
+        "the gain of the force drifts over the log: at which end it is as stated is not known",
+        "a force sensor at its working temperature; known loads at both ends of the log",
+    ),
+    "squat": _FitPart(
+        "common",
+        "a body that squats more with its load, whose accelerometer sees gravity through it",
+        "more starts with each load on even ground; a stiffly mounted accelerometer",
+    ),
+    "misfit": _FitPart(
+        "common",
+        "what every start has in common and the model misses",
+        "finding its cause: filters, brakes, tyres",
+    ),
+    "lag_shape": _FitPart(
+        "common",
+        "a late force that is neither plainly delayed nor plainly low-passed",
+        "the force without its filter",
+    ),
+    "averaging": _FitPart(
+        "common",
+        "the mass depends on how long is averaged: fast motion that the model misses",
+        "an accelerometer on the body; starts that accelerate longer",
+    ),
+    "channel_noise": _FitPart(
+        "common",
+        "noise of speed and acceleration, known to a quarter",
+        "a quieter accelerometer, or settings.noise",
+    ),
+    "learnt": _FitPart(
+        "common",
+        "means of the priors that a calibration learnt: wrong in all its logs alike, so that its "
+        "line takes it with it",
+        "the calibration, which has taken it off the calibrated mass",
+    ),
+    "speed_delay": _FitPart(
+        "common", "delay of the speed behind the accelerometer", "topics with one clock"
+    ),
+    "gain": _FitPart(
+        "common",
+        "gain of the accelerometer, or wheels that disagree with it: the log cannot say which",
+        "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
+    ),
+    "braking": _FitPart(
+        "common",
+        "braking and driving say different masses, and driving alone cannot decide",
+        "settings.gate.exclude_braking = true, or a force that sees all brakes",
+    ),
+    "priors": _FitPart(
+        "common",
+        "priors twice as wide move the mass by more than its uncertainty",
+        "starts at different throttles and both ways, or priors that are known",
+    ),
+    "curvature": _FitPart(
+        "common",
+        "a force that is not linear in the acceleration",
+        "force measured on all wheels; brakes that are seen whole",
+    ),
+}
+
+
+def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[UncertaintySource]:
+    """Every source of uncertainty of a sum of masses, the largest first, the unknown ones last.
+
+    Args:
+        weighing: the joint fit.
+        machine: what is known of the machine.
+        weights: (masses,) of each mass in the sum: 1 for one mass, 1 and -1 for a difference.
+    """
+    fit, body = weighing.fit, machine.machine
+    sum_kg = abs(float(weights @ fit.masses_kg))
+    loaded_kg = abs(float(weights @ (fit.masses_kg * _relative_loads(fit, machine))))
+    terms = {term.name: term for term in fit.terms}
+    sources: list[UncertaintySource] = []
+    parts_kg = fit.parts_kg(weights)
+    parts_kg |= _doubts(weighing, weights, parts_kg)
+    for source in {term.source: None for term in fit.terms if term.source}:
+        own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
+        parts_kg[source] = float(np.linalg.norm(own_kg))
+    for name, u_kg in parts_kg.items():
+        if name in terms:
+            term = terms[name]
+            sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
+        elif u_kg > 0.0:
+            part = _PARTS[name]
+            sources.append(UncertaintySource(name, part.kind, u_kg, part.meaning, part.shrinks))
+    for scale in SCALES:
+        if scale.applies(machine):
+            relative, of_kg = scale.u(machine), loaded_kg if scale.by_load else sum_kg
+            sources.append(scale.source(None if relative is None else relative * of_kg))
+    # of a difference it cancels
+    rotating_u_kg = body.rotating_mass_u_kg * abs(float(weights.sum()))
+    if rotating_u_kg:
+        sources.append(
+            UncertaintySource(
+                "rotating_mass",
+                "scale",
+                rotating_u_kg,
+                "wheels and motors that turn as the machine gains speed",
+                "known loads, or the drawings of the driveline",
+            )
+        )
+    return largest_first(sources)
+
+
+def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
+    """Standard uncertainty of a load's mass over it, but for the scale, which no log tells.
+
+    By this a load has a mass or none: NaN where the fit has no number, infinite where its mass is
+    not above 0.
+    """
+    sources = budget(weighing, machine, weighing.fit.weights(state))
+    mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
+    if not np.isfinite([mass_kg, combined(sources)]).all():
+        return float("nan")
+    return combined(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
+
+
+def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
+    """(masses,) load of each state over the empty machine, or over the lightest state."""
+    body = machine.machine
+    empty_kg = float(np.min(fit.masses_kg))
+    if body.empty_mass_kg is not None:
+        empty_kg = body.empty_mass_kg + body.rotating_mass_kg
+    # to a machine without a mass no load is relative
+    return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.count)
+
+
+def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> dict[str, float]:
+    """What else a check of the fit widens a sum of masses by, in kg, where it shows."""
+    fit = weighing.fit
+    # what is wrong with the equation is as wrong with every mass
+    share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0
+    found: dict[str, float] = {}
+    if fit.effects is not None and "gain" not in fit.effects.left_out:
+        drift_kg = fit.term_value("gain_drift") * float(weights @ fit.masses_kg)
+        found["drifted_gain"] = _HALF_OF_DRIFT * abs(drift_kg)
+    if weighing.curvature.shows:
+        found["curvature"] = abs(weighing.curvature.kg) * share
+    if weighing.braking_doubted:
+        found["braking"] = abs(weighing.braking_kg) / 2.0 * share
+    leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))
+    if leans_kg > _LEANS * root_sum_of_squares(parts_kg):
+        found["priors"] = leans_kg
+    return found

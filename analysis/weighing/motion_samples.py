@@ -1,0 +1,530 @@
+"""The equation of straight motion on the grid, before the moving mean, and where it may be fitted.
+
+A trailing mean reaches from the first moving samples back into the standstill, where friction holds
+whatever force there is: a start then says that there is no Coulomb friction. So the fit takes the
+samples as they are, from the break-away on, and averages inside a manoeuvre only.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final, Protocol
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.machine import Machine
+from analysis.model.schema import values
+from analysis.model.windows import windows_with
+from analysis.stages.gating.gate import accepted_samples, braking_within_sight
+from analysis.stages.gating.segments import manoeuvres
+from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
+from analysis.stages.motion.phases import stopping
+from analysis.stages.signals.grid_rate import rows_in
+from estimators.compiled import compiled
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: So far back the break-away is looked for: the moving mean and the phases see it late.
+_LOOK_BACK_S: Final = 0.3
+#: Speeds above so many deviations of their noise move.
+_MOVES: Final = 4.0
+_LEAST_SPEED_M_S: Final = 0.01
+#: So long after a break-away friction is not sure to be that of motion: noise shows where it is to
+#: a few samples, and resampling mixes them with the standstill.
+_MIXED_S: Final = 0.05
+#: Samples likewise, at least, where a zero-phase low-pass reached across it, and elsewhere.
+_MIXED_FILTERED: Final = 3
+_MIXED: Final = 1
+#: Driving without a stand is cut into manoeuvres of so long, in s: far longer than a loader drives
+#: between two stands, and of some dozen readings at 1 Hz.
+_DRIVES_S: Final = 60.0
+#: Silence of so long, in s, is that between two records: files that count from 0 follow one another
+#: after 10 s, a network that drops messages is back sooner.
+_SILENT_S: Final = 8.0
+#: So long beside a gap nothing is fitted.
+_CLEAR_S: Final = 0.1
+#: Wheels of which less rolls say nothing of the ground's speed.
+_LEAST_GROUND: Final = 0.5
+#: Moving both ways needs this share of the samples each way.
+_BOTH_WAYS: Final = 0.1
+#: A path on which a spring or gravity may push back is shorter than this, in m: that of a bench;
+_BENCH_M: Final = 6.0
+#: and is passed so often, at least.
+_PASSES: Final = 6.0
+_ARMS: Final = ("boom_rad", "bucket_rad")
+#: Samples that are worked on together, so that they stay in the processor's cache,
+_PIECE: Final = 32_768
+#: and so long before and after them, from where a lag or a derivative may take samples.
+_REACH_S: Final = 0.6
+
+
+class NoiseOfColumns(Protocol):
+    """What is known of the noise of acceleration, speed and force."""
+
+    def covariance(self, samples: int) -> Floats:
+        """(3, 3) of the trailing mean of so many samples."""
+        ...
+
+
+@dataclass(frozen=True)
+class KeptNoise:
+    """The same noise, each length of a mean worked out once.
+
+    Attributes:
+        columns: whose noise it is.
+    """
+
+    columns: NoiseOfColumns
+    _known: dict[int, Floats] = field(default_factory=dict)
+
+    def covariance(self, samples: int) -> Floats:
+        """(3, 3) of the trailing mean of so many samples."""
+        if samples not in self._known:
+            self._known[samples] = self.columns.covariance(samples)
+        return self._known[samples]
+
+
+@dataclass(frozen=True)
+class Equation:
+    """The columns of f = m a + b v, (n,) each, and the manoeuvre of each sample.
+
+    Attributes:
+        acceleration: what multiplies the mass, in m/s².
+        speed: in m/s.
+        force: in N.
+        group: number of the stretch of each sample that may be fitted, -1 for the others.
+        direction: 1 forwards, -1 in reverse, by manoeuvre.
+        unit: number of the manoeuvre: of what lies between two stands, or of a part of it where it
+            drives for long.
+        rate_hz: of the grid.
+        specific_force: the accelerometer along x, in m/s², where there is one.
+        without_gravity: likewise with gravity's share by the pitch taken off.
+        wheel_acceleration: derivative of the wheels' speed, in m/s², where it multiplies the mass.
+        progress: from -1/2 to 1/2 over the log.
+        driven_m: how far the machine has driven since the log began, whichever way.
+        place_1: where it is on its path, from -1/2 to 1/2 where it is fitted.
+        path_m: how long that path is, in m.
+        by_accelerometer: whether the accelerometer multiplies the mass.
+        force_share: of the measured wheels.
+        weight: of the machine without load, in N; of what this log says where it is not known.
+        arms: angles of boom and bucket in rad, those that the log has: hints of a change of load.
+        digs: which samples are of a start that digs, where that is known: it fills the bucket.
+        empty: which samples are named as those of the empty machine, where any are.
+        stood: how often the machine has stood before, or was not seen: a load changes nowhere else;
+            None: the units say so.
+        silences: how often the log has been silent before as long as between two files.
+    """
+
+    acceleration: Floats
+    speed: Floats
+    force: Floats
+    group: Ints
+    direction: Floats
+    unit: Ints
+    rate_hz: float
+    specific_force: Floats | None
+    without_gravity: Floats | None
+    wheel_acceleration: Floats | None
+    progress: Floats
+    driven_m: Floats
+    place_1: Floats
+    path_m: float
+    by_accelerometer: bool
+    force_share: float
+    weight: float
+    arms: tuple[Floats, ...] = ()
+    digs: Bools | None = None
+    empty: Bools | None = None
+    stood: Ints | None = None
+    silences: Ints | None = None
+
+    def beginning(self, stretches: int) -> "Equation":
+        """The same up to the end of so many stretches."""
+        if not self.used.any() or int(self.group.max()) < stretches:
+            return self
+        end = int(np.argmax(self.group >= stretches))
+        return replace(self._cut(slice(0, end)), progress=_progress(end))
+
+    def around_fitted(self, reach_s: float) -> "Equation":
+        """The same without samples that are farther than so from any that may be fitted.
+
+        What moves the force or the speed in time by no more finds what it would.
+        """
+        size = math.ceil(reach_s * self.rate_hz) + 1
+        near = windows_with(self.used, size) | windows_with(self.used[::-1], size)[::-1]
+        return self._cut(np.flatnonzero(near))
+
+    def _cut(self, cut: slice | Ints) -> "Equation":
+        """Some of the samples."""
+        level, measured = self.without_gravity, self.specific_force
+        wheels = self.wheel_acceleration
+        return replace(
+            self,
+            acceleration=self.acceleration[cut],
+            speed=self.speed[cut],
+            force=self.force[cut],
+            group=self.group[cut],
+            direction=self.direction[cut],
+            unit=self.unit[cut],
+            specific_force=None if measured is None else measured[cut],
+            without_gravity=None if level is None else level[cut],
+            wheel_acceleration=None if wheels is None else wheels[cut],
+            progress=self.progress[cut],
+            driven_m=self.driven_m[cut],
+            place_1=self.place_1[cut],
+            arms=tuple(each[cut] for each in self.arms),
+            digs=None if self.digs is None else self.digs[cut],
+            empty=None if self.empty is None else self.empty[cut],
+            stood=None if self.stood is None else self.stood[cut],
+            silences=None if self.silences is None else self.silences[cut],
+        )
+
+    @cached_property
+    def pieces(self) -> tuple["Equation", ...]:
+        """The same in pieces of whole stretches, with the samples around that they reach to."""
+        first = np.flatnonzero(begins(self.group))
+        last = np.flatnonzero(ends(self.group))
+        whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
+        reach = math.ceil(_REACH_S * self.rate_hz)
+        found: list[Equation] = []
+        for stretches in np.split(np.arange(first.size), whole):
+            begin, end = int(first[stretches[0]]), int(last[stretches[-1]]) + 1
+            piece = self._cut(slice(max(begin - reach, 0), end + reach))
+            own = (piece.group >= stretches[0]) & (piece.group <= stretches[-1])
+            found.append(replace(piece, group=np.where(own, piece.group, -1)))
+        return tuple(found)
+
+    def without(self, samples: Bools) -> "Equation":
+        """The same without some of the samples, stretches numbered anew."""
+        group = np.where(samples, -1, self.group)
+        left = group >= 0
+        group[left] = np.unique(group[left], return_inverse=True)[1]
+        return replace(self, group=group)
+
+    def with_force_moved_back(self, lag_s: float) -> "Equation":
+        """The same with the force moved back by how late it is."""
+        return replace(self, force=self._moved_back(self.force, lag_s))
+
+    def with_speed_moved_back(self, delay_s: float) -> "Equation":
+        """The same with the speed moved back by how late it is."""
+        return replace(self, speed=self._moved_back(self.speed, delay_s))
+
+    def _moved_back(self, x: Floats, late_s: float) -> Floats:
+        """By a cubic inside of stretches: a line between two rows is a low-pass on a slow grid."""
+        late = late_s * self.rate_hz
+        rows = np.arange(x.size, dtype=np.float64)
+        moved = np.interp(rows + late, rows, x)
+        whole = math.floor(late)
+        part = late - whole
+        if not part:
+            return moved
+        first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
+        if first >= end:
+            return moved
+        weights = (
+            -part * (part - 1.0) * (part - 2.0) / 6.0,
+            (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+            -(part + 1.0) * part * (part - 2.0) / 2.0,
+            (part + 1.0) * part * (part - 1.0) / 6.0,
+        )
+        from_row = first + whole - 1
+        cubic = sum(
+            weight * x[from_row + k : from_row + k + end - first]
+            for k, weight in enumerate(weights)
+        )
+        group = self.group[first:end]
+        inside = group >= 0
+        for row in (from_row, from_row + 3):
+            inside &= self.group[row : row + end - first] == group
+        moved[first:end] = np.where(inside, cubic, moved[first:end])
+        return moved
+
+    @cached_property
+    def used(self) -> Bools:
+        """Which samples may be fitted."""
+        return self.group >= 0
+
+    @cached_property
+    def largest_force(self) -> float:
+        """The force that this log drives with, in N: its 95 % quantile."""
+        return float(np.quantile(np.abs(self.force[self.used]), 0.95))
+
+    @cached_property
+    def largest_speed(self) -> float:
+        """The speed that it reaches, in m/s, likewise."""
+        return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
+
+    @cached_property
+    def mean_speed(self) -> float:
+        """How fast it drives on average, either way, in m/s."""
+        return float(np.mean(np.abs(self.speed[self.used])))
+
+    @cached_property
+    def about_kg(self) -> float:
+        """The force that this log drives with over the acceleration that it reaches, in kg."""
+        reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
+        return self.largest_force / reached if reached else 0.0
+
+    @property
+    def drives(self) -> bool:
+        """Whether it has a force, a speed and an acceleration to measure the terms' priors by."""
+        return self.about_kg > 0.0 and self.largest_speed > 0.0
+
+    @cached_property
+    def manoeuvres(self) -> int:
+        """How many stretches between two stands may be fitted."""
+        return int(np.unique(self.unit[self.used]).size)
+
+    @cached_property
+    def drives_apart(self) -> int:
+        """How many drives may be fitted between which a load may change."""
+        return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
+
+    @cached_property
+    def on_a_bench(self) -> bool:
+        """Whether it goes to and fro on one short path, which no vehicle does."""
+        driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
+        return self.both_ways and 0.0 < self.path_m < min(_BENCH_M, driven_m / _PASSES)
+
+    @cached_property
+    def both_ways(self) -> bool:
+        """Whether it drives forwards and in reverse."""
+        forwards = float((self.direction[self.used] > 0).mean())
+        return min(forwards, 1.0 - forwards) > _BOTH_WAYS
+
+
+def equation(
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    machine: Machine,
+    noise: NoiseOfColumns,
+    *,
+    braking: bool = True,
+) -> Equation:
+    """Take the columns of the manoeuvres that the gate found informative.
+
+    Args:
+        aligned: the grid, before the moving mean, with `digs` where that was looked for, and
+            `left_out`, rows that say nothing, where there are any.
+        excitation: the phases of motion.
+        gated: which windows are accepted.
+        machine: wheels, settings.
+        noise: of the columns.
+        braking: whether braking is fitted, where it counts as driving.
+    """
+    settings = machine.settings
+    speed = values(aligned, "speed_x_m_s")
+    force = longitudinal_force(aligned, machine.machine)
+    acceleration = regressor_acceleration(aligned, machine)
+    known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
+    known &= ~aligned["gap"].to_numpy()
+    moves_m_s = max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S)
+    group = _fitted(excitation, gated, machine, moves_m_s, braking=braking)
+    filtered = any(channel.differentiates for channel in machine.channels.values())
+    mixed = _MIXED_FILTERED if filtered else _MIXED
+    settled = max(mixed, round(_MIXED_S * settings.align.rate_hz))
+    group = _from_break_away(
+        group,
+        np.where(known, speed, 0.0),
+        moves_m_s,
+        round(_LOOK_BACK_S * settings.align.rate_hz),
+        settled,
+    )
+    # a lag moves the force, and its derivative looks to both sides: neither into a gap
+    clear = rows_in(_CLEAR_S, settings.align.rate_hz)
+    silent = ~known | _left_out(aligned)
+    near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
+    group = _runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
+    measured = _column(aligned, "specific_force_x_m_s2", known)
+    pitch = _column(aligned, "pitch_rad", known)
+    level = None
+    if measured is not None and pitch is not None:
+        level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
+    stood = _standstills(excitation)
+    unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
+    group = _cut_stretches(group, unit)
+    return Equation(
+        np.where(known, acceleration, 0.0),
+        np.where(known, speed, 0.0),
+        np.where(known, force, 0.0),
+        group,
+        _directions(group, np.where(known, speed, 0.0)),
+        unit,
+        settings.align.rate_hz,
+        measured,
+        level,
+        _column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
+        _progress(speed.size),
+        np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
+        *_places(np.where(known, speed, 0.0), group >= 0, settings.align.rate_hz),
+        settings.forces.acceleration == "specific_force",
+        machine.machine.force_share,
+        _weight(machine, acceleration, force, group >= 0),
+        tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
+        aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
+        _named_empty(aligned, machine),
+        stood,
+        _silences(known, rows_in(_SILENT_S, settings.align.rate_hz)),
+    )
+
+
+def _left_out(aligned: pl.DataFrame) -> Bools:
+    """Which rows of the grid say nothing, (n,)."""
+    if "left_out" not in aligned.columns:
+        return np.zeros(aligned.height, np.bool_)
+    return aligned["left_out"].to_numpy()
+
+
+@compiled
+def rolled_share(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+    """The share of the speed of wheels which slip by κ = F / C that is the ground's, (n,)."""
+    return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
+
+
+def begins(group: Ints) -> Bools:
+    """Which samples are the first of their stretch, (n,)."""
+    return (group >= 0) & (np.append(-1, group[:-1]) != group)
+
+
+def ends(group: Ints) -> Bools:
+    """Which samples are the last of their stretch, (n,)."""
+    return (group >= 0) & (np.append(group[1:], -1) != group)
+
+
+def _progress(samples: int) -> Floats:
+    """From -1/2 to 1/2 over so many samples."""
+    return np.arange(samples) / max(samples, 1) - 0.5
+
+
+def _places(speed: Floats, used: Bools, rate_hz: float) -> tuple[Floats, float]:
+    """Where the machine is on its path, (n,), and how long that is, in m."""
+    place = np.cumsum(speed) / rate_hz
+    if not used.any():
+        return np.zeros(place.size), 0.0
+    first, last = float(place[used].min()), float(place[used].max())
+    length = last - first
+    return (place - (first + last) / 2.0) / (length or 1.0), length
+
+
+def _standstills(excitation: pl.DataFrame) -> Ints:
+    """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
+    stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
+    return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
+
+
+def _silences(known: Bools, shortest: int) -> Ints:
+    """How often nothing was known for so many samples, up to each sample, (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
+    first, end = edges[::2], edges[1::2]
+    begun = np.zeros(known.size, np.int64)
+    begun[first[end - first >= shortest]] = 1
+    return np.cumsum(begun)
+
+
+def _cut_drives(stood: Ints, longest: int) -> Ints:
+    """Number the manoeuvres: a drive of twice so many samples or more is cut into such, (n,)."""
+    cuts = np.append(True, stood[1:] != stood[:-1])
+    drive_begins = np.flatnonzero(cuts)
+    for first, end in zip(drive_begins, np.append(drive_begins[1:], stood.size), strict=True):
+        cuts[np.arange(first + longest, end - longest + 1, longest)] = True
+    return (np.cumsum(cuts) - 1 + stood[0]).astype(np.int64)
+
+
+def _cut_stretches(group: Ints, unit: Ints) -> Ints:
+    """The stretches, each of one manoeuvre, numbered anew, (n,)."""
+    used = group >= 0
+    cut = used & (begins(group) | np.append(False, unit[1:] != unit[:-1]))
+    return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
+
+
+def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
+    """The empty machine's weight in N, or what force over acceleration says it is about."""
+    body = machine.machine
+    if body.empty_mass_kg is not None or not used.any():
+        return (body.empty_mass_kg or 0.0) * body.gravity_m_s2
+    largest = (float(np.quantile(np.abs(x[used]), 0.95)) for x in (force, acceleration))
+    of_force, of_acceleration = largest
+    return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
+
+
+def _named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
+    """Which samples `settings.loads` names as those of the empty machine; None: it names none."""
+    loads = machine.settings.loads
+    if loads.empty_from_s is None or loads.empty_to_s is None:
+        return None
+    t_s = aligned["t_ns"].to_numpy() / 1e9
+    return (t_s >= loads.empty_from_s) & (t_s <= loads.empty_to_s)
+
+
+def _column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
+    if name not in aligned.columns:
+        return None
+    return np.where(known, values(aligned, name), 0.0)
+
+
+def _fitted(
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    machine: Machine,
+    moves_m_s: float,
+    *,
+    braking: bool,
+) -> Ints:
+    """The manoeuvre of each sample that drives straight in a manoeuvre with an accepted window."""
+    settings = machine.settings
+    without = settings.gate.exclude_braking or not braking
+    accepted = accepted_samples(excitation, gated, settings)
+    segment_id = manoeuvres(excitation, settings)
+    informative = np.unique(segment_id[accepted & (segment_id >= 0)])
+    phase = excitation["phase"]
+    welcome = [] if without else ["braking"]
+    driving = phase.is_in(["accelerating", "cruising", *welcome]).fill_null(False).to_numpy()
+    if without:
+        brakes = (phase == "braking").fill_null(False).to_numpy()
+        stands = (phase == "standstill").fill_null(False).to_numpy()
+        brakes |= stopping(values(excitation, "speed_x_m_s"), stands, moves_m_s, settings)
+        driving &= ~braking_within_sight(brakes, settings)
+    return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
+
+
+def _from_break_away(
+    group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
+) -> Ints:
+    """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
+    smooth = np.abs(np.convolve(speed, np.ones(3) / 3.0, "same")) > moves_m_s
+    grown = group.copy()
+    for begin in np.flatnonzero(begins(group)):
+        first = int(begin)
+        while (
+            first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
+        ):
+            first -= 1
+        if first < begin:
+            grown[first:begin] = group[begin]
+            grown[first : first + settled] = -1
+    return grown
+
+
+def _runs(group: Ints, speed: Floats, mixed: int) -> Ints:
+    """Number the stretches of adjoining samples that move one way; at a reversal friction turns."""
+    used = group >= 0
+    forwards = np.convolve(speed, np.ones(3) / 3.0, "same") > 0.0
+    turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
+    near = windows_with(turns, mixed) | windows_with(turns[::-1], mixed + 1)[::-1]
+    group = np.where(used & ~near, 2 * group + forwards, -1)
+    return np.where(group >= 0, np.cumsum(begins(group)) - 1, -1).astype(np.int64)
+
+
+def _directions(group: Ints, speed: Floats) -> Floats:
+    """The sign of each manoeuvre's mean speed, (n,); 1 outside."""
+    used = group >= 0
+    ids, index = np.unique(group[used], return_inverse=True)
+    total = np.bincount(index, weights=speed[used], minlength=ids.size)
+    out = np.ones(group.size)
+    out[used] = np.where(total >= 0, 1.0, -1.0)[index]
+    return out

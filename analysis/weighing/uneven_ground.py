@@ -1,0 +1,161 @@
+"""The terms of uneven ground: what holds the machine along the way, with a load and without.
+
+A machine that hauls starts with its load where it digs, and without it where it dumps. What slope
+and rolling resistance do there, and how they change on the way, comes back with the load at every
+start, so that more starts do not average it out: a mass alone would have to take it. So each
+direction has a force along the way for loaded starts and one for empty ones, on a line between a
+few places. What is the same at all such starts is no mass.
+
+On its way back the machine drives over the ground of its haul. Counted from the dump, how rolling
+resistance changes along that route is one force for all loads, in proportion to the weight: an edge
+between two grounds, which a loaded machine crosses while it gains speed, an empty one cruises over.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from analysis.model.settings import PriorSettings
+from analysis.weighing.motion_samples import Equation, Floats
+from analysis.weighing.nuisances import Moments, Nuisance
+from estimators.compiled import compiled
+
+#: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
+#: machine's length or two while it gains speed. Farther on the ground is the route's.
+_PLACES_M: Final = (0.0, 2.0, 6.0)
+#: Length of way, in m, over which the ground's force changes by `ground_change_share`.
+_CHANGES_OVER_M: Final = 10.0
+#: Between so many places along the route it does likewise.
+_ROUTE_PARTS: Final = 20
+#: Fewer manoeuvres do not tell the ground from the loads.
+FEWEST: Final = 24
+#: A direction has ground of its own that so much of the samples drive in.
+_LEAST_SHARE: Final = 0.05
+#: What all of it is in the budget.
+BY_GROUND: Final = "ground"
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A direction of driving.
+
+    Attributes:
+        name: of it.
+        sign: 1 forwards, -1 in reverse.
+    """
+
+    name: str
+    sign: float
+
+    def terms(self) -> list[Nuisance]:
+        """Where loads begin, then how the ground changes along the way: for all, and by load."""
+        places = list(pairwise(_PLACES_M))
+        found = [self._by_load("", lambda m: np.ones(m.speed.size), self._where_loads_begin)]
+        for begin_m, end_m in places:
+            name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _along(begin_m, end_m)
+            width = _changes(end_m - begin_m)
+            found.append(self._term(name, column, width, "how the ground's force changes along it"))
+            found.append(self._by_load(name, column, width))
+        return found
+
+    def _by_load(
+        self,
+        name: str,
+        column: Callable[[Moments], Floats],
+        width: Callable[[Equation, PriorSettings], float],
+    ) -> Nuisance:
+        meaning = "by how much loaded starts are on other ground than empty ones"
+        return self._term(f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning)
+
+    def _term(
+        self,
+        name: str,
+        column: Callable[[Moments], Floats],
+        width: Callable[[Equation, PriorSettings], float],
+        meaning: str,
+    ) -> Nuisance:
+        return Nuisance(
+            f"ground_{self.name}{name}",
+            "N",
+            lambda m: _one_way(column(m), m.direction, self.sign),
+            width,
+            f"{meaning}, {self.name}",
+            "more cycles; a pitch channel; even ground",
+            applies=self._applies,
+            by_load=True,
+            source=BY_GROUND,
+        )
+
+    @staticmethod
+    def _where_loads_begin(motion: Equation, priors: PriorSettings) -> float:
+        return priors.ground_share * motion.weight
+
+    def _applies(self, motion: Equation) -> bool:
+        ways = motion.direction[motion.used] == self.sign
+        return motion.manoeuvres >= FEWEST and float(ways.mean()) > _LEAST_SHARE
+
+
+def _along(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
+    """From 0 to 1 between two distances."""
+    return lambda m: _ramp(m.travelled_m, begin_m, end_m)
+
+
+@compiled
+def _ramp(place: Floats, begin: float, end: float) -> Floats:
+    out = np.empty(place.size)
+    for k in range(out.size):
+        out[k] = min(max((place[k] - begin) / (end - begin), 0.0), 1.0)
+    return out
+
+
+@compiled
+def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
+    """A force along the direction of driving, 0 in the other one."""
+    out = np.zeros(column.size)
+    for k in range(out.size):
+        if direction[k] == sign:
+            out[k] = sign * column[k]
+    return out
+
+
+def _changes(over_m: float) -> Callable[[Equation, PriorSettings], float]:
+    """Standard deviation of the change over a length of way: a random walk."""
+    share = _walked(over_m)
+    return lambda motion, priors: priors.ground_change_share * share * motion.weight
+
+
+def _walked(over_m: float) -> float:
+    """What a random walk changes by over a length of way, over what it does over ten metres."""
+    return float(np.sqrt(over_m / _CHANGES_OVER_M))
+
+
+def _of_route(part: int) -> Nuisance:
+    """How rolling resistance changes along a part of the route."""
+    begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
+
+    def column(m: Moments) -> Floats:
+        changes = _ramp(m.route_1, begin, end) * _walked(m.haul_m / _ROUTE_PARTS)
+        return m.direction * (1.0 + m.relative_load) * changes
+
+    return Nuisance(
+        f"ground_route_{part + 1}_of_{_ROUTE_PARTS}",
+        "N",
+        column,
+        lambda e, s: s.ground_route_share * e.weight,
+        "how rolling resistance changes along the route, over ten metres",
+        "more cycles; even ground",
+        applies=lambda e: e.manoeuvres >= FEWEST,
+        by_load=True,
+        source=BY_GROUND,
+    )
+
+
+#: Behind the other terms.
+GROUND: Final = (
+    *_Way("forward", 1.0).terms(),
+    *_Way("reverse", -1.0).terms(),
+    *map(_of_route, range(_ROUTE_PARTS)),
+)

@@ -1,0 +1,346 @@
+"""Wheels against accelerometer: gain, slip and delay of the speed, from the motion alone.
+
+    v = ∫ (1 + gain) a dt + slip · |u| (F - F₀) - delay · a + a constant and a slope a manoeuvre
+
+with the ground's speed u. The constant is the speed that a manoeuvre begins with, the slope takes
+tilt, bias and grade. Slip κ = F / C (Pacejka, Tire and Vehicle Dynamics, chapter 1), so that its
+coefficient is 1 / C; an offset F₀ of the force looks like a gain where all driving is one way.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Final
+
+import numpy as np
+
+from analysis.model.settings import PriorSettings
+from analysis.weighing.motion_samples import (
+    Equation,
+    Floats,
+    Ints,
+    NoiseOfColumns,
+    begins,
+    ends,
+    rolled_share,
+)
+from analysis.weighing.nuisances import const_width
+from analysis.weighing.pitch_squat import pitch_squat
+from analysis.weighing.stretch_means import EVERY, MEAN, means, without_line
+from estimators.compiled import compiled
+from estimators.joint import prior_fit
+from estimators.joint.prior_fit import Grouping
+from estimators.numerics.autocorrelation import autocovariance_loss
+from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.group_sums import NoiseMoments
+from estimators.numerics.small_systems import NOTHING
+
+#: What the wheels say of an accelerometer without its gravity counts where it leaves less than this
+#: share of the mismatch.
+_BETTER: Final = 0.8
+#: What a calibration learns of them, in this order.
+TERMS: Final = ("wheel_slip", "gain", "speed_delay")
+#: Of so many samples the noise is what adds up.
+_ADDED_UP: Final = 100
+#: A gain is looked for without leaning on its prior: this wide.
+_WIDE_GAIN: Final = 0.3
+#: A gain counts from so many of its deviations, and from this size, on.
+_GAIN_COUNTS: Final = 3.5
+_LEAST_GAIN: Final = 0.01
+#: Slip and ground speed, found in turn.
+_PASSES: Final = 3
+#: A delay begun from earlier words that changes by less is found.
+_SETTLED_S: Final = 5e-4
+#: A delay is looked for up to here.
+_LONGEST_DELAY_S: Final = 0.15
+#: Of its speed, no wheel that weighs slips more.
+_MOST_SLIP: Final = 0.4
+#: Residuals of so many times the noise of the speed: the two do not go together.
+_MISMATCH: Final = 3.0
+
+_Rows = tuple[Floats, Floats, Ints, NoiseMoments]
+
+
+@dataclass(frozen=True, slots=True)
+class Kinematics:
+    """What the wheels say of the accelerometer and of themselves, value and deviation each.
+
+    Attributes:
+        gain: how much the wheels' speed changes beyond what the accelerometer says, as a share.
+        gain_by_prior: the same with its prior, by which the mass is corrected unless it counts.
+        delay_s: how late the speed is.
+        slip_1_N: 1 / C, what share of its speed a newton makes the wheels slip.
+        gain_counts: whether the gain is more than its prior and the log's noise allow.
+        covariance: (3, 3) of slip, gain (with its prior) and delay: what is taken for one is
+            not taken for another.
+        mismatch: residuals over the speed's noise; above 3 slip and delay are not taken from here.
+        disagreement_m_s: what the speed's noise does not explain of them, r.m.s.
+        prior_std: (3,) of slip, gain and delay.
+        mean_u: (3,) likewise, standard uncertainty of what a calibration learnt; else 0.
+        squat: share of the acceleration that the pitch adds to the accelerometer, value and
+            deviation: the pitch shows it, so that it is taken off; else 0.
+        own: what this log says where a calibration's words stand here instead.
+    """
+
+    gain: tuple[float, float]
+    gain_by_prior: tuple[float, float]
+    delay_s: tuple[float, float]
+    slip_1_N: tuple[float, float]
+    gain_counts: bool
+    covariance: Floats
+    mismatch: float
+    disagreement_m_s: float
+    prior_std: Floats
+    mean_u: Floats
+    squat: tuple[float, float] = (0.0, 0.0)
+    own: "Kinematics | None" = None
+
+    @property
+    def by_term(self) -> dict[str, tuple[float, float]]:
+        """Slip, gain and delay by the names that a calibration learns them by."""
+        return dict(zip(TERMS, (self.slip_1_N, self.gain_by_prior, self.delay_s), strict=True))
+
+    @property
+    def goes_together(self) -> bool:
+        """Whether wheels and accelerometer go together at all."""
+        return self.mismatch <= _MISMATCH
+
+    @property
+    def is_found(self) -> bool:
+        """Whether another motion may begin from here."""
+        return self.goes_together and abs(self.delay_s[0]) < _LONGEST_DELAY_S
+
+    def learnt(self, priors: PriorSettings) -> "Kinematics":
+        """The same as a calibration says it, once for all its logs.
+
+        The three are found together, so they are taken together, and where this log's gain is
+        beyond its prior, or nothing goes together, its own words stand.
+        """
+        terms = [priors.learnt[name] for name in TERMS if name in priors.learnt]
+        if len(terms) < len(TERMS) or not self.goes_together or self.gain_counts:
+            return self
+        slip, gain, delay = ((term.mean, term.std) for term in terms)
+        return replace(
+            self,
+            slip_1_N=slip,
+            gain_by_prior=gain,
+            delay_s=delay,
+            covariance=np.diag([term.std**2 for term in terms]),
+            prior_std=np.array([term.std for term in terms]),
+            mean_u=np.array([term.mean_u for term in terms]),
+            own=self,
+        )
+
+
+def kinematics(
+    motion: Equation,
+    noise: NoiseOfColumns,
+    priors: PriorSettings,
+    earlier: Kinematics | None = None,
+) -> Kinematics | None:
+    """Compare them; None where there is no accelerometer, or no stretch is long enough.
+
+    Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
+    goes better without it, it is taken off by the pitch; not elsewhere, since a body that squats
+    pitches as well, and its gravity, which follows the acceleration, must be seen as gain.
+
+    Args:
+        motion: the samples.
+        noise: of acceleration, speed and force.
+        priors: of slip, gain, delay and offset.
+        earlier: what a motion said that is much like this one: it is begun from there.
+    """
+    if motion.specific_force is None:
+        return None
+    told = None if earlier is None or not earlier.is_found else earlier.own or earlier
+    found = _compared(motion.specific_force, motion, noise, priors, told)
+    if found is None or motion.without_gravity is None:
+        return found
+    level = _compared(motion.without_gravity, motion, noise, priors, told)
+    if level is None:
+        return found
+    squat = pitch_squat(motion.specific_force - motion.without_gravity, motion)
+    if squat is not None:
+        # on even ground what is left of gravity is less than the noise of the pitch
+        upright = motion.specific_force - squat[0] * motion.without_gravity
+        even = _compared(upright, motion, noise, priors, told)
+        best = level if even is None or level.mismatch < even.mismatch else even
+        if best.goes_together or best.mismatch < found.mismatch:
+            return replace(best, squat=squat)
+    return level if level.mismatch < _BETTER * found.mismatch else found
+
+
+def _compared(
+    measured: Floats,
+    motion: Equation,
+    noise: NoiseOfColumns,
+    priors: PriorSettings,
+    earlier: Kinematics | None = None,
+) -> Kinematics | None:
+    """Fit the comparison, from earlier words on where there are any."""
+    slip_std = priors.wheel_slip / motion.largest_force
+
+    def widths(gain_std: float, slip_1_N: float) -> Floats:
+        offset = slip_1_N * const_width(motion, priors)
+        return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
+
+    def solved(
+        rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
+    ) -> prior_fit.PriorSolution | prior_fit.NoSolution:
+        told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
+        return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
+
+    largest = _MOST_SLIP / motion.largest_force
+    delay_s, slip_1_N, about = 0.0, 0.0, slip_std
+    if earlier is not None:
+        delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
+        about = abs(slip_1_N) + earlier.slip_1_N[1]
+    rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N)
+    if rows is None:
+        return None
+    lines = loss = None
+    if earlier is not None:
+        lines = _lines(rows[2])
+        loss = autocovariance_loss(rows[2], lines)
+    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
+    for number in range(_PASSES):
+        late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
+        if not np.isfinite([late_s, slips_1_N]).all():
+            break
+        if earlier is not None and abs(late_s) < _SETTLED_S:
+            break
+        # the slip is of the ground's speed, and an offset matters by what slip there is
+        slip_1_N = float(np.clip(slips_1_N, -largest, largest))
+        about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
+        # a delay is no derivative: the speed is moved back by what was found, and looked at again
+        delay_s = float(np.clip(delay_s + late_s, -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
+        rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
+        # only the last one's deviations count
+        if lines is None and number == _PASSES - 1:
+            lines = _lines(rows[2])
+            loss = autocovariance_loss(rows[2], lines)
+        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
+    free = wide.fit
+    # a speed without noise is known to its last digit
+    rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
+    noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
+    mismatch = free.residual_rms / noise_m_s
+    # where the two do not go together, deviations say nothing
+    times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
+    counts = bool(abs(free.theta[0]) > max(_LEAST_GAIN, times * free.std[0]))
+    std = widths(_WIDE_GAIN if counts else priors.gain, about)
+    found = free if counts else solved(rows, std, delay_s, lines, loss).fit
+    # a few manoeuvres do not show how far noise that adds up has led them
+    least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
+    widened = np.maximum(least / found.std, 1.0)
+    covariance = found.covariance * np.outer(widened, widened)
+    values = list(
+        zip(found.theta[:3].tolist(), np.sqrt(np.diag(covariance)).tolist()[:3], strict=True)
+    )
+    return Kinematics(
+        gain=(float(free.theta[0]), float(free.std[0])),
+        gain_by_prior=values[0],
+        slip_1_N=values[1],
+        delay_s=(delay_s + values[2][0], values[2][1]),
+        gain_counts=counts,
+        covariance=covariance[np.ix_([1, 0, 2], [1, 0, 2])],
+        mismatch=mismatch,
+        disagreement_m_s=float(np.sqrt(max(free.residual_rms**2 - noise_m_s**2, 0.0))),
+        prior_std=std[[1, 0, 2]],
+        mean_u=np.zeros(len(TERMS)),
+    )
+
+
+def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: float) -> Floats:
+    """Standard deviations by what the instruments' noise does alone, (4,).
+
+    An accelerometer's noise adds up over a manoeuvre, and what is fitted follows it, so that few
+    manoeuvres' residuals show less of it.
+    """
+    X, _, group, _ = rows
+    of_mean = noise.covariance(_ADDED_UP)[0, 0] * _ADDED_UP * step_s**2 * EVERY
+    of_speed = noise.covariance(MEAN)[1, 1] * MEAN / EVERY
+    squares = (X**2).sum(axis=0)
+    # of a column of nothing its prior is all that is known
+    scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
+    X = X / scale
+    added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in group_rows(group)])
+    scores = of_mean * added.T @ added + of_speed * X.T @ X
+    gram = X.T @ X
+    variance = float(np.trace(scores)) / X.shape[1]
+    prior = np.diag((prior_std * scale) ** -2.0)
+    bread = np.linalg.pinv(gram / variance + prior)
+    covariance = bread @ (scores / variance**2 + prior) @ bread
+    # rounding may leave a variance of nearly nothing below 0
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
+
+
+def _lines(group: Ints) -> Floats:
+    """A constant and a slope for each stretch, (rows, 2)."""
+    return np.concatenate([_line(part.size) for part in group_rows(group)])
+
+
+@cache
+def _line(samples: int) -> Floats:
+    """Orthonormal columns of a constant and a slope, (samples, 2)."""
+    ramp = np.linspace(-1.0, 1.0, samples)
+    return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]
+
+
+def _rows(
+    measured: Floats, motion: Equation, noise: NoiseOfColumns, slip_1_N: float
+) -> _Rows | None:
+    """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
+    first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
+    spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
+    if not spans.size:
+        return None
+    X, y, group, ground = _compared_means(
+        measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
+    )
+    covariance = noise.covariance(MEAN)
+    grams = np.zeros((len(spans), 4, 4))
+    grams[:, 1, 1] = ground * covariance[2, 2]
+    grams[:, 2, 2] = np.bincount(group) * covariance[0, 0]
+    return X, y, group, NoiseMoments(grams, np.zeros((len(spans), 4)))
+
+
+@compiled
+def _compared_means(
+    measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
+) -> tuple[Floats, Floats, Ints, Floats]:
+    """Means of the columns and of the response, each stretch without its constant and slope.
+
+    Args:
+        measured: (n,) by the accelerometer.
+        speed: (n,) of the wheels.
+        force: (n,).
+        spans: (stretches, 2) first sample of each, and the one behind it.
+        step_s: of the grid.
+        slip_1_N: of the wheels.
+
+    Returns:
+        (rows, 4) columns, (rows,) response, (rows,) stretch, and (stretches,) the sum of squares
+        of the ground's speed.
+    """
+    counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1
+    X, y = np.empty((counts.sum(), 4)), np.empty(counts.sum())
+    group, squares = np.empty(y.size, np.int64), np.zeros(len(spans))
+    row = 0
+    for number in range(len(spans)):
+        part = slice(spans[number, 0], spans[number, 1])
+        a, v, f = measured[part], speed[part], force[part]
+        gained = (np.cumsum(a) - a / 2.0) * step_s
+        # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
+        slipping = v * rolled_share(v, f, slip_1_N) - gained
+        ground = np.abs(gained + slipping - without_line(slipping))
+        rows = slice(row, row + counts[number])
+        y[rows] = without_line(means(v - gained))
+        X[rows, 0] = without_line(means(gained))
+        X[rows, 1] = without_line(means(ground * f))
+        X[rows, 2] = without_line(means(-a))
+        of_ground = means(ground)
+        X[rows, 3] = without_line(-of_ground)
+        group[rows] = number
+        squares[number] = (of_ground**2).sum()
+        row += counts[number]
+    return X, y, group, squares

@@ -1,0 +1,246 @@
+"""Which of a series' values share one level: exact change points, with scatter and shared effects.
+
+Each unit (a manoeuvre, say) has y = level + x β + δ + ε: ε of a known variance v, δ the scatter
+between units of one level, β effects that all units share and about which the units know something
+of their own. The partition is the one with the largest posterior probability
+(`partition_posterior`). Given β and the scatter it is found exactly (`optimal_partition`), and so
+are two levels that take turns. Of the most probable one only the changes are kept that are sure,
+one after another.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, Units
+from estimators.joint.optimal_partition import optimal_partition
+from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
+
+#: Scatter that is tried, over the units' own deviation, where it is not known.
+_SCATTERS: Final = (0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0, 50.0)
+#: Probabilities of a change by which candidates are made; the posterior chooses.
+_CANDIDATES: Final = (0.02, 0.2, 0.5)
+#: How far levels are apart, over their spread: as a window.
+_WINDOWS: Final = (1.0, 0.1)
+_ROUNDS: Final = 10
+#: A change is said where it is at least so much likelier than none, as a logarithm.
+_SURE: Final = float(np.log(20.0))
+_LEAST_CHANGES: Final = 20
+#: No change is ruled out for good, but for this much it takes evidence.
+_NEVER: Final = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Partitions:
+    """The best partition and those it was chosen from.
+
+    Attributes:
+        best: the most probable, less the changes that are not sure.
+        single: with one level.
+        several: the most probable one with more; None of one unit.
+        single_probability: how probable one level is, among all that were tried, each at its best
+            scatter.
+    """
+
+    best: Partition
+    single: Partition
+    several: Partition | None
+    single_probability: float
+
+
+def partitions(
+    units: Units, spread: float, usual: float, scatter: float | None = None
+) -> Partitions:
+    """Find the most probable partition.
+
+    Args:
+        units: in their order.
+        spread: how far apart levels may be.
+        usual: standard deviation between units of one level as it usually is.
+        scatter: the same where it is known.
+    """
+    n = units.y.size
+    typical = float(np.sqrt(np.median(units.variance)))
+    scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
+    one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
+    # with many changes, effects that one level needs hide them from every search that begins there
+    least_kinds = (RESTARTED, HINTED, FILLED, NAMED)
+    hinted = [np.append(0, np.cumsum(units.kind >= least)) for least in least_kinds if n > 1]
+    noise_alone = PartitionPosterior(units, spread, 0.0, None)
+    begin = [noise_alone.effects(one), noise_alone.effects(np.arange(n))]
+    found: dict[bytes, tuple[Partition, PartitionPosterior]] = {}
+    stretches: dict[bytes, Stretches] = {}
+    for tau in scatters:
+        posterior = PartitionPosterior(units, spread, tau, usual if scatter is None else None)
+        tried = {each.tobytes() for each in (one, each_own, *hinted)}
+        for effects in begin if n > 1 else []:
+            tried |= _candidates(posterior, effects)
+        # in an order that does not change from process to process, as sums depend on it
+        for key in sorted(tried):
+            if key not in stretches:
+                stretches[key] = Stretches.of(np.frombuffer(key, np.int64), units.kind)
+            each = posterior.of(stretches[key])
+            if key not in found or each.log_posterior > found[key][0].log_posterior:
+                found[key] = each, posterior
+    single, _ = found[one.tobytes()]
+    others = [each for key, each in found.items() if key != one.tobytes()]
+    logs = np.array([each.log_posterior for each, _ in found.values()])
+    probability = float(np.exp(single.log_posterior - np.logaddexp.reduce(logs)))
+    if not others:
+        return Partitions(single, single, None, probability)
+    several, posterior = max(others, key=lambda each: each[0].log_posterior)
+    best = single
+    if several.log_posterior > single.log_posterior:
+        best = _sure(several, posterior)
+    return Partitions(best, single, best if best.states > 1 else several, probability)
+
+
+def _sure(best: Partition, posterior: PartitionPosterior) -> Partition:
+    """The same without the changes that are not sure, the least of them first."""
+    while best.states > 1:
+        first = np.flatnonzero(np.diff(best.state)) + 1
+        least = np.argsort(np.abs(np.diff(best.levels)), kind="stable")[:_LEAST_CHANGES]
+        # each change alone, and both of a level, which lets its neighbours be one
+        joints = [first[k : k + many] for k in least for many in (1, 2)]
+        plainer = [
+            posterior.of(Stretches.of(_joined(best.state, joint), posterior.units.kind))
+            for joint in joints
+        ]
+        allowed = [_least_odds(posterior.units.kind[joint - 1]) for joint in joints]
+        margin = [
+            each.log_posterior - (best.log_posterior - odds)
+            for each, odds in zip(plainer, allowed, strict=True)
+        ]
+        likeliest = int(np.argmax(margin))
+        if margin[likeliest] < 0.0:
+            break
+        best = plainer[likeliest]
+    return best
+
+
+def _least_odds(kind: Ints) -> float:
+    """From which odds on changes are said, as a logarithm.
+
+    Where the record ended, both sides are known to be records of their own: even odds will do.
+    """
+    return 0.0 if (kind == RESTARTED).all() else _SURE
+
+
+def _joined(state: Ints, at: Ints) -> Ints:
+    """The same states without the changes before these units."""
+    changes = np.diff(state, prepend=0)
+    changes[at] = 0
+    return np.cumsum(changes)
+
+
+def _candidates(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+    """Partitions that may be the most probable, from these effects on."""
+    units, spread = posterior.units, posterior.spread
+    level = units.y - units.x @ effects
+    tried = {_two_levels(level, posterior.variance, units.kind).tobytes()}
+    if np.count_nonzero(units.kind == FILLED) > 1:
+        tried |= _cycles(posterior, effects)
+    for probability in _CANDIDATES:
+        for window in _WINDOWS:
+            tried |= _alternated(posterior, window * spread, probability, effects)
+    return tried
+
+
+def _cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+    """Partitions that are filled and emptied, and their effects, until nothing changes."""
+    units, tried = posterior.units, set[bytes]()
+    for _ in range(_ROUNDS):
+        state = _emptied_between(units.y - units.x @ effects, posterior.variance, units.kind)
+        if state.tobytes() in tried:
+            break
+        tried.add(state.tobytes())
+        effects = posterior.effects(state)
+    return tried
+
+
+def _alternated(
+    posterior: PartitionPosterior, spread: float, probability: float, effects: Floats
+) -> set[bytes]:
+    """Partitions of given effects, and effects of that partition, until nothing changes."""
+    units, weight = posterior.units, 1.0 / posterior.variance
+    cost = np.full(units.y.size - 1, -2.0 * np.log(probability / (1.0 - probability)))
+    cost[units.kind == 0] = _NEVER
+    tried: set[bytes] = set()
+    for _ in range(_ROUNDS):
+        state = optimal_partition(units.y - units.x @ effects, weight, cost, spread)
+        key = state.tobytes()
+        if key in tried:
+            break
+        tried.add(key)
+        effects = posterior.effects(state)
+    return tried
+
+
+def _two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
+    """The states of two levels that take turns: the parting of the units with the least squares.
+
+    Args:
+        level: (n,) of each unit, at given effects.
+        variance: (n,) of each.
+        kind: (n - 1,) of each boundary.
+    """
+    order = np.argsort(level, kind="stable")
+    weight = (1.0 / variance)[order]
+    below, first = np.cumsum(weight)[:-1], np.cumsum(weight * level[order])[:-1]
+    total, whole = below[-1] + weight[-1], first[-1] + weight[-1] * level[order[-1]]
+    above = total - below
+    # units that weigh next to nothing beside the others part nothing
+    between = np.divide(first**2, below, out=np.zeros(below.size), where=below > 0.0)
+    between += np.divide((whole - first) ** 2, above, out=np.zeros(below.size), where=above > 0.0)
+    heavy = level > level[order[int(np.argmax(between))]]
+    return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
+
+
+def _emptied_between(level: Floats, variance: Floats, kind: Ints) -> Ints:
+    """The states of two levels, the heavy one after each filling, until the light one fits better.
+
+    Args:
+        level: (n,) of each unit, at given effects.
+        variance: (n,) of each.
+        kind: (n - 1,) of each boundary.
+    """
+    weight = 1.0 / variance
+    part = np.append(0, np.cumsum(kind == FILLED))
+    first = np.flatnonzero(np.append(True, np.diff(part) > 0))
+    size = np.diff(np.append(first, level.size))
+    # at first each is emptied halfway; what comes before the first filling is light
+    heavy = (np.arange(level.size) - first[part] < size[part] / 2.0) & (part > 0)
+    for _ in range(_ROUNDS):
+        if heavy.all() or not heavy.any():
+            break
+        low, high = (np.average(level[each], weights=weight[each]) for each in (~heavy, heavy))
+        gain = weight * ((level - low) ** 2 - (level - high) ** 2)
+        before = heavy
+        heavy = _heavy_until(gain, first)
+        if np.array_equal(heavy, before):
+            break
+    return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
+
+
+@compiled
+def _heavy_until(gain: Floats, first: Ints) -> NDArray[np.bool_]:
+    """Which units are heavy: each stretch's, up to where their gains add up to most.
+
+    Args:
+        gain: (n,) of each unit.
+        first: (stretches,) the first unit of each.
+    """
+    heavy = np.zeros(gain.size, np.bool_)
+    for part in range(first.size):
+        end = first[part + 1] if part + 1 < first.size else gain.size
+        total, most, until = 0.0, 0.0, first[part]
+        for k in range(first[part], end):
+            total += gain[k]
+            if total > most:
+                most, until = total, k + 1
+        heavy[first[part] : until] = True
+    return heavy

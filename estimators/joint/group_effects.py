@@ -1,0 +1,133 @@
+"""What each unit of a series (a manoeuvre, say) says of its level, effects that all share aside."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.estimate import Floats, Ints
+from estimators.numerics.autocorrelation import pooled_autocorrelation
+from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
+from estimators.numerics.sandwich import meat
+
+#: Kinds of boundaries where something besides the units tells a change: a record ends and another
+#: begins, it may (a boom that moves), it nearly always does (a bucket that was filled), or somebody
+#: says so.
+RESTARTED: Final = 2
+HINTED: Final = 3
+FILLED: Final = 4
+NAMED: Final = 5
+#: Rounds of residuals and their variance.
+_NOISE_ROUNDS: Final = 3
+#: So many units share their effects.
+_MANY: Final = 5
+#: Of a unit's sum of squares at least this share is no noise.
+_LEAST_OWN: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """What each unit says of its level, and all of what they share.
+
+    Attributes:
+        y: (n,) level where β is 0.
+        x: (n, r) how β moves it: y - x β is the level.
+        variance: (n,) of y by the unit alone.
+        gram: (r, r) information about β within units and from its prior.
+        cross: (r,) likewise its right-hand side.
+        kind: (n - 1,) of each boundary: 0 no change can be there, 1 only the units tell one,
+            `RESTARTED`, `HINTED`, `FILLED` and `NAMED` something tells it besides; places of a kind
+            are alike.
+    """
+
+    y: Floats
+    x: Floats
+    variance: Floats
+    gram: Floats
+    cross: Floats
+    kind: Ints
+
+
+def units_of(
+    A: Floats,
+    f: Floats,
+    group: Ints,
+    noise: NoiseMoments | None,
+    prior_mean: Floats,
+    prior_std: Floats,
+    unit: Ints,
+) -> Units:
+    """What each unit says of the first parameter of A θ = f, all others shared.
+
+    Every unit has a level of its own here, so that what changes between units is in no residual.
+
+    Args:
+        A: (n, p) columns.
+        f: (n,) response.
+        group: (n,) the group of each sample, negative for none.
+        noise: of the columns; None takes them as exact.
+        prior_mean: (p - 1,) of the others.
+        prior_std: (p - 1,), inf where nothing is known.
+        unit: (groups,) the unit of each group, from 0.
+
+    Returns:
+        The units, each boundary of kind 1; NaN where one has no first column to tell a level by.
+    """
+    used = group >= 0
+    n = int(used.sum())
+    A, f, scale = scaled_columns(A, f, group)
+    sums = GroupSums.of(A, f, group, noise, scale)
+    of_group = np.zeros(f.size, np.int64)
+    for part, number in zip(sums.rows, unit, strict=True):
+        of_group[part] = number
+    each = sums.by(unit)
+    precision = np.where(np.isfinite(prior_std), (prior_std * scale[1:]) ** -2.0, 0.0)
+    clean, bare = each.grams - each.noise_gram, each.crosses - each.noise_cross
+    # a unit whose acceleration is noise says nothing, and not the contrary
+    own = np.maximum(clean[:, 0, 0], _LEAST_OWN * each.grams[:, 0, 0])
+    kind = np.ones(own.size - 1, np.int64)
+    if not (own > 0.0).all():
+        nothing, r = np.full(own.size, np.nan), A.shape[1] - 1
+        return Units(
+            nothing, np.full((own.size, r), np.nan), nothing, np.zeros((r, r)), np.zeros(r), kind
+        )
+    y, x = bare[:, 0] / own, clean[:, 0, 1:] / own[:, None]
+    within = (clean[:, 1:, 1:] - own[:, None, None] * x[:, :, None] * x[:, None, :]).sum(axis=0)
+    cross = (bare[:, 1:] - (own * y)[:, None] * x).sum(axis=0)
+    squares, vectors = np.linalg.eigh(within)
+    within = (vectors * np.maximum(squares, 0.0)) @ vectors.T
+    variance = float(f[used] @ f[used]) / n
+    level, correlation, white = y, np.ones(1), variance
+    # few units share their effects with few others: as if each had its own
+    own_columns = A[:, :1] if y.size >= _MANY else A[:, _moving(A)]
+    for _ in range(_NOISE_ROUNDS):
+        whole = within / variance + np.diag(precision)
+        beta = np.linalg.lstsq(whole, cross / variance + precision * prior_mean * scale[1:])[0]
+        level = y - x @ beta
+        residual = np.where(used, f - A[:, 0] * level[of_group] - A[:, 1:] @ beta, 0.0)
+        correlation, _ = pooled_autocorrelation(residual, group, own_columns)
+        white = float(residual @ residual) / max(n - level.size, 1)
+        variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
+    first = np.ascontiguousarray(A[:, :1])
+    sandwiched = sum(
+        float(
+            meat(first, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation)[0, 0]
+        )
+        for part in sums.rows
+    )
+    per_square = white * max(sandwiched / float(each.grams[:, 0, 0].sum()), 1.0)
+    back = scale[1:]
+    return Units(
+        y / scale[0],
+        x * back / scale[0],
+        per_square * each.grams[:, 0, 0] / own**2 / scale[0] ** 2,
+        (within / variance + np.diag(precision)) * np.outer(back, back),
+        (cross / variance + precision * prior_mean * back) * back,
+        kind,
+    )
+
+
+def _moving(A: Floats) -> NDArray[np.bool_]:
+    """Which columns are not 0 throughout."""
+    return np.abs(A).sum(axis=0) > 0.0

@@ -1,0 +1,275 @@
+"""How probable a partition of a series is: levels and shared effects integrated out.
+
+The prior is not tuned: one level is as likely as several, of these every rate of changes is as
+likely as any other, and so is every choice of as many places (Scott & Berger 2010, Bayes and
+empirical-Bayes multiplicity adjustment). Where records end, one level for all, one each, and any
+rate of changes are as likely as each other. Levels are each their own, or two that take turns, or
+every second one is one that comes back, as that of an empty machine does; each is as likely. They
+are normal about a mean of their own, how far apart is the series' to say, up to `spread` (Gelman
+2006, Prior distributions for variance parameters). Scatter is half-normal: it and a level for each
+unit are the same thing, and only its size tells them apart.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
+from scipy.special import betaln
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, Units
+
+Bools = NDArray[np.bool_]
+
+#: How far levels are apart, as standard deviations over their spread.
+_DEVIATIONS: Final = 0.5 ** np.arange(6)
+_HALF: Final = float(np.log(0.5))
+_THIRD: Final = float(np.log(1.0 / 3.0))
+#: How likely what tells a change (a boom that moves) has nothing to do with it in this series,
+_TELLS_NOTHING: Final = 0.25
+#: and what is taken for a filling.
+_FILLS_NOTHING: Final = 0.05
+#: How rarely the load is the same on both sides of where a stretch is named as empty.
+_MISNAMED: Final = 0.02
+#: How rarely one filling among others changes no level: a change too many costs little, one too few
+#: bends what all units share,
+_UNFILLED: Final = 0.0003
+#: how rarely what is filled is not emptied once before it is filled again,
+_RARELY: Final = 0.05
+#: and how much likelier that is where something else tells a change.
+_HINT: Final = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Partition:
+    """A partition and what it says.
+
+    Attributes:
+        state: (n,) number of the stretch of each unit, from 0.
+        levels: (states,).
+        level: (states,) which level each is at: one may come back.
+        scatter: standard deviation between units of one level.
+        effects: (r,) β.
+        log_posterior: up to a constant of the series.
+    """
+
+    state: Ints
+    levels: Floats
+    level: Ints
+    scatter: float
+    effects: Floats
+    log_posterior: float
+
+    @property
+    def states(self) -> int:
+        """How many stretches of one level there are."""
+        return self.levels.size
+
+    @property
+    def freedom(self) -> int:
+        """How many units there are beyond the levels."""
+        return self.state.size - int(self.level.max()) - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Stretches:
+    """A partition's stretches, and what is known of them before the units are seen.
+
+    Attributes:
+        state: (n,) number of the stretch of each unit, ascending from 0.
+        levels: which level each may have, (stretches,), with the logarithm of how probable that is.
+        log_prior: logarithm of how probable the partition is.
+    """
+
+    state: Ints
+    levels: list[tuple[float, Ints]]
+    log_prior: float
+
+    @classmethod
+    def of(cls, state: Ints, kind: Ints) -> Self:
+        """Number the stretches of units whose boundaries are of these kinds."""
+        return cls(state, _levels_of(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0))
+
+
+class PartitionPosterior:
+    """Posterior of partitions of units that scatter by so much.
+
+    Args:
+        units: in their order.
+        spread: how far apart levels may be.
+        scatter: standard deviation between units of one level.
+        usual: the same as it usually is; None where it is known.
+    """
+
+    def __init__(self, units: Units, spread: float, scatter: float, usual: float | None) -> None:
+        self.units, self.spread, self.scatter = units, spread, scatter
+        self.variance = units.variance + scatter**2
+        self._middle = float(units.y.mean())
+        known = np.column_stack([units.x, units.y - self._middle])
+        weight = 1.0 / self.variance
+        # of each unit: its weight, and its effects and value times that
+        self._sums = np.column_stack([weight, weight[:, None] * known])
+        self._squares = known.T @ self._sums[:, 1:]
+        self._log = -0.5 * float(np.log(self.variance).sum())
+        if usual is not None:
+            self._log -= (scatter / usual) ** 2 / 2.0
+
+    def effects(self, state: Ints) -> Floats:
+        """β of a partition whose levels are each their own, (r,).
+
+        Args:
+            state: (n,) numbers of the stretches, ascending.
+        """
+        whole, right, _ = self._equations(self._by_state(state))
+        return _solved(whole, right)[0]
+
+    def of(self, stretches: Stretches) -> Partition:
+        """The partition with its levels, and how probable it is, up to a constant of the units."""
+        by_state = self._by_state(stretches.state)
+        best, logs = None, []
+        for weight, level in stretches.levels:
+            log, levels, effects = self._of_levels(_added(by_state, level))
+            logs.append(weight + log)
+            if best is None or logs[-1] > best[0]:
+                best = logs[-1], levels[level], level, effects
+        assert best is not None
+        posterior = float(np.logaddexp.reduce(logs)) + self._log + stretches.log_prior
+        return Partition(stretches.state, best[1], best[2], self.scatter, best[3], posterior)
+
+    def _by_state(self, state: Ints) -> Floats:
+        first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
+        return np.add.reduceat(self._sums, first)
+
+    def _equations(self, sums: Floats) -> tuple[Floats, Floats, float]:
+        """Normal equations of β, (r, r) and (r,), and the squares that they leave to explain.
+
+        Args:
+            sums: (levels, 2 + r) of weight, and of effects and value times that.
+        """
+        within = self._squares - sums[:, 1:].T @ (sums[:, 1:] / sums[:, :1])
+        units = self.units
+        return units.gram + within[:-1, :-1], units.cross + within[:-1, -1], float(within[-1, -1])
+
+    def _of_levels(self, sums: Floats) -> tuple[float, Floats, Floats]:
+        """How probable the units are, levels and β integrated out; levels, and β."""
+        whole, right, squares = self._equations(sums)
+        effects, log_determinant = _solved(whole, right)
+        own = 1.0 / sums[:, 0]
+        levels = self._middle + own * (sums[:, -1] - sums[:, 1:-1] @ effects)
+        # β's own misfit is that of its normal equations, up to a constant
+        logs = log_determinant - float(np.log(2.0 * np.pi * own).sum())
+        log = -0.5 * (squares - float(effects @ right) + logs)
+        return log + _log_of_levels(levels, own, self.spread), levels, effects
+
+
+@compiled
+def _added(values: Floats, level: Ints) -> Floats:
+    """Sums (levels, columns) of (states, columns) by level."""
+    sums = np.zeros((level.max() + 1, values.shape[1]))
+    for state in range(level.size):
+        for i in range(values.shape[1]):
+            sums[level[state], i] += values[state, i]
+    return sums
+
+
+def _solved(whole: Floats, right: Floats) -> tuple[Floats, float]:
+    """The solution of normal equations and the logarithm of their determinant.
+
+    Where they are singular in their last digits, both are of what they determine.
+    """
+    if not right.size:
+        return right, 0.0
+    # once factored, both are at hand; numpy's own pair takes three times as long
+    factor, solution, fault = dposv(whole, right)
+    if fault:
+        values, vectors = np.linalg.eigh(whole)
+        kept = values > np.finfo(np.float64).eps * values.size * values[-1]
+        values, vectors = values[kept], vectors[:, kept]
+        return vectors @ (vectors.T @ right / values), float(np.log(values).sum())
+    return solution, 2.0 * float(np.log(factor.diagonal()).sum())
+
+
+def _levels_of(states: int) -> list[tuple[float, Ints]]:
+    """Which level each state may have, (states,), with the logarithm of how probable that is."""
+    own = np.arange(states)
+    if states <= 2:
+        return [(0.0, own)]
+    back = [
+        (_THIRD + _HALF, np.unique(np.where(own % 2 == which, -1, own), return_inverse=True)[1])
+        for which in (0, 1)
+    ]
+    return [(_THIRD, own), (_THIRD, own % 2), *back]
+
+
+def _log_of_levels(level: Floats, variance: Floats, spread: float) -> float:
+    """How probable levels are that are known with a variance each, all deviations alike."""
+    if level.size == 1:
+        return -float(np.log(spread))
+    each = (_DEVIATIONS[:, None] * spread) ** 2 + variance
+    total = (1.0 / each).sum(axis=1)
+    mean = (level / each).sum(axis=1) / total
+    misfit = ((level - mean[:, None]) ** 2 / each).sum(axis=1)
+    logs = np.log(2.0 * np.pi * each).sum(axis=1) + np.log(total / (2.0 * np.pi))
+    return float(np.logaddexp.reduce(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
+
+
+def _log_prior(kind: Ints, changes: Bools) -> float:
+    """How probable changes are before the units are seen.
+
+    Where something is filled, it is as likely emptied once between each two fillings.
+    """
+    named, filling = kind == NAMED, kind == FILLED
+    if named.any():
+        said = np.where(changes[named], np.log1p(-_MISNAMED), np.log(_MISNAMED))
+        return float(said.sum()) + _log_prior(kind[~named], changes[~named])
+    if not filling.any():
+        return _log_of_rates(kind, changes)
+    # or what is taken for a filling has nothing to do with it in this series
+    apart = _log_of_rates(np.where(filling, 1, kind), changes) + float(np.log(_FILLS_NOTHING))
+    return float(np.logaddexp(apart, _log_of_cycles(kind, changes) + np.log1p(-_FILLS_NOTHING)))
+
+
+def _log_of_cycles(kind: Ints, changes: Bools) -> float:
+    """Each filling a change, and one more before the next: at a hint rather than elsewhere."""
+    filling = kind == FILLED
+    filled = filling & changes
+    stretch, number = np.cumsum(filled), int(filled.sum()) + 1
+    weight = np.where(filling | (kind == 0), 0.0, np.where(kind == HINTED, _HINT, 1.0))
+    total = np.bincount(stretch, weight, minlength=number)
+    emptied = changes & ~filling
+    often = np.bincount(stretch[emptied], minlength=number)
+    each = np.log(np.array([_RARELY, 1.0 - 2.0 * _RARELY, _RARELY]))[np.minimum(often, 2)]
+    # nothing can be seen where there is no place, and a log may begin or end anywhere
+    each[total == 0.0] = 0.0
+    each[[0, -1]] = np.where(often[[0, -1]] == 0, _HALF, each[[0, -1]])
+    where = float(np.log(weight[emptied] / total[stretch[emptied]]).sum())
+    fillings = np.where(changes[filling], np.log1p(-_UNFILLED), np.log(_UNFILLED))
+    return float(fillings.sum()) + float(each.sum()) + where
+
+
+def _log_of_rates(kind: Ints, changes: Bools) -> float:
+    """No change as likely as some; then every rate of changes, and every choice of places.
+
+    Where something else tells a change, the rate of changes is as likely as it is high, or what
+    tells it has nothing to do with the level. Records that end have one level, or one each, or any
+    rate of changes.
+    """
+    total = 0.0
+    for each in np.unique(kind[kind > 0]):
+        places, used = int((kind == each).sum()), int(changes[kind == each].sum())
+        if each == RESTARTED:
+            by_rate = float(np.exp(betaln(used + 1, places - used + 1)))
+            total += float(np.log(by_rate + (used == 0) + (used == places))) + _THIRD
+        elif each > 1:
+            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what moves there tells nothing
+            by_rate = float(betaln(used + 2, places - used + 1)) - _HALF + np.log1p(-_TELLS_NOTHING)
+            total += by_rate if used else float(np.logaddexp(by_rate, np.log(_TELLS_NOTHING)))
+        elif used:
+            # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
+            total += float(betaln(used + 1, places - used + 1)) + _HALF
+        else:
+            total += _HALF
+    return total

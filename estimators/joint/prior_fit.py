@@ -1,0 +1,364 @@
+"""Least squares with normal priors on nuisance parameters, and what its uncertainty is made of.
+
+The estimates are those of `prior_solution`. The residuals' correlation goes into a sandwich that is
+combined with the priors, and groups (starts, say) that disagree with each other, or that all miss
+the model in the same way, widen the answer. Every part is kept by itself, for a budget.
+
+The first parameter may have a level of its own by group, and scatter about it; the others are
+everyone's.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy.linalg import toeplitz
+
+from estimators.estimate import Floats, Ints
+from estimators.joint.prior_solution import Solved, doubted_share, solve_with_priors
+from estimators.joint.random_intercepts import Levels, LevelShape
+from estimators.numerics.autocorrelation import (
+    autocovariance_loss,
+    pooled_autocorrelation,
+    student_factor,
+)
+from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
+from estimators.numerics.sandwich import meat
+
+#: Residuals that alternate average out, but never to less than this share of white ones' variance.
+_LEAST_OF_WHITE: Final = 0.1
+#: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
+_DISAGREE: Final = 2.5
+#: What all groups miss alike counts from this ratio to its noise on.
+_MISFIT: Final = 2.0
+#: What the fit takes out of the residuals of fewer groups is put back.
+_FEW_GROUPS: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Grouping:
+    """What is known of the groups of samples.
+
+    Attributes:
+        direction: (n,) sign by which what a group misses is compared with the others; None: 1.
+        shortest: groups of fewer samples tell nothing of their own.
+        levels: of the first parameter; None gives it one, and widens by groups that disagree.
+        taken: (n, q) columns that were taken off each group's response and columns; None: none.
+        loss: `autocovariance_loss` of these, where it is at hand.
+    """
+
+    direction: Floats | None = None
+    shortest: int = 50
+    levels: Levels | None = None
+    taken: Floats | None = None
+    loss: Floats | None = None
+
+
+@dataclass(frozen=True)
+class PriorFit:
+    """Estimates, and the parts of their covariance.
+
+    With levels of the first parameter, p counts each, and they come first.
+
+    Attributes:
+        theta: (p,) estimates.
+        noise: (p, p) covariance from the residuals, correlated as they are.
+        responses: (p, p) row j is what one standard deviation of prior j moves the estimates by.
+        scatter: (p, p) covariance that groups which disagree add; 0 where they agree.
+        misfit: (p, p) covariance that what all groups miss alike adds; likewise.
+        doubt: (p,) what one standard deviation of the noise correction moves the estimates by.
+        noise_share: largest share of noise in a direction of the columns.
+        scatter_ratio: deviation of the first parameter from group to group over that which the
+            residuals explain (Birge's ratio); NaN with one group.
+        misfit_ratio: mean square of the residuals common to the groups over its noise; NaN below
+            three groups.
+        groups: how many groups told something of their own.
+        residual: (n,) f - A θ, 0 where no group is.
+        residual_rms: r.m.s. of the residuals.
+    """
+
+    theta: Floats
+    noise: Floats
+    responses: Floats
+    scatter: Floats
+    misfit: Floats
+    doubt: Floats
+    noise_share: float
+    scatter_ratio: float
+    misfit_ratio: float
+    groups: int
+    residual: Floats
+    residual_rms: float
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """(p, p) of everything together."""
+        priors = self.responses.T @ self.responses
+        doubt = np.outer(self.doubt, self.doubt)
+        return self.noise + priors + self.scatter + self.misfit + doubt
+
+    @cached_property
+    def std(self) -> Floats:
+        """(p,) standard deviations; NaN where rounding leaves nothing of them."""
+        variance = np.diag(self.covariance)
+        return np.sqrt(np.where(variance < 0.0, np.nan, variance))
+
+
+@dataclass(frozen=True)
+class PriorSolution:
+    """Estimates, from which their uncertainty is found when it is asked for.
+
+    Attributes:
+        theta: (p,) estimates; NaN where the samples do not determine them.
+    """
+
+    theta: Floats
+    _A: Floats
+    _group: Ints
+    _sums: GroupSums
+    _shape: LevelShape
+    _precision: Floats
+    _scale: Floats
+    _grouping: Grouping
+    _solved: Solved
+
+    @property
+    def fit(self) -> PriorFit:
+        """The estimates with everything that is known of their uncertainty."""
+        return self._fit
+
+    @cached_property
+    def _fit(self) -> PriorFit:
+        A, group, sums, shape, grouping = (
+            self._A,
+            self._group,
+            self._sums,
+            self._shape,
+            self._grouping,
+        )
+        theta, bread, gain, residual, correlation, white, share, kept, turned = self._solved
+        levels, n = grouping.levels, int((group >= 0).sum())
+        meats = np.stack(
+            [
+                meat(A, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation)
+                for part in sums.rows
+            ]
+        )
+        # noise of the columns times the residuals, both of which last as long as the mean does
+        alike = max(2.0 * float(correlation @ correlation) - 1.0, 1.0)
+        turns = turned.turns[shape.levels.unit]
+        meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
+        covariance = gain @ (_at_least(shape.square(meats), turned.gram) * white) @ gain.T
+        covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
+        told = [i for i, part in enumerate(sums.rows) if part.size >= grouping.shortest]
+        own = shape.by_group(theta)
+        cleaned = sums.grams - kept * sums.noise_gram
+        scores = (sums.crosses - kept * sums.noise_cross) - np.einsum("gij,gj->gi", cleaned, own)
+        spread = shape.rows(np.einsum("gij,gj->gi", turns, scores))[told]
+        scatter = gain @ turned.scatter @ gain.T
+        if levels is not None:
+            scatter *= student_factor(levels.freedom) ** 2
+        # what a unit's scatter does not explain: stretches within it disagree as well
+        count = shape.levels.count
+        grown, ratio = _between_groups(gain, spread, covariance + scatter, count)
+        scatter = scatter + grown
+        signs = np.ones(residual.size) if grouping.direction is None else grouping.direction
+        misfit, common = _common_misfit(
+            gain, A, residual, _Told([sums.rows[i] for i in told], turns[told], shape, told), signs
+        )
+        # where noise is nearly all there is, what was not taken off is doubted whole
+        doubt = doubted_share(kept) * gain @ turned.taken
+        scale = shape.widened(self._scale)
+        units = np.outer(scale, scale)
+        return PriorFit(
+            self.theta,
+            covariance / units,
+            (bread * np.sqrt(shape.widened(self._precision))).T / scale,
+            scatter / units,
+            misfit / units,
+            doubt / scale,
+            share,
+            ratio,
+            common,
+            len(told),
+            residual,
+            float(np.sqrt(residual @ residual / n)),
+        )
+
+
+@dataclass(frozen=True)
+class NoSolution:
+    """Samples that do not determine the estimates.
+
+    Attributes:
+        theta: (p,) NaN.
+    """
+
+    theta: Floats
+    _samples: int
+
+    @property
+    def fit(self) -> PriorFit:
+        """NaN throughout."""
+        p, no = self.theta.size, float("nan")
+        square = np.full((p, p), np.nan)
+        zeros = np.zeros(self._samples)
+        return PriorFit(
+            self.theta, square, square, square, square, self.theta, no, no, no, 0, zeros, no
+        )
+
+
+def solve(
+    A: Floats,
+    f: Floats,
+    group: Ints,
+    noise: NoiseMoments | None,
+    prior_mean: Floats,
+    prior_std: Floats,
+    grouping: Grouping | None = None,
+) -> PriorSolution | NoSolution:
+    """Solve A θ = f for θ; the arguments are those of `fit`."""
+    grouping = Grouping() if grouping is None else grouping
+    levels = grouping.levels
+    n, p = int((group >= 0).sum()), A.shape[1]
+    count = 1 if levels is None else levels.count
+    nothing = NoSolution(np.full(p + count - 1, np.nan), f.size)
+    if n <= p + count:
+        return nothing
+    A, f, scale = scaled_columns(A, f, group)
+    sums = GroupSums.of(A, f, group, noise, scale)
+    one = np.zeros(len(sums.rows), np.int64)
+    shape = LevelShape(Levels(one, np.arange(one.size)) if levels is None else levels, p, scale[0])
+    precision = np.where(np.isfinite(prior_std), (prior_std * scale) ** -2.0, 0.0)
+    believed = precision * prior_mean * scale
+    # a fit of few parameters takes nothing out of many groups
+    taken = A if grouping.taken is None and len(sums.rows) < _FEW_GROUPS else grouping.taken
+    loss = autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
+    try:
+        solved = solve_with_priors(A, f, group, sums, shape, (precision, believed), (taken, loss))
+    except np.linalg.LinAlgError:
+        return nothing
+    theta = solved.theta / shape.widened(scale)
+    return PriorSolution(theta, A, group, sums, shape, precision, scale, grouping, solved)
+
+
+def fit(
+    A: Floats,
+    f: Floats,
+    group: Ints,
+    noise: NoiseMoments | None,
+    prior_mean: Floats,
+    prior_std: Floats,
+    grouping: Grouping | None = None,
+) -> PriorFit:
+    """Fit θ of A θ = f.
+
+    Args:
+        A: (n, p) columns; rows of no group may be anything but NaN.
+        f: (n,) response.
+        group: (n,) the group of each sample, contiguous, negative for none.
+        noise: of the columns; None takes them as exact.
+        prior_mean: (p,).
+        prior_std: (p,), inf where nothing is known.
+        grouping: what is known of the groups; None for its defaults.
+
+    Returns:
+        The fit; NaN throughout where the samples do not determine it.
+    """
+    return solve(A, f, group, noise, prior_mean, prior_std, grouping).fit
+
+
+@dataclass(frozen=True)
+class _Told:
+    """The groups that tell something of their own.
+
+    Attributes:
+        rows: of each, its samples.
+        turns: (groups, p, p) what its scores become where its level scatters.
+        shape: how its parameters are those of the whole.
+        number: of each, among all groups.
+    """
+
+    rows: list[Ints]
+    turns: Floats
+    shape: LevelShape
+    number: list[int]
+
+    def scores(self, A: Floats, direction: Floats, length: int) -> Floats:
+        """(length, wide) what a residual of 1 that all groups have so far in adds to the scores."""
+        count = self.shape.levels.count
+        total = np.zeros((length, count + A.shape[1] - 1))
+        for part, turn, number in zip(self.rows, self.turns, self.number, strict=True):
+            inside = part[:length]
+            own = A[inside] @ turn.T * direction[part[part.size // 2]]
+            total[: inside.size, self.shape.levels.of[number]] += own[:, 0]
+            total[: inside.size, count:] += own[:, 1:]
+        return total
+
+
+def _at_least(meats: Floats, gram: Floats) -> Floats:
+    """The same where no direction has less than a share of what white residuals have.
+
+    Correlations that are estimated may add up to a negative variance.
+    """
+    squares, vectors = np.linalg.eigh(gram)
+    root = vectors * np.sqrt(np.maximum(squares, squares[-1] * 1e-12))
+    half = np.linalg.solve(root, meats)
+    of_white, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
+    if of_white[0] >= _LEAST_OF_WHITE:
+        return meats
+    kept = root @ directions
+    return (kept * np.maximum(of_white, _LEAST_OF_WHITE)) @ kept.T
+
+
+def _between_groups(
+    gain: Floats, scores: Floats, covariance: Floats, levels: int
+) -> tuple[Floats, float]:
+    """What groups that disagree add, (p, p), and Birge's ratio of the first parameter."""
+    count = len(scores)
+    freedom = count - levels
+    if freedom < 1:
+        return np.zeros_like(covariance), float("nan")
+    moved = scores @ gain.T
+    between = (moved[:, :levels] ** 2).sum(axis=0) * count / freedom
+    own = np.diag(covariance)[:levels]
+    if not (own > 0.0).all():
+        return np.zeros_like(covariance), float("nan")
+    ratio = float((between / own).mean())
+    if ratio <= 1.0 + _DISAGREE * np.sqrt(2.0 / freedom):
+        return np.zeros_like(covariance), float(np.sqrt(ratio))
+    # every parameter grows as the first does: a full matrix of few groups is no covariance
+    grown = covariance * (ratio * student_factor(float(freedom)) ** 2 - 1.0)
+    return grown, float(np.sqrt(ratio))
+
+
+def _common_misfit(
+    gain: Floats, A: Floats, residual: Floats, told: _Told, direction: Floats
+) -> tuple[Floats, float]:
+    """What all groups miss alike adds, (wide, wide), and the ratio of its square to its noise.
+
+    Averaged over the groups from where each begins, residuals that are noise leave a share 1/groups
+    of their variance. What is left beyond counts as one draw of an error with the correlation of
+    that average: repeating it in every group does not average it out.
+    """
+    nothing, rows = np.zeros((len(gain), len(gain))), told.rows
+    if len(rows) < 3:
+        return nothing, float("nan")
+    length = int(np.median([part.size for part in rows]))
+    each = np.full((len(rows), length), np.nan)
+    for i, part in enumerate(rows):
+        part = part[:length]
+        each[i, : part.size] = residual[part] * direction[part[part.size // 2]]
+    count = np.isfinite(each).sum(axis=0)
+    known = count >= 2
+    mean = np.nanmean(each[:, known], axis=0)
+    left = float((np.nanvar(each[:, known], axis=0, ddof=1) / count[known]).mean())
+    square = float((mean**2).mean())
+    ratio = square / left if left > 0 else float("nan")
+    if not ratio > _MISFIT:
+        return nothing, ratio
+    correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
+    moved = told.scores(A, direction, length) @ gain.T
+    lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
+    return moved.T @ lasts @ moved * (square - left), ratio

@@ -1,0 +1,243 @@
+"""The estimates of least squares with normal priors, the noise of the columns taken off.
+
+(G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀ with G the columns' normal equations without their noise:
+errors in variables (Fuller, Measurement Error Models, 1987). Units of a level scatter about it
+(Laird & Ware 1982, Random-effects models for longitudinal data).
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.joint.random_intercepts import LevelShape
+from estimators.numerics.autocorrelation import pooled_autocorrelation
+from estimators.numerics.group_sums import GroupSums
+
+#: The share of the correction for the columns' noise that is uncertain.
+DOUBT: Final = 0.25
+#: Of a direction's sum of squares, noise is never taken to be more than this.
+_LARGEST_NOISE_SHARE: Final = 0.5
+_ROUNDS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """The normal equations of the whole, every unit weighted down by its scatter.
+
+    A unit's scores G δ + e, δ the scatter, have the covariance S = σ² G + τ² g gᵀ with g the first
+    column of G; G S⁻¹ = T / σ² with T = 1 - κ g e₁ᵀ, κ = ρ / (1 + ρ G₁₁) and ρ = τ² / σ².
+
+    Attributes:
+        turns: (units, p, p) T.
+        clean: (wide, wide) T G, without noise.
+        bare: (wide,) T Aᵀf, without noise.
+        gram: (wide, wide) T G with it.
+        taken: (wide,) what all noise does to the scores.
+        scatter: (wide, wide) of the scores by τ alone.
+    """
+
+    turns: Floats
+    clean: Floats
+    bare: Floats
+    gram: Floats
+    taken: Floats
+    scatter: Floats
+
+
+def _turned(
+    units: GroupSums, shape: LevelShape, of: Ints, kept: float, theta: Floats, variance: float
+) -> Turned:
+    """Weigh down the sums of units, (units,) of a level each."""
+    sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
+    tau = shape.levels.scatter * shape.scale
+    return Turned(*_turn(sums, of, shape.levels.count, kept, theta, tau**2, variance))
+
+
+@compiled
+def _turn(
+    sums: tuple[Floats, Floats, Floats, Floats],
+    of: Ints,
+    count: int,
+    kept: float,
+    theta: Floats,
+    scatter_square: float,
+    variance: float,
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+    """The attributes of `Turned`.
+
+    Args:
+        sums: of the units: AᵀA, Aᵀf, and what noise added to each.
+        of: (units,) level of each.
+        count: how many levels there are.
+        kept: share of the noise that is taken off.
+        theta: (wide,) the levels first.
+        scatter_square: τ².
+        variance: σ².
+    """
+    grams, crosses, noise_gram, noise_cross = sums
+    ratio = scatter_square / variance
+    units, p, _ = grams.shape
+    wide = count + p - 1
+    turns = np.zeros((units, p, p))
+    clean, gram, scatter = np.zeros((wide, wide)), np.zeros((wide, wide)), np.zeros((wide, wide))
+    bare, taken = np.zeros(wide), np.zeros(wide)
+    place, own = np.arange(count - 1, wide), np.empty(p)
+    g, c, moved = np.empty((p, p)), np.empty(p), np.empty(p)
+    for u in range(units):
+        place[0] = of[u]
+        for i in range(p):
+            own[i] = theta[place[i]]
+            c[i] = crosses[u, i] - kept * noise_cross[u, i]
+            for j in range(p):
+                g[i, j] = grams[u, i, j] - kept * noise_gram[u, i, j]
+        weight = ratio / (1.0 + ratio * max(g[0, 0], 0.0))
+        full = ratio / (1.0 + ratio * grams[u, 0, 0])
+        for i in range(p):
+            turns[u, i, i] = 1.0
+        first = -noise_cross[u, 0]
+        for j in range(p):
+            first += noise_gram[u, 0, j] * own[j]
+        for i in range(p):
+            turns[u, i, 0] -= weight * g[i, 0]
+            moved[i] = g[i, 0] - weight * g[i, 0] * g[0, 0]
+        for i in range(p):
+            lost = weight * g[i, 0]
+            noisy = -noise_cross[u, i]
+            for j in range(p):
+                noisy += noise_gram[u, i, j] * own[j]
+                clean[place[i], place[j]] += g[i, j] - lost * g[0, j]
+                gram[place[i], place[j]] += grams[u, i, j] - full * grams[u, i, 0] * grams[u, j, 0]
+                scatter[place[i], place[j]] += variance * ratio * moved[i] * moved[j]
+            bare[place[i]] += c[i] - lost * c[0]
+            taken[place[i]] += noisy - lost * first
+    return turns, clean, bare, gram, taken, scatter
+
+
+@compiled
+def _residual(A: Floats, f: Floats, group: Ints, theta: Floats, of: Ints, count: int) -> Floats:
+    """Response less A θ, (n,), 0 where a sample has no group (group < 0).
+
+    Args:
+        A: (n, p).
+        f: (n,).
+        group: (n,) from 0.
+        theta: (wide,) the levels first.
+        of: (groups,) level of each.
+        count: how many levels there are.
+    """
+    out = np.zeros(f.size)
+    shared = theta[count:]
+    for k in range(f.size):
+        if group[k] >= 0:
+            left = f[k] - A[k, 0] * theta[of[group[k]]]
+            for i in range(shared.size):
+                left -= A[k, i + 1] * shared[i]
+            out[k] = left
+    return out
+
+
+class Solved(NamedTuple):
+    """Estimates, H⁻¹, H⁻¹ G S⁻¹, residuals, their correlation and variance, the noise's share."""
+
+    theta: Floats
+    bread: Floats
+    gain: Floats
+    residual: Floats
+    correlation: Floats
+    white: float
+    share: float
+    kept: float
+    turned: Turned
+
+
+def solve_with_priors(
+    A: Floats,
+    f: Floats,
+    group: Ints,
+    sums: GroupSums,
+    shape: LevelShape,
+    priors: tuple[Floats, Floats],
+    correlated: tuple[Floats | None, Floats],
+) -> Solved:
+    """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
+
+    S is σ² AᵀA, by the residuals' long-run variance, and what is uncertain of the noise's
+    correction: without it more samples of the same would outvote the priors with that error.
+
+    Args:
+        A: (n, p) columns.
+        f: (n,) response.
+        group: (n,) the group of each sample.
+        sums: of the groups.
+        shape: of the parameters.
+        priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
+        correlated: (n, q) columns that were taken off each group, and their `autocovariance_loss`.
+
+    Raises:
+        LinAlgError: the samples do not determine it.
+    """
+    n = int((group >= 0).sum())
+    (precision, believed), (taken, loss) = priors, correlated
+    index = np.full(f.size, -1, np.int64)
+    for i, part in enumerate(sums.rows):
+        index[part] = i
+    gram, cross = sums.grams.sum(axis=0), sums.crosses.sum(axis=0)
+    added = sums.noise_gram.sum(axis=0)
+    # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
+    first = np.linalg.lstsq(gram, cross, rcond=None)[0]
+    left = f - A @ first
+    variance = float(left @ left) / n
+    theta = shape.widened(np.asarray(first, np.float64))
+    wide_precision, wide_believed = shape.widened(precision), shape.widened(believed)
+    solved: Solved | None = None
+    units, of_units, of = sums.by(shape.levels.unit), shape.of_units, shape.levels.of
+    for _ in range(_ROUNDS):
+        if not variance > 0.0:
+            raise np.linalg.LinAlgError("no residuals")
+        share = _noise_share(added, gram + variance * np.diag(precision))
+        kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
+        turned = _turned(units, shape, of_units, kept, theta, variance)
+        if solved is None:
+            found = np.linalg.inv(turned.clean / variance + np.diag(wide_precision))
+            theta = found @ (turned.bare / variance + wide_believed)
+            turned = _turned(units, shape, of_units, kept, theta, variance)
+        weighed = _weighed(turned.clean, turned.gram, variance, doubted_share(kept) * turned.taken)
+        bread = np.asarray(
+            np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
+        )
+        theta = bread @ (weighed @ turned.bare + wide_believed)
+        residual = _residual(A, f, index, theta, of, shape.levels.count)
+        correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
+        with np.errstate(over="ignore"):  # of what rounding alone determines
+            white = float(residual @ residual) / (n - theta.size)
+        gain = bread @ weighed
+        solved = Solved(theta, bread, gain, residual, correlation, white, share, kept, turned)
+        variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
+    assert solved is not None
+    return solved
+
+
+def doubted_share(kept: float) -> float:
+    """The uncertain share of the noise; what was not taken off is doubted whole."""
+    return DOUBT * kept + (1.0 - kept)
+
+
+def _weighed(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
+    """G S⁻¹ with S = σ² AᵀA and one error that is common to all samples."""
+    S = variance * gram + np.outer(doubted, doubted)
+    return np.linalg.solve(S + 1e-12 * np.trace(S) * np.eye(len(S)), clean).T
+
+
+def _noise_share(noise: Floats, gram: Floats) -> float:
+    """The largest share of noise in a direction of the columns."""
+    if not noise.any():
+        return 0.0
+    try:
+        root = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return np.inf
+    half = np.linalg.solve(root, noise)
+    return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])

@@ -1,0 +1,62 @@
+"""What noise in a regressor's columns draws least squares towards zero by (errors in variables).
+
+Noise of r.m.s. σ_c in column c adds N = n·diag(σ²) to AᵀA and nothing to Aᵀf, so that least squares
+finds θ with AᵀA θ = (AᵀA - N) θ₀ (Fuller, Measurement Error Models, 1987). From what it found,
+θ₀ = θ + (AᵀA - N)⁻¹ N θ. That difference is added by the methods that correct (and half of it
+counted as uncertainty, since σ² is known to half of itself at best) and counted whole as
+uncertainty by those that do not. Where columns share noise, as a speed and its derivative may, N is
+n times their covariance; what they share with f is taken off Aᵀf likewise.
+"""
+
+import numpy as np
+
+from estimators.estimate import Floats, Ints
+from estimators.methods.ls import solve_windows
+from estimators.numerics.small_systems import factor, inverse_spd, packed_index, substitute
+
+#: The share of a correction that is uncertain.
+DOUBT = 0.5
+
+
+def attenuation(G: Floats, theta: Floats, added: Floats, loading: Floats | None = None) -> Floats:
+    """(AᵀA - N)⁻¹ N θ, source by source of the noise.
+
+    Args:
+        G: (p, p) AᵀA as measured.
+        theta: (p,) its least-squares solution.
+        added: (s,) n·σ² of the sources.
+        loading: (p, s) what each column has of each source, N = L diag(added) Lᵀ; None where each
+            column has its own.
+
+    Returns:
+        (p, s): row i holds what each source draws θ_i by; their sum is to be added.
+        NaN where the columns are no more than their noise.
+    """
+    L = np.eye(theta.size) if loading is None else loading
+    return inverse_spd(G - L * added @ L.T) @ (L * (added * (L.T @ theta)))
+
+
+def window_attenuations(
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: Floats
+) -> Floats:
+    """(rows, p) what to add to the estimates of the windows that end at `index`.
+
+    To first order for weighted and recursive estimates, by the plain products of the window.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force or torque.
+        window: samples in a window.
+        index: (rows,) last samples of the windows.
+        theta: (rows, p) their estimates.
+        noise: (p + 1, p + 1) covariance of the noise in a row of [A f].
+    """
+    p = A.shape[1]
+    added = window * noise
+    clean = solve_windows(A, f, window, index).grams.T.copy()
+    for i in range(p):
+        for j in range(i, p):
+            clean[packed_index(i, j, p)] -= added[i, j]
+    drawn = np.ascontiguousarray(added[:p, :p] @ theta.T - added[:p, p:])
+    substitute(*factor(clean, p, p), drawn)
+    return drawn.T

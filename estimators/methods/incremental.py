@@ -1,0 +1,324 @@
+"""The estimators a sample at a time: state in, state out, bounded work, θ as in the replay.
+
+Every function here takes the sums that the compiled `trace` would have for the window that ends
+now, in the same order, and calls the same loops for one window: so θ equals the replay's bit for
+bit. The deviations are their own, since the residuals' autocorrelation over the log is not known
+yet: residuals are taken for white noise after a moving mean of `mean` samples, and the regressor
+for steady over that span, which makes the textbook's variance `mean` times larger.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Estimate, Floats, Ints
+from estimators.methods import rls as recursion
+from estimators.methods import rtls as total_recursion
+from estimators.methods.fgls import FglsOptions
+from estimators.methods.fgls import reweight as reweight_fgls
+from estimators.methods.huber import HuberOptions
+from estimators.methods.huber import reweight as reweight_huber
+from estimators.methods.ls import LsOptions, WindowStatistics, least_squares, predicted
+from estimators.methods.pooled import PooledOptions, add_sample, without_noise
+from estimators.methods.rls import RlsOptions, RlsState
+from estimators.methods.rtls import RtlsOptions
+from estimators.methods.tls import TlsOptions, solve_scaled
+from estimators.numerics import directional_forgetting
+from estimators.numerics.mutual_information import correlation
+from estimators.numerics.normal_equations import columns_of, gram, residual_squares, solve
+from estimators.numerics.recursive import feed_products, in_lanes, weights
+from estimators.numerics.rolling import centred_terms, lanes_of, suffix_sums, uncentred
+from estimators.numerics.small_systems import (
+    condition_number,
+    condition_numbers,
+    inverse_spd,
+    pack,
+    unpack,
+)
+
+
+class WindowState(NamedTuple):
+    """The window that ends now, and the sums of two scans (see `estimators.numerics.rolling`).
+
+    Attributes:
+        z: (p + 1, window) columns of [A f], the oldest sample first.
+        seen: samples so far.
+        centre: (p + 1,) the last sample of the last whole block.
+        suffix: (lanes, window) sums from each sample of that block to its end.
+        prefix: (lanes,) sums of the samples since.
+        products: (entries, 1) packed sums of the window's products, and
+        moments: (lanes, 1) their centred form; both NaN until the window is complete.
+    """
+
+    z: Floats
+    seen: int
+    centre: Floats
+    suffix: Floats
+    prefix: Floats
+    products: Floats
+    moments: Floats
+
+
+def start_window(parameters: int, window: int) -> WindowState:
+    """Before the first sample."""
+    q = parameters + 1
+    entries = q * (q + 1) // 2
+    lanes = lanes_of(q + entries)
+    return WindowState(
+        np.full((q, window), np.nan),
+        0,
+        np.full(q, np.nan),
+        np.full((lanes, window), np.nan),
+        np.zeros(lanes),
+        np.full((entries, 1), np.nan),
+        np.full((lanes, 1), np.nan),
+    )
+
+
+@compiled
+def step_window(state: WindowState, sample: Floats) -> WindowState:
+    """Slide on by one sample (p + 1,), the regressor's row and then the force.
+
+    Once in `window` samples the suffix sums are made anew, at the cost of as many additions.
+    """
+    q, window = state.z.shape
+    z = np.empty((q, window))
+    z[:, : window - 1] = state.z[:, 1:]
+    z[:, window - 1] = sample
+    seen = state.seen + 1
+    centre, suffix, prefix = state.centre, state.suffix, state.prefix.copy()
+    since = seen % window
+    if since == 0:
+        centre = sample.copy()
+        terms = np.zeros((suffix.shape[0], window))
+        centred_terms(z, centre, window, terms)
+        suffix = np.empty((suffix.shape[0], window))
+        suffix_sums(terms, window, suffix)
+        prefix[:] = 0.0
+    else:
+        terms = np.zeros((suffix.shape[0], 1))
+        centred_terms(sample.copy().reshape(q, 1), centre, 1, terms)
+        for lane in range(prefix.size):
+            prefix[lane] += terms[lane, 0]
+    products, moments = state.products, state.moments
+    if seen >= window:
+        moments = np.empty((prefix.size, 1))
+        for lane in range(prefix.size):
+            moments[lane, 0] = suffix[lane, since] + prefix[lane]
+        products = np.empty(state.products.shape)
+        uncentred(moments, centre, window, 0, 1, products)
+    return WindowState(z, seen, centre, suffix, prefix, products, moments)
+
+
+def window_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
+    """Compute what the gate asks of the window that ends now, (1,) each; noise as for `ls`."""
+    window = state.z.shape[1]
+    rho, spread = np.empty(1), np.empty(1)
+    correlation(state.moments, state.centre, window, rho, spread)
+    return WindowStatistics(rho, spread, *predicted(state.products, window, noise))
+
+
+def ls(state: WindowState, mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
+    """Ordinary least squares of the window that ends now."""
+    A, f, end = _as_log(state)
+    theta, _ = least_squares(A, f, f.size, end, state.products)
+    return _estimate(state, theta, gram(state.products), mean)
+
+
+def fgls(state: WindowState, mean: int, options: FglsOptions) -> Estimate:
+    """Feasible generalised least squares of the window that ends now: O(window)."""
+    A, f, end = _as_log(state)
+    theta = reweight_fgls(A, f, f.size, end, state.products, options)
+    return _estimate(state, theta, gram(state.products), mean)
+
+
+def tls(state: WindowState, mean: int, options: TlsOptions) -> Estimate:
+    """Total least squares of the window that ends now."""
+    return _estimate(state, *solve_scaled(state.products, options), mean)
+
+
+def huber(state: WindowState, mean: int, options: HuberOptions) -> Estimate:
+    """Huber's regression of the window that ends now: O(window) a step, of a hundred at most."""
+    A, f, end = _as_log(state)
+    theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
+    return _estimate(state, theta, gram(state.products), mean, residuals.squares)
+
+
+def _as_log(state: WindowState) -> tuple[Floats, Floats, Ints]:
+    """A (window, p), f (window,) and the end (1,) of a log that is the window."""
+    A = np.ascontiguousarray(state.z[:-1].T)
+    return A, state.z[-1].copy(), np.array([state.z.shape[1] - 1])
+
+
+def _estimate(
+    state: WindowState, theta: Floats, G: Floats, mean: int, squares: Floats | None = None
+) -> Estimate:
+    """One window's estimate: θ (p, 1), G packed (entries, 1) for AᵀA, squares (1,) for RSS."""
+    q, window = state.z.shape
+    p = q - 1
+    rss = residual_squares(state.products, theta)
+    return Estimate(
+        theta[:, 0].copy(),
+        _deviations(G[:, 0], p, rss if squares is None else squares, window, mean),
+        float(np.sqrt(rss[0] / window)),
+        float(condition_numbers(state.products, q, p)[0]),
+    )
+
+
+def _deviations(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Floats:
+    """The textbook's deviations (p,), `mean` samples of residuals counting as one."""
+    freedom = samples - p * mean
+    variance = rss[0] / freedom * mean if freedom > 0 else np.nan
+    return np.sqrt(variance * np.diagonal(inverse_spd(unpack(G, p, p))))
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """What a recursive estimator keeps of the samples it was fed.
+
+    Attributes:
+        products: (lanes,) packed, discounted products of the columns of [A f].
+        squares: (lanes,) the same, discounted by λ²: what the errors of Aᵀf vary by.
+        weight: discounted number of samples.
+    """
+
+    products: Floats
+    squares: Floats
+    weight: float
+
+
+def _fed(state: WindowState, past: Past, newest: int, forgetting: float) -> Past:
+    """Feed the newest samples of the window."""
+    A, f, _ = _as_log(state)
+    fed = np.arange(f.size - newest, f.size)
+    products, squares = past.products.copy(), past.squares.copy()
+    feed_products(A, f, fed, forgetting, products)
+    feed_products(A, f, fed, forgetting**2, squares)
+    return Past(products, squares, float(weights(newest, forgetting, past.weight)[-1]))
+
+
+def _recursive_estimate(
+    theta: Floats, past: Past, R: Floats, rss: float, mean: int, condition: float
+) -> Estimate:
+    """Of θ = R⁻¹ Aᵀf: its errors are R⁻¹ (p, p) times those of Aᵀf."""
+    p = theta.size
+    bread = inverse_spd(R)
+    M = unpack(past.squares, p + 1, p)
+    std = np.sqrt(rss / past.weight * mean * np.diagonal(bread @ M @ bread))
+    return Estimate(theta, std, float(np.sqrt(rss / past.weight)), condition)
+
+
+def rls(
+    state: WindowState, past: Past | RlsState | None, newest: int, mean: int, options: RlsOptions
+) -> tuple[Past | RlsState, Estimate]:
+    """Feed the newest samples of an accepted window, or begin with its OLS estimate.
+
+    Args:
+        state: the window.
+        past: after the accepted window before, None for the first.
+        newest: samples that no accepted window had.
+        mean: samples of the moving mean.
+        options: the forgetting; directional forgetting has its covariance for a past.
+    """
+    if options.directional:
+        assert not isinstance(past, Past)
+        return _directional_rls(state, past, newest, mean, options)
+    assert not isinstance(past, RlsState)
+    return _exponential_rls(state, past, newest, mean, options)
+
+
+def _exponential_rls(
+    state: WindowState, past: Past | None, newest: int, mean: int, options: RlsOptions
+) -> tuple[Past, Estimate]:
+    p = len(state.z) - 1
+    entries = len(state.products)
+    if past is None:
+        A, f, _ = _as_log(state)
+        begin = recursion.start(A, f, options)
+        R, G = np.diag(1.0 / np.diagonal(begin.P)), unpack(state.products[:, 0], p + 1, p)
+        squares = np.zeros((p + 1, p + 1))
+        squares[:p, :p] = R @ inverse_spd(G) @ R
+        past = Past(
+            in_lanes(pack(recursion.information(begin))), in_lanes(pack(squares)), begin.weight
+        )
+        theta, rss, condition = begin.theta, begin.square, condition_number(G)
+    else:
+        past = _fed(state, past, newest, options.forgetting)
+        solved = solve(past.products[:entries].reshape(-1, 1))
+        R = unpack(past.products, p + 1, p)
+        theta, rss, condition = solved.theta[:, 0], float(solved.rss[0]), condition_number(R)
+    return past, _recursive_estimate(theta, past, R, rss, mean, condition)
+
+
+def _directional_rls(
+    state: WindowState, past: RlsState | None, newest: int, mean: int, options: RlsOptions
+) -> tuple[RlsState, Estimate]:
+    A, f, _ = _as_log(state)
+    if past is None:
+        past = recursion.start(A, f, options)
+        p = past.theta.size
+        R = unpack(state.products[:, 0], p + 1, p)
+    else:
+        ends = np.array([f.size - 1 - newest, f.size - 1])
+        theta, _, P, sums = directional_forgetting.feed(
+            A, f, f.size, ends, options.forgetting, past.theta, past.P, (past.square, past.weight)
+        )
+        past = RlsState(theta[-1], P[-1], *sums)
+        R = inverse_spd(past.P)
+    rms = float(np.sqrt(max(past.square, 0.0) / past.weight))
+    std = rms * np.sqrt(mean * np.diagonal(inverse_spd(R)))
+    return past, Estimate(past.theta, std, rms, condition_number(R))
+
+
+def rtls(
+    state: WindowState, past: Past | None, newest: int, mean: int, options: RtlsOptions
+) -> tuple[Past, Estimate]:
+    """Recursive total least squares; arguments as for `rls`."""
+    p, entries = len(state.z) - 1, len(state.products)
+    if past is None:
+        A, f, _ = _as_log(state)
+        begin = total_recursion.start(A, f, options)
+        products = in_lanes(pack(total_recursion.unscaled(begin, options)))
+        past = Past(products, in_lanes(state.products[:, 0]), begin.weight)
+    else:
+        past = _fed(state, past, newest, options.forgetting)
+    products = past.products[:entries].reshape(-1, 1)
+    theta, clean = solve_scaled(products, options.noise)
+    rss = float(residual_squares(products, theta)[0])
+    condition = float(condition_numbers(products, p + 1, p)[0])
+    R = unpack(clean[:, 0], p, p)
+    return past, _recursive_estimate(theta[:, 0], past, R, rss, mean, condition)
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """The samples of one manoeuvre so far: packed products (entries,), and how many."""
+
+    products: Floats
+    samples: int
+
+    def add(self, sample: Floats) -> "Pool":
+        """This and one sample (p + 1,) more."""
+        products = self.products.copy()
+        add_sample(sample[:-1].copy(), sample[-1], products)
+        return Pool(products, self.samples + 1)
+
+    def estimate(self, mean: int, options: PooledOptions) -> Estimate:
+        """Least squares of all of them."""
+        products = self.products.reshape(-1, 1)
+        counts = np.array([float(self.samples)])
+        theta, p = solve(without_noise(products, counts, options)).theta, columns_of(products) - 1
+        rss = residual_squares(products, theta)
+        return Estimate(
+            theta[:, 0],
+            _deviations(gram(products)[:, 0], p, rss, self.samples, mean),
+            float(np.sqrt(rss[0] / self.samples)),
+            float(condition_numbers(products, p + 1, p)[0]),
+        )
+
+
+def start_pool(parameters: int) -> Pool:
+    """Before the first sample."""
+    return Pool(np.zeros((parameters + 1) * (parameters + 2) // 2), 0)

@@ -1,0 +1,275 @@
+"""Ordinary least squares (6) over sliding windows: θ = (AᵀA)⁻¹ Aᵀf, a window stacked."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
+from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.numerics.mutual_information import correlated_sums
+from estimators.numerics.normal_equations import gram, solve
+from estimators.numerics.rolling import sum_windows, window_ends
+from estimators.numerics.sandwich import window_deviation, window_deviations
+from estimators.numerics.small_systems import condition_number, condition_numbers, lstsq, substitute
+from estimators.threads import in_chunks
+
+#: Beyond this condition the normal equations keep fewer than about eleven digits.
+_POORLY_CONDITIONED = 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class LsOptions:
+    """Ordinary least squares has nothing to choose."""
+
+
+def fit(
+    A: Floats,
+    f: Floats,
+    options: LsOptions | None = None,
+    autocorrelation: Floats | None = None,
+) -> Estimate:
+    """Estimate one window, in the readable form of (6).
+
+    Args:
+        A: (n, p) regressor, n > p.
+        f: (n,) force.
+        options: none to choose.
+        autocorrelation: (lags,) of the residuals; from this window alone where none is given.
+
+    Returns:
+        θ with the sandwich standard deviation.
+    """
+    del options
+    theta = lstsq(A, f)
+    residual = f - A @ theta
+    gram = A.T @ A
+    std = window_deviation(A, gram, residual, autocorrelation)
+    rms = float(np.sqrt((residual**2).mean()))
+    return Estimate(theta, std, rms, float(condition_number(gram)))
+
+
+class Windows(NamedTuple):
+    """What the solved windows keep, a row a window.
+
+    Attributes:
+        theta: (rows, p) estimates.
+        grams: (rows, p(p+1)/2) packed, what stands for AᵀA in their deviations.
+        rss: (rows,) residual sums of squares.
+        condition: (rows,) condition numbers.
+    """
+
+    theta: Floats
+    grams: Floats
+    rss: Floats
+    condition: Floats
+
+    @classmethod
+    def empty(cls, rows: int, parameters: int) -> "Windows":
+        """Room for that many."""
+        return cls(
+            np.empty((rows, parameters)),
+            np.empty((rows, parameters * (parameters + 1) // 2)),
+            np.empty(rows),
+            np.empty(rows),
+        )
+
+    def keep(
+        self, rows: slice, products: Floats, theta: Floats, grams: Floats, rss: Floats
+    ) -> None:
+        """Keep θ (p, m), grams (entries, m) and RSS (m,) of windows with those packed products."""
+        p = len(theta)
+        self.theta[rows] = theta.T
+        self.grams[rows] = grams.T
+        self.rss[rows] = rss
+        self.condition[rows] = condition_numbers(products, p + 1, p)
+
+
+def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
+    """Solve the windows that end at `index`."""
+    out = Windows.empty(index.size, A.shape[1])
+
+    def work(rows: slice) -> None:
+        products = sum_windows(A, f, window, index[rows])
+        theta, rss = least_squares(A, f, window, index[rows], products)
+        out.keep(rows, products, theta, gram(products), rss)
+
+    in_chunks(work, index.size)
+    return out
+
+
+def least_squares(
+    A: Floats, f: Floats, window: int, index: Ints, products: Floats
+) -> tuple[Floats, Floats]:
+    """θ (p, rows) and RSS (rows,) of windows with those packed products (entries, rows).
+
+    The normal equations lose twice the digits that the window's condition costs. Where that is
+    much, one correction by the residuals themselves gives half of them back (Björck 1987).
+    """
+    solved = solve(products)
+    theta = solved.theta
+    p = len(theta)
+    poor = np.flatnonzero(condition_numbers(products, p + 1, p) > _POORLY_CONDITIONED)
+    if poor.size:
+        correction = _normal_residual(A, f, window, index[poor], theta[:, poor])
+        L, inverse = np.take(solved.L, poor, axis=2), np.take(solved.inverse, poor, axis=1)
+        substitute(L, inverse, correction)
+        theta[:, poor] += correction
+    return theta, solved.rss
+
+
+@compiled
+def _normal_residual(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
+    """Aᵀ(f - A θ) of each window, (p, rows): zero but for what θ (p, rows) has lost."""
+    p = A.shape[1]
+    out = np.zeros((p, index.size))
+    for row in range(index.size):
+        for k in range(index[row] - window + 1, index[row] + 1):
+            e = f[k]
+            for c in range(p):
+                e -= A[k, c] * theta[c, row]
+            for c in range(p):
+                out[c, row] += A[k, c] * e
+    return out
+
+
+class WindowStatistics(NamedTuple):
+    """What the gate asks of each window, (rows,) each.
+
+    Attributes:
+        rho: correlation of the first column and the force.
+        spread: relative variance of the two (see `information`).
+        predicted_std: sqrt(σ̂² (G⁻¹)₁₁), the textbook's deviation of the first parameter: a measure
+            to rank windows by, not the deviation that is reported.
+        condition: condition number of the regressor.
+        partial: 1 / (G⁻¹)₁₁, the sum of squares of the first column that the others leave.
+        noise_share: share of noise in it.
+    """
+
+    rho: Floats
+    spread: Floats
+    predicted: Floats
+    condition: Floats
+    partial: Floats
+    noise_share: Floats
+
+
+def window_statistics(
+    A: Floats, f: Floats, window: int, index: Ints, noise: Floats | None = None
+) -> WindowStatistics:
+    """Compute what the gate asks of the windows that end at `index`, in one pass.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        window: samples in a window.
+        index: (rows,) last samples of the windows.
+        noise: (p + 1, p + 1) covariance of the noise in a row of [A f]; none where not given.
+    """
+    out = WindowStatistics(*(np.empty(index.size) for _ in WindowStatistics._fields))
+
+    def work(rows: slice) -> None:
+        products, *seen = correlated_sums(A, f, window, index[rows])
+        for whole, part in zip(out, (*seen, *predicted(products, window, noise)), strict=True):
+            whole[rows] = part
+
+    in_chunks(work, index.size)
+    return out
+
+
+def predicted(
+    products: Floats, window: int, noise: Floats | None
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """The last four of `WindowStatistics`, (m,) each, from packed products (entries, m)."""
+    solved = solve(products)
+    p = len(solved.theta)
+    # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector
+    unit = np.zeros(solved.theta.shape)
+    unit[0] = 1.0
+    substitute(solved.L, solved.inverse, unit)
+    variance = solved.rss / max(window - p, 1)
+    partial, share = np.empty(variance.size), np.zeros(variance.size)
+    _with_noise(
+        solved.theta,
+        unit,
+        np.zeros((p + 1, p + 1)) if noise is None else noise,
+        window,
+        variance,
+        partial,
+        share,
+    )
+    return np.sqrt(variance * unit[0]), condition_numbers(products, p + 1, p), partial, share
+
+
+@compiled
+def _with_noise(
+    theta: Floats,
+    unit: Floats,
+    noise: Floats,
+    window: int,
+    variance: Floats,
+    partial: Floats,
+    share: Floats,
+) -> None:
+    """Raise variances (m,) to those of noise, and fill in partial sums and shares (m,).
+
+    The residuals of a window may be small by chance, those of noise are not. u / u₁ are the weights
+    of the columns in what the others leave of the first, u (p, m) the first column of G⁻¹.
+    """
+    p, m = theta.shape
+    least = np.full(m, noise[p, p])
+    for i in range(p):
+        x, u = theta[i], unit[i]
+        own, of_force = noise[i, i], 2.0 * noise[i, p]
+        for k in range(m):
+            least[k] += (own * x[k] - of_force) * x[k]
+            share[k] += own * u[k] * u[k]
+        for j in range(i + 1, p):
+            y, w = theta[j], unit[j]
+            twice = 2.0 * noise[i, j]
+            for k in range(m):
+                least[k] += twice * x[k] * y[k]
+                share[k] += twice * u[k] * w[k]
+    first = unit[0]
+    for k in range(m):
+        variance[k] = least[k] if least[k] > variance[k] else variance[k]
+        # u₁ is never zero where G has an inverse, and NaN where it has none
+        partial[k] = 1.0 / first[k]
+        share[k] *= window * partial[k]
+
+
+def residual_noise(theta: Floats, noise: Floats) -> Floats:
+    """Variance (m,) of the noise in f - Aθ of m windows, θ (p, m), from that of [A f]."""
+    p = len(theta)
+    own = np.einsum("ik,ij,jk->k", theta, noise[:p, :p], theta)
+    shared = np.einsum("i,ik->k", noise[:p, p], theta)
+    return np.maximum(own + noise[p, p] - 2.0 * shared, 0.0)
+
+
+def trace(
+    A: Floats, f: Floats, window: int, accepted: Bools, options: LsOptions | None = None
+) -> Trace:
+    """Estimate every accepted window; row k equals `fit` of the `window` samples that end at k.
+
+    Args:
+        A: (n, p) regressor; rows outside accepted windows may be NaN.
+        f: (n,) force.
+        window: samples in a window.
+        accepted: (n,) whether the window that ends here is used.
+        options: none to choose.
+    """
+    del options
+    index = window_ends(accepted, window)
+    if index.size == 0:
+        return Trace.empty(A.shape[1])
+    return traced(A, f, window, index, solve_windows(A, f, window, index))
+
+
+def traced(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
+    """Give solved windows their deviations, from the residuals' autocorrelation over the log."""
+    theta, grams, rss, condition = solved
+    residual, owner = window_residuals(A, f, theta, index, window)
+    correlation, _ = pooled_autocorrelation(residual, owner, A)
+    std = window_deviations(A, grams, rss, index, window, correlation)
+    return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

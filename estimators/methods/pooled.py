@@ -1,0 +1,108 @@
+"""Least squares pooled over all accepted samples of a manoeuvre: one estimate a segment.
+
+Where windows slide over one start again and again, this uses every sample once.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints, Trace
+from estimators.methods.attenuation import DOUBT
+from estimators.numerics.autocorrelation import pooled_autocorrelation, widening
+from estimators.numerics.fit_loss import group_ids
+from estimators.numerics.normal_equations import columns_of, solve
+from estimators.numerics.sandwich import deviations, meat
+from estimators.numerics.small_systems import condition_numbers, packed_index, unpack
+
+
+@dataclass(frozen=True, slots=True)
+class PooledOptions:
+    """What is known of the regressor's own noise.
+
+    Attributes:
+        noise: (p + 1, p + 1) covariance of the noise in a row of [A f], whose pull towards zero is
+            taken off again (`estimators.methods.attenuation`), half of it counted as uncertainty. None
+            takes A as exact, which is ordinary least squares.
+    """
+
+    noise: Floats | None = None
+
+
+@compiled
+def _add_samples(A: Floats, f: Floats, used: Ints, row_of: Ints, products: Floats) -> None:
+    """Add the products of sample used[i] to row row_of[i] of packed sums (entries, ids)."""
+    for i in range(used.size):
+        k: int = used[i]
+        row: int = row_of[i]
+        add_sample(A[k], f[k], products[:, row])
+
+
+@compiled
+def add_sample(a: Floats, f: float, products: Floats) -> None:
+    """Add one sample's products to a packed sum (entries,)."""
+    p = a.size
+    for i in range(p):
+        for j in range(i, p):
+            products[packed_index(i, j, p + 1)] += a[i] * a[j]
+        products[packed_index(i, p, p + 1)] += a[i] * f
+    products[packed_index(p, p, p + 1)] += f * f
+
+
+def without_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
+    """Packed sums (entries, ids) of counts (ids,) samples, less what noise added to AᵀA, Aᵀf."""
+    if options.noise is None:
+        return products
+    clean, q = products.copy(), columns_of(products)
+    for i in range(q - 1):
+        for j in range(i, q):
+            clean[packed_index(i, j, q)] -= counts * options.noise[i, j]
+    return clean
+
+
+def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None) -> Trace:
+    """Estimate every segment.
+
+    Args:
+        A: (n, p) regressor; rows with a negative segment_id may be NaN.
+        f: (n,) force.
+        segment_id: (n,) the segment that each sample is pooled into, negative for none.
+        options: noise of the columns, where it is known.
+
+    Returns:
+        A row a segment, in ascending order of segment_id; `index` is its last pooled sample.
+        A segment whose samples do not determine θ has NaN.
+    """
+    options = options or PooledOptions()
+    p = A.shape[1]
+    used = np.flatnonzero(segment_id >= 0)
+    ids = group_ids(segment_id).astype(np.int64)
+    if ids.size == 0:
+        return Trace.empty(p)
+    row_of = np.searchsorted(ids, segment_id[used])
+    products = np.zeros(((p + 1) * (p + 2) // 2, ids.size))
+    _add_samples(A, f, used, row_of, products)
+    counts = np.bincount(row_of, minlength=ids.size).astype(float)
+    first, last = np.empty(ids.size, np.int64), np.empty(ids.size, np.int64)
+    # of several assignments to one place the last one holds
+    first[row_of[::-1]], last[row_of] = used[::-1], used
+    ordinary = solve(products).theta.T
+    clean = without_noise(products, counts, options)
+    theta = np.ascontiguousarray(solve(clean).theta.T)
+    condition = condition_numbers(products, p + 1, p)
+    residual = np.zeros(f.size)
+    residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
+    solved = np.isfinite(theta[:, 0])
+    group = np.full(f.size, -1, np.int64)
+    group[used] = np.where(solved[row_of], segment_id[used], -1)
+    correlation, _ = pooled_autocorrelation(residual, group, A)
+    rss = np.bincount(row_of, weights=residual[used] ** 2, minlength=ids.size)
+    std = np.empty((ids.size, p))
+    for row in range(ids.size):
+        B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
+        gram = unpack(clean[:, row], p + 1, p)
+        known = deviations(gram, B, float(rss[row]), float(counts[row]))
+        std[row] = known * widening(counts[row], correlation)
+    std = np.hypot(std, DOUBT * (theta - ordinary))
+    return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)

@@ -1,0 +1,231 @@
+"""Recursive least squares (12)-(15) with exponential forgetting.
+
+Starts from the OLS estimate of the first accepted window with P₀ = I/σ², σ² the smallest variance
+of the data matrix's columns that vary. The printed (13)-(14) mix A and its transpose; in one form,
+a sample at a time: K = P a / (λ + aᵀ P a), P ← (P - K aᵀ P) / λ. Sliding windows share samples, so
+each sample is fed once, over the union of the accepted windows.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.estimate import Bools, Floats, Ints, Trace
+from estimators.methods.ls import solve_windows
+from estimators.numerics import directional_forgetting as directional
+from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.numerics.normal_equations import solve
+from estimators.numerics.recursive import (
+    chunks_of,
+    discounted_meats,
+    fed_samples,
+    feed_products,
+    in_lanes,
+    weights,
+)
+from estimators.numerics.rolling import window_ends
+from estimators.numerics.sandwich import meat, recursive_deviations
+from estimators.numerics.small_systems import (
+    condition_number,
+    condition_numbers,
+    factor,
+    invert,
+    lstsq,
+    pack,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RlsOptions:
+    """How the past is forgotten.
+
+    Attributes:
+        forgetting: λ, by which the weight of a sample falls with each one that follows.
+        directional: forget only along the new sample's direction (Bittanti, Bolzern, Campi 1990),
+            so that a long cruise does not blow P up along the acceleration.
+    """
+
+    forgetting: float = 0.998
+    directional: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RlsState:
+    """All that the recursion keeps.
+
+    Attributes:
+        theta: (p,) estimate.
+        P: (p, p) covariance factor.
+        square: discounted sum of the squared residuals.
+        weight: discounted number of samples.
+    """
+
+    theta: Floats
+    P: Floats
+    square: float
+    weight: float
+
+
+def start(A: Floats, f: Floats, options: RlsOptions | None = None) -> RlsState:
+    """Begin from the OLS estimate of a first window.
+
+    Args:
+        A: (n, p) regressor of the window.
+        f: (n,) force.
+        options: the forgetting, which does not matter here.
+    """
+    del options
+    theta = lstsq(A, f)
+    residual = f - A @ theta
+    variances = A.var(axis=0)
+    # a column that stays the same (Coulomb's sign while driving) would make P₀ infinite
+    varying = variances[variances > 1e-12 * (A**2).mean(axis=0)]
+    smallest = float(varying.min()) if varying.size else 1.0
+    return RlsState(theta, np.eye(A.shape[1]) / smallest, float(residual @ residual), f.size)
+
+
+def step(state: RlsState, a: Floats, f: float, options: RlsOptions | None = None) -> RlsState:
+    """Feed one sample: a (p,) the regressor's row, f the force."""
+    options = options or RlsOptions()
+    forgetting = options.forgetting
+    error = f - a @ state.theta
+    Pa = state.P @ a
+    r = a @ Pa
+    if options.directional:
+        gain = Pa / (1.0 + r)
+        beta = forgetting - (1.0 - forgetting) / r if r > 0 else 0.0
+        P = state.P - np.outer(Pa, Pa) * beta / (1.0 + beta * r)
+    else:
+        gain = Pa / (forgetting + r)
+        P = (state.P - np.outer(gain, Pa)) / forgetting
+    theta = state.theta + gain * error
+    after = f - a @ theta
+    return RlsState(
+        theta,
+        (P + P.T) / 2.0,
+        forgetting * state.square + float(error * after),
+        forgetting * state.weight + 1.0,
+    )
+
+
+def trace(
+    A: Floats, f: Floats, window: int, accepted: Bools, options: RlsOptions | None = None
+) -> Trace:
+    """Run the recursion over the union of the accepted windows; equals repeated `step`.
+
+    Args:
+        A: (n, p) regressor; rows outside accepted windows may be NaN.
+        f: (n,) force.
+        window: samples in a window.
+        accepted: (n,) whether the window that ends here is used.
+        options: the forgetting.
+
+    Returns:
+        A row an accepted window, the state after its last sample. The first row is the OLS
+        estimate of the first window.
+    """
+    options = options or RlsOptions()
+    index = window_ends(accepted, window)
+    p = A.shape[1]
+    if index.size == 0:
+        return Trace.empty(p)
+    first = slice(index[0] - window + 1, index[0] + 1)
+    begin = start(A[first], f[first], options)
+    run = _along_samples if options.directional else _discounted
+    return run(A, f, window, index, options.forgetting, begin)
+
+
+def _discounted(
+    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
+) -> Trace:
+    """Exponential forgetting: (12)-(15) solve the discounted normal equations."""
+    rows, p = index.size, A.shape[1]
+    first = slice(index[0] - window + 1, index[0] + 1)
+    fed, seen = fed_samples(index, window)
+    theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
+    gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
+    theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
+    condition[0] = condition_number(gram)
+    past, weight = in_lanes(pack(information(begin))), np.array([begin.weight])
+    entries = (p + 1) * (p + 2) // 2
+    for of_chunk, of_rows, at_rows in chunks_of(seen):
+        sums = feed_products(A, f, fed[of_chunk], forgetting, past)
+        solved = solve(sums[:entries])
+        weight = weights(sums.shape[1], forgetting, float(weight[-1]))
+        theta[of_rows] = np.take(solved.theta, at_rows, axis=1).T
+        rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
+        condition[of_rows] = condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
+    correlation, variance = _autocorrelation(A, f, window, index)
+    # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
+    R = np.diag(1.0 / np.diagonal(begin.P))
+    as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
+    std = _deviations(A, as_fed, index, fed, seen, forgetting, R, correlation)
+    return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
+
+
+def _autocorrelation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, float]:
+    """Of windows fitted by themselves: what the recursion takes out of its own is not known."""
+    least = solve_windows(A, f, window, index).theta
+    return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
+
+
+def information(state: RlsState) -> Floats:
+    """The discounted Gram matrix of [A f] (p+1, p+1) that a beginning stands for."""
+    R = np.diag(1.0 / np.diagonal(state.P))
+    h = R @ state.theta
+    return np.block([[R, h[:, None]], [h[None, :], np.array([[state.square + state.theta @ h]])]])
+
+
+def _deviations(
+    A: Floats,
+    first: Floats,
+    index: Ints,
+    fed: Ints,
+    seen: Ints,
+    forgetting: float,
+    R: Floats,
+    correlation: Floats,
+) -> Floats:
+    """Standard deviations (rows, p) for residuals of variance 1: diag R⁻¹ M R⁻¹, R = P⁻¹."""
+    one, none, start = np.zeros(len(first), np.int64), np.ones(1), int(index[0])
+    meats, white = (
+        discounted_meats(
+            A, first, fed, seen, start, forgetting, forgetting**2, r,
+            in_lanes(pack(meat(first, one, 0, 0, len(first) - 1, r))),
+        )
+        for r in (correlation, none)
+    )  # fmt: skip
+    bread = discounted_meats(
+        A, first, fed, seen, start, forgetting, forgetting, none, in_lanes(pack(R))
+    )
+    return recursive_deviations(bread, meats, white)
+
+
+def _along_samples(
+    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
+) -> Trace:
+    """Directional forgetting."""
+    p = A.shape[1]
+    first = slice(index[0] - window + 1, index[0] + 1)
+    sums = (begin.square, begin.weight)
+    theta, rms, P, _ = directional.feed(A, f, window, index, forgetting, begin.theta, begin.P, sums)
+    correlation, variance = _autocorrelation(A, f, window, index)
+    gram = A[first].T @ A[first]
+    bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
+    B = meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)
+    cover: Floats = np.asarray(bread @ B @ bread, np.float64)
+    ahead = np.zeros((correlation.size, p))
+    for j in range(correlation.size - 1):
+        # the first window's samples that the residual j + 1 after it still knows
+        near = correlation[j + 1 :][:window]
+        ahead[j] = bread @ (near @ A[first][::-1][: near.size])
+    std = directional.deviations(A, window, index, forgetting, begin.P, cover, ahead, correlation)
+    # a tapered correlation need not be positive definite: never below uncorrelated residuals
+    none = np.zeros((1, p))
+    white = directional.deviations(A, window, index, forgetting, begin.P, bread, none, np.ones(1))
+    std = np.maximum(std, white) * np.sqrt(variance)
+    upper = np.triu_indices(p)
+    R = invert(*factor(np.ascontiguousarray(P[:, *upper].T), p, p))[upper]
+    condition = condition_numbers(R, p, p)
+    condition[0] = condition_number(gram)
+    return Trace(index, theta, std, rms, condition, correlation)

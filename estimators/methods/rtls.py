@@ -1,0 +1,157 @@
+"""Recursive total least squares: TLS of the discounted past, a sample at a time.
+
+The recursion keeps the discounted Gram matrix of the scaled [A f], C ← λC + z zᵀ, and takes its
+smallest eigenvector afresh at each sample: p is 2 or 3, so that costs no more than tracking it
+(Kubus, Kröger, Wahl 2008 update a singular value decomposition instead).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Bools, Floats, Ints, Trace
+from estimators.methods.tls import TlsOptions, solve_scaled
+from estimators.numerics.autocorrelation import pooled_autocorrelation
+from estimators.numerics.normal_equations import residual_squares
+from estimators.numerics.recursive import (
+    chunks_of,
+    discounted_meats,
+    fed_samples,
+    feed_products,
+    in_lanes,
+    weights,
+)
+from estimators.numerics.rolling import window_ends
+from estimators.numerics.sandwich import meat, recursive_deviations
+from estimators.numerics.small_systems import condition_numbers, pack
+
+
+@dataclass(frozen=True, slots=True)
+class RtlsOptions:
+    """The noise of each column (as for TLS) and λ, the forgetting of a sample."""
+
+    noise: TlsOptions = field(default_factory=TlsOptions)
+    forgetting: float = 0.998
+
+
+@dataclass(frozen=True, slots=True)
+class RtlsState:
+    """All that the recursion keeps.
+
+    Attributes:
+        theta: (p,) estimate; NaN where the past does not determine it.
+        C: (p+1, p+1) discounted Gram matrix of the scaled [A f].
+        weight: discounted number of samples.
+    """
+
+    theta: Floats
+    C: Floats
+    weight: float
+
+
+def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState:
+    """Begin from the TLS estimate of a first window: A (n, p), f (n,)."""
+    options = options or RtlsOptions()
+    p = A.shape[1]
+    scale = options.noise.scales(p)
+    z = np.column_stack([A / scale, f])
+    C: Floats = z.T @ z
+    return RtlsState(_theta(C, options), C, float(f.size))
+
+
+def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = None) -> RtlsState:
+    """Feed one sample: a (p,) the regressor's row, f the force."""
+    options = options or RtlsOptions()
+    scale = options.noise.scales(a.size)
+    z = np.append(a / scale, f)
+    C = options.forgetting * state.C + np.outer(z, z)
+    return RtlsState(_theta(C, options), C, options.forgetting * state.weight + 1.0)
+
+
+def _theta(C: Floats, options: RtlsOptions) -> Floats:
+    """The estimate (p,) of one scaled Gram matrix, NaN where A without its noise is singular."""
+    units = np.append(options.noise.scales(len(C) - 1), 1.0)
+    products = pack(C * np.outer(units, units)).reshape(-1, 1)
+    return solve_scaled(products, options.noise)[0][:, 0]
+
+
+def unscaled(state: RtlsState, options: RtlsOptions) -> Floats:
+    """The discounted Gram matrix (p+1, p+1) of [A f] in its own units."""
+    units = np.append(options.noise.scales(len(state.theta)), 1.0)
+    return state.C * np.outer(units, units)
+
+
+def trace(
+    A: Floats, f: Floats, window: int, accepted: Bools, options: RtlsOptions | None = None
+) -> Trace:
+    """Run the recursion over the union of the accepted windows; equals repeated `step`.
+
+    Args:
+        A: (n, p) regressor; rows outside accepted windows may be NaN.
+        f: (n,) force.
+        window: samples in a window.
+        accepted: (n,) whether the window that ends here is used.
+        options: noise and forgetting.
+
+    Returns:
+        A row an accepted window, the state after its last sample; the first is TLS of the first
+        window.
+    """
+    options = options or RtlsOptions()
+    index = window_ends(accepted, window)
+    p = A.shape[1]
+    if index.size == 0:
+        return Trace.empty(p)
+    first = slice(index[0] - window + 1, index[0] + 1)
+    begin = start(A[first], f[first], options)
+    rows, decay = index.size, options.forgetting
+    theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
+    grams = np.empty((rows, p * (p + 1) // 2))
+
+    def keep(of_rows: slice, products: Floats, weight: Floats) -> None:
+        x, clean = solve_scaled(products, options.noise)
+        theta[of_rows], grams[of_rows] = x.T, clean.T
+        rms[of_rows] = np.sqrt(residual_squares(products, x) / weight)
+        condition[of_rows] = condition_numbers(products, p + 1, p)
+
+    past, weight = in_lanes(pack(unscaled(begin, options))), np.array([begin.weight])
+    entries = (p + 1) * (p + 2) // 2
+    keep(slice(0, 1), past[:entries].reshape(-1, 1), weight)
+    fed, seen = fed_samples(index, window)
+    for of_chunk, of_rows, at_rows in chunks_of(seen):
+        sums = feed_products(A, f, fed[of_chunk], decay, past)
+        weight = weights(sums.shape[1], decay, float(weight[-1]))
+        keep(of_rows, sums[:entries, at_rows], weight[at_rows])
+    residual, owner = _residuals(A, f, theta, index, window)
+    # the recursion's memory is long: its residuals carry no window's fit to correct for
+    correlation, variance = pooled_autocorrelation(residual, owner, None)
+    one = np.zeros(window, np.int64)
+    meats, white = (
+        discounted_meats(
+            A, A[first], fed, seen, int(index[0]), decay, decay**2, r,
+            in_lanes(pack(meat(A[first], one, 0, 0, window - 1, r))),
+        )
+        for r in (correlation, np.ones(1))
+    )  # fmt: skip
+    std = recursive_deviations(grams, meats, white) * np.sqrt(variance)
+    return Trace(index, theta, std, rms, condition, correlation)
+
+
+@compiled
+def _residuals(
+    A: Floats, f: Floats, theta: Floats, index: Ints, window: int
+) -> tuple[Floats, Ints]:
+    """Each fed sample's residual under the state that it led to, and 0; -1 where there is none."""
+    residual = np.zeros(f.size)
+    fed = np.full(f.size, -1, np.int64)
+    done = -1
+    for row in range(index.size):
+        for k in range(max(done + 1, index[row] - window + 1), index[row] + 1):
+            if np.isfinite(theta[row, 0]):
+                residual[k] = f[k]
+                for c in range(A.shape[1]):
+                    residual[k] -= A[k, c] * theta[row, c]
+                fed[k] = 0
+        done = index[row]
+    return residual, fed

@@ -1,0 +1,183 @@
+"""Total least squares over sliding windows, on columns scaled by their noise.
+
+On raw units TLS explodes where units differ; with every column of [A f] divided by its noise the
+smallest singular direction of the stacked window is the estimate; where A without its noise is
+singular (too little motion) there is none, and θ is NaN. From the Gram matrix: θ solves
+(G - λI) θ = h with λ the smallest root of φ(λ) = fᵀf - λ - hᵀ(G - λI)⁻¹h.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
+from estimators.methods import ls
+from estimators.numerics.normal_equations import columns_of, gram, residual_squares
+from estimators.numerics.rolling import sum_windows, window_ends
+from estimators.numerics.sandwich import window_deviation
+from estimators.numerics.small_systems import (
+    condition_number,
+    factor,
+    pack,
+    packed_index,
+    solve_spd,
+    substitute,
+)
+from estimators.threads import in_chunks
+
+#: Newton settles in three or four; halving a bracket to working precision takes fifty.
+_MOST_STEPS = 100
+#: A change of λ, over fᵀf, that is no more than rounding.
+_SETTLED = 1e-14
+
+
+@dataclass(frozen=True, slots=True)
+class TlsOptions:
+    """Noise of the columns of A in their order, and of f; only their ratios matter.
+
+    The third column is Coulomb's sign, which is nearly exact.
+    """
+
+    noise_A: tuple[float, ...] = (0.01, 0.005, 0.001)
+    noise_f: float = 60.0
+
+    def scales(self, parameters: int) -> Floats:
+        """(p,) noise of the columns of A over that of f."""
+        return np.array(self.noise_A[:parameters]) / self.noise_f
+
+
+def fit(
+    A: Floats,
+    f: Floats,
+    options: TlsOptions | None = None,
+    autocorrelation: Floats | None = None,
+) -> Estimate:
+    """Estimate one window by the singular value decomposition of the scaled [A f].
+
+    Args:
+        A: (n, p) regressor, n > p.
+        f: (n,) force.
+        options: the noise of each column.
+        autocorrelation: (lags,) of the residuals; from this window alone where none is given.
+    """
+    options = options or TlsOptions()
+    p = A.shape[1]
+    scale = options.scales(p)
+    scaled = A / scale
+    _, s, Vt = np.linalg.svd(np.column_stack([scaled, f]), full_matrices=False)
+    theta = -Vt[-1, :p] / Vt[-1, p] / scale
+    residual = f - A @ theta
+    gram = (scaled.T @ scaled - s[-1] ** 2 * np.eye(p)) * np.outer(scale, scale)
+    std = window_deviation(A, gram, residual, autocorrelation)
+    theta = np.where(np.isnan(solve_spd(gram, gram[0])), np.nan, theta)
+    rms = float(np.sqrt((residual**2).mean()))
+    return Estimate(theta, std, rms, float(condition_number(A.T @ A)))
+
+
+def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]:
+    """Total least squares of m windows from their packed products (entries, m).
+
+    The smallest root of φ comes by Newton (Rayleigh quotients) inside a shrinking bracket: φ falls
+    and is concave up to the smallest eigenvalue of G, so a step may overshoot that, where G - λI is
+    no longer positive definite: then the bracket is halved.
+
+    Returns:
+        (p, m) θ, NaN where A without its noise is singular, and AᵀA without that noise, packed
+        (p(p+1)/2, m).
+    """
+    q = columns_of(products)
+    p, m = q - 1, products.shape[1]
+    scale = np.append(options.scales(p), 1.0)
+    units = pack(np.outer(scale, scale))[:, None]
+    C = products / units
+    shifted = C.copy()
+    # λ and the bracket around it
+    roots = np.zeros((3, m))
+    roots[2] = np.inf
+    done = np.zeros(m, np.bool_)
+    x = _solve_shifted(C, shifted, roots[0])
+    for _ in range(_MOST_STEPS):
+        if _newton(C, x, roots, done):
+            break
+        x = _solve_shifted(C, shifted, roots[0])
+    return x / scale[:p, None], gram(shifted * units)
+
+
+def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
+    """Solve (G - λI) x = h, x (p, m), with the λ (m,) so far; `shifted` gets G - λI."""
+    q = columns_of(C)
+    for i in range(q - 1):
+        shifted[packed_index(i, i, q)] = C[packed_index(i, i, q)] - lam
+    x = C[[packed_index(i, q - 1, q) for i in range(q - 1)]]
+    substitute(*factor(shifted, q, q - 1), x)
+    return x
+
+
+@compiled
+def _newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
+    """One step of λ, low and high (3, m) where it is not `done` (m,); whether all are now.
+
+    A step that would be a rounding is not taken, so that x (p, m) is the solution for λ.
+    """
+    p, m = x.shape
+    lam, low, high = roots[0], roots[1], roots[2]
+    ff = C[packed_index(p, p, p + 1)]
+    value = np.empty(m)
+    slope = np.ones(m)
+    for k in range(m):
+        value[k] = ff[k] - lam[k]
+    for i in range(p):
+        h, solution = C[packed_index(i, p, p + 1)], x[i]
+        for k in range(m):
+            value[k] -= h[k] * solution[k]
+            slope[k] += solution[k] * solution[k]
+    unsettled = 0
+    for k in range(m):
+        above = value[k] > 0.0
+        down = lam[k] if above else low[k]
+        up = high[k] if above else lam[k]
+        following = lam[k] + value[k] / slope[k]
+        inside = following >= down and following <= up
+        following = following if inside else 0.5 * (down + up)
+        settled = done[k] or abs(following - lam[k]) <= _SETTLED * ff[k] or np.isnan(following)
+        low[k] = down
+        high[k] = up
+        lam[k] = lam[k] if settled else following
+        done[k] = settled
+        unsettled += 0 if settled else 1
+    return unsettled == 0
+
+
+def solve_windows(
+    A: Floats, f: Floats, window: int, index: Ints, options: TlsOptions
+) -> ls.Windows:
+    """Solve the windows that end at `index`."""
+    out = ls.Windows.empty(index.size, A.shape[1])
+
+    def work(rows: slice) -> None:
+        products = sum_windows(A, f, window, index[rows])
+        theta, clean = solve_scaled(products, options)
+        out.keep(rows, products, theta, clean, residual_squares(products, theta))
+
+    in_chunks(work, index.size)
+    return out
+
+
+def trace(
+    A: Floats, f: Floats, window: int, accepted: Bools, options: TlsOptions | None = None
+) -> Trace:
+    """Estimate every accepted window; row k equals `fit` of the `window` samples that end at k.
+
+    Args:
+        A: (n, p) regressor; rows outside accepted windows may be NaN.
+        f: (n,) force.
+        window: samples in a window.
+        accepted: (n,) whether the window that ends here is used.
+        options: the noise of each column.
+    """
+    options = options or TlsOptions()
+    index = window_ends(accepted, window)
+    if index.size == 0:
+        return Trace.empty(A.shape[1])
+    return ls.traced(A, f, window, index, solve_windows(A, f, window, index, options))

@@ -1,0 +1,1 @@
+"""Numerics that several estimators share: rolling sums, covariances, recursions."""

@@ -1,0 +1,253 @@
+"""The autocorrelation of the residuals, pooled over the log.
+
+Smoothing correlates residuals over its length, so the textbook variance σ²(AᵀA)⁻¹ is several times
+too small. One window is too short to tell its residuals' correlation; the log is not.
+
+Deviations are stated so that 1.96 of them are 95 %, however few residuals they rest on: few degrees
+of freedom widen them by Student's t.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.numerics.fit_loss import fit_loss, group_ids
+
+#: Distances whose sums go side by side, each in its own order.
+_AT_ONCE = 16
+#: So many residuals tell their correlation to two percent of a deviation; of more a part is taken,
+_ENOUGH: Final = 131_072
+#: in blocks of so many, evenly over the log.
+_BLOCK: Final = 2048
+#: More lags are never looked at: a manoeuvre may be a whole shift.
+MOST_LAGS = 256
+#: Of putting back what the fits took out; each adds what the one before still missed.
+_ROUNDS = 10
+#: Fewer degrees of freedom count as this many: a factor beyond 1.6 stands for "hardly known".
+_FEWEST = 3.0
+
+
+@compiled
+def _lag_sums(residual: Floats, group: Ints, lags: int, every: int) -> tuple[Floats, Floats]:
+    """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0).
+
+    Those i count that lie in one of `every` blocks of samples.
+    """
+    sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
+    pairs = np.zeros(lags)
+    n = residual.size
+    begin = 0
+    while begin < n:
+        end = begin + 1
+        while end < n and group[end] == group[begin]:
+            end += 1
+        if group[begin] >= 0:
+            for block in range(begin // _BLOCK, (end - 1) // _BLOCK + 1):
+                # by the golden ratio they are spread evenly, and in step with nothing
+                if block * 40_503 % 65_536 * every < 65_536:
+                    first, last = max(begin, block * _BLOCK), min(end, (block + 1) * _BLOCK)
+                    _add_run(residual[first:end], last - first, sums)
+                    for j in range(min(lags, end - first)):
+                        pairs[j] += min(last, end - j) - first
+                    # a group may have holes
+                    _add_beyond(residual, group, first, last, end, sums, pairs)
+        begin = end
+    return sums[:lags], pairs
+
+
+@compiled
+def _add_run(run: Floats, count: int, sums: Floats) -> None:
+    """Add the products of the first samples with those that adjoin, many distances side by side."""
+    n = min(run.size, count + sums.size)
+    # zeros behind the end, so that all distances have as many terms
+    padded = np.zeros(n + sums.size)
+    padded[:n] = run[:n]
+    for first in range(0, sums.size, _AT_ONCE):
+        if first >= n:
+            break
+        own = sums[first : first + _AT_ONCE]
+        last = min(count, n - first)
+        # four terms of each sum between loading and storing it, in their order
+        for k in range(0, last - 3, 4):
+            e0, e1, e2, e3 = padded[k], padded[k + 1], padded[k + 2], padded[k + 3]
+            others = padded[k + first : k + first + _AT_ONCE + 3]
+            for d in range(_AT_ONCE):
+                total = own[d] + e0 * others[d]
+                total += e1 * others[d + 1]
+                total += e2 * others[d + 2]
+                own[d] = total + e3 * others[d + 3]
+        for k in range(last - last % 4, last):
+            e, others = padded[k], padded[k + first : k + first + _AT_ONCE]
+            for d in range(_AT_ONCE):
+                own[d] += e * others[d]
+
+
+@compiled
+def _add_beyond(
+    residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
+) -> None:
+    """Add the pairs of a run's samples with those of its group that lie behind a hole."""
+    lags = pairs.size
+    mine, reach = group[first], min(last - 1 + lags, group.size)
+    for other in range(end, reach):
+        if group[other] == mine:
+            for i in range(max(first, other - lags + 1), last):
+                sums[other - i] += residual[i] * residual[other]
+                pairs[other - i] += 1.0
+
+
+def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
+    """What a fit of A takes out of the autocovariances of its residuals, (lags, lags).
+
+    It does not depend on the residuals: whoever asks again for the same fit keeps it.
+
+    Args:
+        group: (n,) the fit that each sample belongs to, negative for none.
+        A: (n, p) regressor that was fitted to each group, None where nothing was.
+    """
+    n, groups = int((group >= 0).sum()), group_ids(group).size
+    if n <= groups * (0 if A is None else A.shape[1]):
+        return np.zeros((0, 0))
+    # no more lags than a quarter of a typical fit can tell
+    limit = min(max(1, n // groups // 4), MOST_LAGS)
+    return np.zeros((limit, limit)) if A is None else fit_loss(A, group, limit)
+
+
+def pooled_autocorrelation(
+    residual: Floats, group: Ints, A: Floats | None, loss: Floats | None = None
+) -> tuple[Floats, float]:
+    """Estimate the residuals' autocorrelation over all groups, and their variance.
+
+    What each group's own fit has taken out of the autocovariances is put back (`fit_loss`). The
+    lags kept are chosen by the flat-top rule of Politis (2003): twice the lag after which the
+    correlation stays within its noise, weight 1 on the first half and falling to 0 over the
+    second. A few residuals tell their long-run variance with few degrees of freedom, n over the
+    sum of the squared weights: it is raised by (t/1.96)², so that 1.96 deviations are 95 %.
+
+    Args:
+        residual: (n,) residuals; where group < 0 they are not looked at.
+        group: (n,) the fit that each residual comes from, negative for none.
+        A: (n, p) regressor that was fitted to each group, None where nothing was.
+        loss: its `autocovariance_loss`, where it is at hand.
+
+    Returns:
+        (lags,) autocorrelation with its taper applied, 1 first; and the variance at lag 0.
+    """
+    loss = autocovariance_loss(group, A) if loss is None else loss
+    limit, n = len(loss), int((group >= 0).sum())
+    if not limit:
+        return np.ones(1), float("nan")
+    sums, pairs = _lag_sums(residual, group, limit, max(n // _ENOUGH, 1))
+    found, n = sums / np.maximum(pairs, 1.0), int(pairs[0])
+    if found[0] <= 0.0:
+        return np.ones(1), 0.0
+    noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
+    run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
+    # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one
+    kept = _quiet_from(found, noise, 1)
+    kept = _quiet_from(_restored(found, loss, _flat_top(kept, limit)), noise, run)
+    taper = _flat_top(kept, limit)
+    restored = _restored(found, loss, taper)
+    both_sides = np.where(np.arange(limit) > 0, 2.0, 1.0) * taper
+    long_run = max(float(both_sides @ restored), 0.0)
+    growth = max(long_run / max(float(both_sides @ found), 1e-3 * found[0]), 1.0)
+    freedom = n / float(both_sides @ taper) / growth**2
+    allowed = (student_factor(freedom) ** 2 - 1.0) * long_run / both_sides.sum()
+    corrected = (taper * (restored + allowed))[taper > 0.0]
+    return corrected / corrected[0], float(corrected[0])
+
+
+@compiled
+def _flat_top(kept: int, limit: int) -> Floats:
+    """Weights (limit,) of the lags: 1 up to `kept`, falling to 0 at twice as many."""
+    width = min(2 * kept, limit)
+    out = np.empty(limit)
+    for lag in range(limit):
+        out[lag] = min(max(2.0 * (1.0 - lag / width), 0.0), 1.0)
+    return out
+
+
+@compiled
+def _quiet_from(covariance: Floats, noise: float, run: int) -> int:
+    """The first lag from which on `run` lags, or all that are left, stay within the noise."""
+    first = 1
+    for lag in range(1, covariance.size):
+        if not abs(covariance[lag] / covariance[0]) < noise:
+            first = lag + 1
+        elif lag - first + 1 >= run:
+            break
+    return first
+
+
+def _restored(found: Floats, loss: Floats, taper: Floats) -> Floats:
+    """The autocovariances (lags,) with what the fits took out of them.
+
+    By substitution: where a fit leaves little, a solution would put back anything.
+    """
+    restored = found
+    # of residuals that no fit took anything out of there is nothing to put back
+    for _ in range(_ROUNDS if loss.any() else 0):
+        restored = found + loss @ (taper * restored)
+    return restored
+
+
+def window_residuals(
+    A: Floats, f: Floats, theta: Floats, index: Ints, window: int
+) -> tuple[Floats, Ints]:
+    """Cover the solved windows with disjoint ones, first come first, and take their residuals.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        theta: (rows, p) estimates; a row of NaN has no window.
+        index: (rows,) last samples of their windows, ascending.
+        window: samples in a window.
+
+    Returns:
+        (n,) residuals f - A θ, and (n,) the row whose window owns each sample, -1 for none.
+    """
+    residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
+    _residuals(A, f, theta, index, window, residual, owner)
+    return residual, owner
+
+
+@compiled
+def _residuals(
+    A: Floats,
+    f: Floats,
+    theta: Floats,
+    index: Ints,
+    window: int,
+    residual: Floats,
+    owner: Ints,
+) -> None:
+    free = 0
+    for row in range(index.size):
+        first = index[row] - window + 1
+        if first >= free and not np.isnan(theta[row, 0]):
+            free = index[row] + 1
+            for k in range(first, free):
+                owner[k] = row
+                residual[k] = f[k]
+                for c in range(A.shape[1]):
+                    residual[k] -= A[k, c] * theta[row, c]
+
+
+def student_factor(freedom: float) -> float:
+    """Student's t over the normal quantile at 95 %, by the expansion of Cornish and Fisher.
+
+    Within 0.5 % from 3 degrees of freedom on; fewer count as 3.
+    """
+    x = 1.0 / max(freedom, _FEWEST)
+    return 1.0 + x * (1.2104 + x * (1.4335 + x * (1.2904 + x * 0.89)))
+
+
+def widening(samples: float, correlation: Floats) -> float:
+    """The factor of a deviation whose scale comes from `samples` residuals of that correlation.
+
+    So many of them count as one in a variance as their squared correlations add up to (Bartlett).
+    """
+    alike = 2.0 * float(correlation @ correlation) - float(correlation[0]) ** 2
+    return student_factor(samples / alike)

@@ -1,0 +1,176 @@
+"""The normal equations by group of samples, and what noise of the columns adds to them."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.small_systems import NOTHING
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseMoments:
+    """What noise adds to the normal equations, by group in ascending order.
+
+    Attributes:
+        gram: (groups, p, p) added to AᵀA.
+        cross: (groups, p) added to Aᵀf, by noise that a column shares with the response.
+    """
+
+    gram: Floats
+    cross: Floats
+
+
+@compiled
+def noise_moments(
+    slopes: Floats,
+    places: Ints,
+    covariances: Floats,
+    which: Ints,
+    group: Ints,
+    shape: tuple[int, int],
+) -> tuple[Floats, Floats]:
+    """Sum what noise of channels adds to the normal equations.
+
+    Args:
+        slopes: (slopes, n) derivatives of columns by channels, those that are not 0.
+        places: (slopes, 2) column and channel of each; the last channel is the response's.
+        covariances: (kinds, channels, channels) of the channels' noise.
+        which: (n,) the kind of each sample.
+        group: (n,) the group of each sample, from 0.
+        shape: groups and columns.
+
+    Returns:
+        (groups, p, p) and (groups, p): see `NoiseMoments`.
+    """
+    groups, p = shape
+    gram, cross = np.zeros((groups, p, p)), np.zeros((groups, p))
+    count, n = slopes.shape
+    kinds, response = covariances.shape[0], covariances.shape[1] - 1
+    # of two slopes in either order, and of each with the response
+    pairs = np.empty((kinds, count * (count + 1) // 2))
+    own = np.empty((kinds, count))
+    for kind in range(kinds):
+        pair = 0
+        for s in range(count):
+            own[kind, s] = covariances[kind, places[s, 1], response]
+            for t in range(s + 1):
+                pairs[kind, pair] = covariances[kind, places[s, 1], places[t, 1]]
+                pair += 1
+    squares, singles = np.zeros(pairs.shape[1]), np.zeros(count)
+    for k in range(n):
+        by_pair, by_slope = pairs[which[k]], own[which[k]]
+        pair = 0
+        for s in range(count):
+            mine = slopes[s, k]
+            singles[s] += mine * by_slope[s]
+            for t in range(s + 1):
+                squares[pair] += mine * slopes[t, k] * by_pair[pair]
+                pair += 1
+        if k == n - 1 or group[k + 1] != group[k]:
+            g = group[k]
+            pair = 0
+            for s in range(count):
+                i = places[s, 0]
+                cross[g, i] += singles[s]
+                singles[s] = 0.0
+                for t in range(s + 1):
+                    j = places[t, 0]
+                    gram[g, i, j] += squares[pair]
+                    if s != t:
+                        gram[g, j, i] += squares[pair]
+                    squares[pair] = 0.0
+                    pair += 1
+    return gram, cross
+
+
+def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, Floats]:
+    """Columns of mean square 1, and 0 like the response where a sample has no group.
+
+    Args:
+        A: (n, p) columns.
+        f: (n,) response.
+        group: (n,) the group of each sample, negative for none.
+
+    Returns:
+        The same columns and response, and (p,) what the columns were divided by: 1 for one that
+        is 0 throughout but for rounding, which is left to its prior.
+    """
+    scale = np.sqrt(_squares(A, group) / max(int((group >= 0).sum()), 1))
+    scale = np.where(scale**2 > NOTHING, scale, 1.0)
+    return *_divided(A, f, group, scale), scale
+
+
+@compiled
+def _squares(A: Floats, group: Ints) -> Floats:
+    total = np.zeros(A.shape[1])
+    for k in range(A.shape[0]):
+        if group[k] >= 0:
+            for i in range(A.shape[1]):
+                total[i] += A[k, i] * A[k, i]
+    return total
+
+
+@compiled
+def _divided(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple[Floats, Floats]:
+    columns, response = np.empty(A.shape), np.empty(f.size)
+    for k in range(A.shape[0]):
+        used = group[k] >= 0
+        response[k] = f[k] if used else 0.0
+        for i in range(A.shape[1]):
+            columns[k, i] = A[k, i] / scale[i] if used else 0.0
+    return columns, response
+
+
+@dataclass(frozen=True, slots=True)
+class GroupSums:
+    """The normal equations by group, in ascending order of their numbers.
+
+    Attributes:
+        rows: of each group, its samples.
+        grams: (groups, p, p) AᵀA.
+        crosses: (groups, p) Aᵀf.
+        noise_gram: (groups, p, p) what noise added to the first.
+        noise_cross: (groups, p) likewise to the second.
+    """
+
+    rows: list[Ints]
+    grams: Floats
+    crosses: Floats
+    noise_gram: Floats
+    noise_cross: Floats
+
+    @classmethod
+    def of(
+        cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
+    ) -> Self:
+        """Sum columns that were divided by a scale."""
+        rows = group_rows(group)
+        own = [_span(part) for part in rows]
+        grams = np.stack([A[part].T @ A[part] for part in own])
+        crosses = np.stack([A[part].T @ f[part] for part in own])
+        if noise is None:
+            return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
+        return cls(rows, grams, crosses, noise.gram / np.outer(scale, scale), noise.cross / scale)
+
+    def by(self, unit: Ints) -> Self:
+        """Add up the groups of one unit each, (groups,) from 0; the rows stay the groups'."""
+        if np.array_equal(unit, np.arange(len(self.rows))):
+            return self
+
+        def added(values: Floats) -> Floats:
+            out = np.zeros((int(unit.max()) + 1, *values.shape[1:]))
+            np.add.at(out, unit, values)
+            return out
+
+        sums = (self.grams, self.crosses, self.noise_gram, self.noise_cross)
+        return type(self)(self.rows, *(added(each) for each in sums))
+
+
+def _span(rows: Ints) -> slice | Ints:
+    """The same rows, without a copy of what is taken where they follow one another."""
+    first, last = int(rows[0]), int(rows[-1]) + 1
+    return slice(first, last) if last - first == rows.size else rows

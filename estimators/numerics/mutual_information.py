@@ -1,0 +1,93 @@
+"""The information index (11) between acceleration and force over a sliding window."""
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.numerics.rolling import pairs_of_blocks, sum_pair, uncentred, workspace
+from estimators.numerics.small_systems import packed_index
+from estimators.threads import in_chunks
+
+#: A smaller share of Σx² than this is rounding, not variance.
+_NO_SPREAD = 1e-24
+
+
+def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Floats]:
+    """Pearson's ρ of x and y over every run of exactly `window` samples.
+
+    From sums of deviations (see `estimators.numerics.rolling`), so that neither a large mean nor an idle
+    stretch costs digits.
+
+    Args:
+        x: (n,) first series.
+        y: (n,) second series.
+        window: samples in a window, at least 2.
+
+    Returns:
+        (n,) ρ: NaN where the window is incomplete, holds a NaN or has no variance in x or y.
+        (n,) relative variance: the smaller of Sxx / Σx² and Syy / Σy², 0 for constant series.
+    """
+    rho = np.full(x.size, np.nan)
+    spread = np.full(x.size, np.nan)
+    A = x.reshape(-1, 1)
+
+    def work(rows: slice) -> None:
+        ends = np.arange(rows.start, rows.stop) + window - 1
+        _, rho[ends], spread[ends] = correlated_sums(A, y, window, ends)
+
+    in_chunks(work, max(x.size - window + 1, 0))
+    return rho, spread
+
+
+@compiled
+def correlated_sums(
+    A: Floats, f: Floats, window: int, index: Ints
+) -> tuple[Floats, Floats, Floats]:
+    """`rolling.sum_windows`, and of the same sums the correlation of A's first column and f.
+
+    Returns:
+        (entries, rows) packed products, (rows,) ρ and (rows,) relative variance, as
+        `window_correlation` has them.
+    """
+    q = A.shape[1] + 1
+    work = workspace(q, window)
+    products = np.empty((q * (q + 1) // 2, index.size))
+    rho, spread = np.empty(index.size), np.empty(index.size)
+    pairs = pairs_of_blocks(window, index)
+    for number in range(pairs.size - 1):
+        row: int = pairs[number]
+        end: int = pairs[number + 1]
+        sum_pair(A, f, window, index, row, end, work)
+        uncentred(work.moments, work.centre, window, row, end, products)
+        correlation(work.moments, work.centre, window, rho[row:end], spread[row:end])
+    return products, rho, spread
+
+
+@compiled
+def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, spread: Floats) -> None:
+    """ρ and relative variance (m,) of the first series and the last (see `rolling.Workspace`)."""
+    q = centre.size
+    dx, dy, dxx = moments[0], moments[q - 1], moments[q]
+    dxy, dyy = moments[q + q - 1], moments[q + packed_index(q - 1, q - 1, q)]
+    for k in range(rho.size):
+        x, y = dx[k] / window, dy[k] / window
+        sxx, sxy, syy = dxx[k] - x * dx[k], dxy[k] - x * dy[k], dyy[k] - y * dy[k]
+        # a window of one value has deviations of exactly zero
+        of_x = sxx / (sxx + window * (centre[0] + x) ** 2) if sxx > 0.0 else 0.0 * sxx
+        of_y = syy / (syy + window * (centre[q - 1] + y) ** 2) if syy > 0.0 else 0.0 * syy
+        least = of_x if of_x < of_y or np.isnan(of_x) else of_y
+        value = sxy / (np.sqrt(sxx) * np.sqrt(syy))
+        value = 1.0 if value > 1.0 else value
+        value = -1.0 if value < -1.0 else value
+        spread[k] = least
+        rho[k] = value if least > _NO_SPREAD else np.nan
+
+
+def information_index(rho: Floats) -> Floats:
+    """The index (11), -½ ln(1 - ρ) in nat: ρ = 1 → ∞, 0 → 0, -1 → -0.3466; NaN stays NaN.
+
+    It is no mutual information (that would take ρ²) but is monotone in ρ: gating on Î ≥ γ is
+    gating on ρ ≥ 1 - exp(-2γ).
+    """
+    with np.errstate(divide="ignore"):
+        return -0.5 * np.log1p(-rho)

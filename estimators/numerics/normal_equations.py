@@ -1,0 +1,53 @@
+"""The normal equations of many windows, from the summed products of the columns of [A f]."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from estimators.estimate import Floats
+from estimators.numerics.small_systems import factor, packed_index, substitute
+
+
+class Solution(NamedTuple):
+    """Of m windows: θ (p, m), NaN where AᵀA is singular, its factors and the RSS (m,)."""
+
+    theta: Floats
+    L: Floats
+    inverse: Floats
+    rss: Floats
+
+
+def columns_of(products: Floats) -> int:
+    """How many columns [A f] has whose packed products these are."""
+    return (int(np.sqrt(8 * len(products) + 1)) - 1) // 2
+
+
+def solve(products: Floats) -> Solution:
+    """Solve AᵀA θ = Aᵀf of m windows; products (entries, m) packed."""
+    q = columns_of(products)
+    p = q - 1
+    L, inverse = factor(products, q, p)
+    sides = [packed_index(i, p, q) for i in range(p)]
+    theta = products[sides]
+    substitute(L, inverse, theta)
+    rss = products[packed_index(p, p, q)].copy()
+    for side, x in zip(sides, theta, strict=True):
+        rss -= products[side] * x
+    return Solution(theta, L, inverse, np.maximum(rss, 0.0))
+
+
+def residual_squares(products: Floats, theta: Floats) -> Floats:
+    """Residual sums of squares (m,) of any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
+    p = len(theta)
+    rss = products[packed_index(p, p, p + 1)].copy()
+    for i in range(p):
+        rss -= 2.0 * theta[i] * products[packed_index(i, p, p + 1)]
+        for j in range(p):
+            rss += theta[i] * theta[j] * products[packed_index(min(i, j), max(i, j), p + 1)]
+    return np.maximum(rss, 0.0)
+
+
+def gram(products: Floats) -> Floats:
+    """AᵀA alone, packed (p(p+1)/2, m), out of the products of [A f]."""
+    q = columns_of(products)
+    return products[[packed_index(i, j, q) for i in range(q - 1) for j in range(i, q - 1)]]

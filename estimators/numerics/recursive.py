@@ -1,0 +1,207 @@
+"""What the recursive estimators share: the samples they are fed, and sums of a discounted past.
+
+Sliding windows share samples, so each sample is fed once, over the union of the accepted windows:
+first the whole first window, then after each accepted window the samples that it adds.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.numerics.rolling import copy_row, lanes_of, load_columns, sample_products
+from estimators.numerics.small_systems import packed_index
+from estimators.threads import CHUNK
+
+#: Consecutive samples that are worked on together: their sums stay in the fastest cache.
+_AT_ONCE = 512
+
+
+@compiled
+def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
+    """What is fed after the first window: (fed,) samples, (rows,) how many each row has seen."""
+    rows = index.size
+    seen = np.zeros(rows, np.int64)
+    for row in range(1, rows):
+        new = min(index[row] - index[row - 1], window)
+        seen[row] = seen[row - 1] + new
+    fed = np.empty(seen[rows - 1], np.int64)
+    for row in range(1, rows):
+        for i in range(seen[row - 1], seen[row]):
+            fed[i] = index[row] + 1 - (seen[row] - i)
+    return fed, seen
+
+
+def chunks_of(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
+    """The samples fed after the first window, in chunks.
+
+    Args:
+        seen: (rows,) how many of them each row has seen.
+
+    Yields:
+        The samples of a chunk; the rows that stand at one of them; and at which, from its start.
+    """
+    for begin in range(0, int(seen[-1]), CHUNK):
+        end = min(begin + CHUNK, int(seen[-1]))
+        rows = slice(*np.searchsorted(seen, [begin, end], side="right"))
+        yield slice(begin, end), rows, seen[rows] - 1 - begin
+
+
+@compiled
+def stretch_end(fed: Ints, begin: int) -> int:
+    """The end of the stretch of consecutive samples from fed[begin] on, `_AT_ONCE` at most."""
+    end = begin + 1
+    while end < fed.size and end - begin < _AT_ONCE and fed[end] == fed[end - 1] + 1:
+        end += 1
+    return end
+
+
+@compiled
+def discount(
+    terms: Floats, begin: int, end: int, forgetting: float, past: Floats, sums: Floats
+) -> None:
+    """Put λ s + term into sums (lanes, ≥ end) from `begin` on, terms (lanes, ≥ end - begin) from 0.
+
+    `past` (lanes,) is s before and after.
+    """
+    count = end - begin
+    for lane in range(0, past.size, 3):
+        a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
+        x, y, z = sums[lane, begin:end], sums[lane + 1, begin:end], sums[lane + 2, begin:end]
+        s, t, u = past[lane], past[lane + 1], past[lane + 2]
+        for k in range(count):
+            s = forgetting * s + a[k]
+            t = forgetting * t + b[k]
+            u = forgetting * u + c[k]
+            x[k] = s
+            y[k] = t
+            z[k] = u
+        past[lane], past[lane + 1], past[lane + 2] = s, t, u
+
+
+def in_lanes(entries: Floats) -> Floats:
+    """A packed matrix (entries,) as the lanes of a discounted sum."""
+    past = np.zeros(lanes_of(entries.size))
+    past[: entries.size] = entries
+    return past
+
+
+@compiled
+def discounted_meats(
+    A: Floats,
+    first: Floats,
+    fed: Ints,
+    seen: Ints,
+    start: int,
+    forgetting: float,
+    decay: float,
+    correlation: Floats,
+    past: Floats,
+) -> Floats:
+    """The discounted Aᵀ R A of the past at each row: what the errors of Aᵀf vary by.
+
+    Args:
+        A: (n, p) regressor.
+        first: (window, p) what stands for A in the first window, which enters undiscounted.
+        fed: (fed,) samples fed after it, and
+        seen: (rows,) how many of them each row has seen.
+        start: last sample of the first window.
+        forgetting: λ, the weight of a sample over that of the next.
+        decay: what the sum falls by a sample: λ², or λ for the weights' own sum.
+        correlation: (lags,) residual autocorrelation, 1 first.
+        past: (lanes,) that of the first window, packed; it is used up.
+
+    Returns:
+        (rows, entries) packed.
+    """
+    p = A.shape[1]
+    entries = p * (p + 1) // 2
+    lags = correlation.size
+    fading = np.empty(lags)
+    fading[0] = 1.0
+    for lag in range(1, lags):
+        fading[lag] = fading[lag - 1] * forgetting
+    out = np.empty((seen.size, entries))
+    for entry in range(entries):
+        out[0, entry] = past[entry]
+    z, near = np.empty((p, _AT_ONCE)), np.empty((p, _AT_ONCE))
+    terms, sums = np.zeros((past.size, _AT_ONCE)), np.empty((past.size, _AT_ONCE))
+    row = 1
+    stretch = begin = 0
+    while begin < fed.size:
+        if begin > 0 and fed[begin] != fed[begin - 1] + 1:
+            stretch = begin
+        end = stretch_end(fed, begin)
+        count = end - begin
+        load_columns(A, fed[begin], count, z)
+        for c in range(p):
+            total = near[c]
+            for k in range(count):
+                total[k] = 0.5 * z[c, k]
+            for lag in range(1, min(lags, end - stretch)):
+                skip = max(0, stretch + lag - begin)
+                r = correlation[lag] * fading[lag]
+                before = A[fed[begin] + skip - lag : fed[end - 1] - lag + 1]
+                later = total[skip:]
+                for k in range(count - skip):
+                    later[k] += r * before[k, c]
+        # near the start of a stretch, the stretches before it and the first window
+        for k in range(max(0, min(count, stretch + lags - begin))):
+            for back in range(begin + k - stretch + 1, lags):
+                i = begin + k - back
+                sample = fed[i] if i >= 0 else start + 1 + i
+                if fed[begin + k] - sample >= lags or i < -first.shape[0]:
+                    break
+                r = correlation[fed[begin + k] - sample] * fading[min(back, begin + k + 1)]
+                for c in range(p):
+                    near[c, k] += r * (A[sample, c] if i >= 0 else first[i, c])
+        for i in range(p):
+            for j in range(i, p):
+                term, x, y, u, v = terms[packed_index(i, j, p)], z[i], z[j], near[i], near[j]
+                for k in range(count):
+                    term[k] = x[k] * v[k] + u[k] * y[k]
+        # a plain 0 would be compiled for itself
+        discount(terms, end - end, count, decay, past, sums)
+        while row < seen.size and seen[row] <= end:
+            for entry in range(entries):
+                out[row, entry] = sums[entry, seen[row] - 1 - begin]
+            row += 1
+        begin = end
+    return out
+
+
+@compiled
+def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floats) -> Floats:
+    """Discounted products (lanes, fed) of the columns of [A f] after each sample fed.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        fed: (fed,) the samples, ascending.
+        forgetting: λ.
+        past: (lanes,) packed sums before and after.
+    """
+    q = A.shape[1] + 1
+    z, terms = np.empty((q, _AT_ONCE)), np.zeros((past.size, _AT_ONCE))
+    sums = np.empty((past.size, fed.size))
+    begin = 0
+    while begin < fed.size:
+        end = stretch_end(fed, begin)
+        count = end - begin
+        load_columns(A, fed[begin], count, z)
+        copy_row(f, fed[begin], count, z[q - 1])
+        sample_products(z, count, terms)
+        discount(terms, begin, end, forgetting, past, sums)
+        begin = end
+    return sums
+
+
+@compiled
+def weights(count: int, forgetting: float, weight: float) -> Floats:
+    """The discounted number of samples after each of `count` more."""
+    out = np.empty(count)
+    for k in range(count):
+        weight = forgetting * weight + 1.0
+        out[k] = weight
+    return out

@@ -1,0 +1,127 @@
+"""Sums over windows with weights of the windows' own residuals: O(W) a window, but in step.
+
+Consecutive windows share their samples, so one operation at a time is done on many windows.
+"""
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.numerics.rolling import copy_row, load_columns, sample_products
+
+#: Consecutive windows that are weighed together: their sums stay in the fastest cache.
+AT_ONCE = 256
+#: Samples of a window that are added in one go.
+_IN_STEP = 4
+
+
+@compiled
+def batch_starts(index: Ints) -> Ints:
+    """Where in index (rows,) the batches of consecutive windows begin, (batches + 1,)."""
+    begins = np.empty(index.size + 1, np.int64)
+    count = 0
+    for row in range(index.size):
+        follows = row > 0 and index[row] == index[row - 1] + 1
+        if not follows or row - begins[count - 1] == AT_ONCE:
+            begins[count] = row
+            count += 1
+    begins[count] = index.size
+    return begins[: count + 1]
+
+
+@compiled
+def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
+    """Lay samples of [A f] from `first` on out a row a column, z (p + 1, > samples), then zeros."""
+    load_columns(A, first, samples, z)
+    copy_row(f, first, samples, z[A.shape[1]])
+    for c in range(z.shape[0]):
+        for k in range(samples, min(samples + _IN_STEP, z.shape[1])):
+            z[c, k] = 0.0
+
+
+@compiled
+def consecutive(theta: Floats, begin: int, end: int) -> Floats:
+    """Copy the estimates theta (p, rows) of the windows begin … end - 1."""
+    out = np.empty((theta.shape[0], end - begin))
+    for c in range(theta.shape[0]):
+        copy_row(theta[c], begin, end - begin, out[c])
+    return out
+
+
+@compiled
+def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
+    """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), but for the last entry."""
+    entries, m = sums.shape
+    u, v, w, x = weights[0], weights[1], weights[2], weights[3]
+    for entry in range(entries - 1):
+        total, product = sums[entry], raw[entry, sample : sample + m + _IN_STEP]
+        for k in range(m):
+            early = u[k] * product[k] + v[k] * product[k + 1]
+            total[k] += early + (w[k] * product[k + 2] + x[k] * product[k + 3])
+
+
+@compiled
+def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
+    """Residuals (m,) of sample `sample` + k under estimate k of theta (p, m)."""
+    p, m = theta.shape
+    x, column, force = theta[0], z[0, sample : sample + m], z[p, sample : sample + m]
+    for k in range(m):
+        out[k] = force[k] - x[k] * column[k]
+    for c in range(1, p):
+        x, column = theta[c], z[c, sample : sample + m]
+        for k in range(m):
+            out[k] -= x[k] * column[k]
+
+
+@compiled
+def reweighted_sums(
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, squared: bool
+) -> Floats:
+    """Sum with weights limit / max(|r|, limit) of the residuals r, or its square.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        window: samples in a window.
+        index: (rows,) last samples of windows, ascending.
+        theta: (p, rows) the estimates that leave the residuals.
+        limit: (rows,) residuals up to this weigh fully; 0 only for a window without any.
+        squared: whether to weigh by the square.
+
+    Returns:
+        (entries, rows) packed, weighted products of the columns of [A f]; the last, fᵀf, is 0.
+    """
+    q = A.shape[1] + 1
+    entries = q * (q + 1) // 2
+    z = np.empty((q, window + AT_ONCE + _IN_STEP))
+    raw = np.empty((entries, window + AT_ONCE + _IN_STEP))
+    weights = np.empty((_IN_STEP, AT_ONCE))
+    out = np.zeros((entries, index.size))
+    begins = batch_starts(index)
+    for number in range(begins.size - 1):
+        begin: int = begins[number]
+        end: int = begins[number + 1]
+        m = end - begin
+        first = index[begin] - window + 1
+        load(A, f, first, window + m - 1, z)
+        sample_products(z, window + m - 1 + _IN_STEP, raw)
+        now, full = consecutive(theta, begin, end), limit[begin:end]
+        sums = np.zeros((entries, m))
+        for s in range(0, window, _IN_STEP):
+            for c in range(_IN_STEP):
+                weight = weights[c]
+                residuals(z, s + c, now, weight)
+                for k in range(m):
+                    size = abs(weight[k])
+                    # an exact fit leaves nothing to weigh by
+                    share = full[k] / size if size > full[k] else 1.0
+                    weight[k] = share * share if squared else share
+                if s + c >= window:
+                    for k in range(m):
+                        weight[k] = 0.0
+            add_weighted(weights, raw, s, sums)
+        for entry in range(entries):
+            total = sums[entry]
+            for k in range(m):
+                out[entry, begin + k] = total[k]
+    return out

@@ -1,0 +1,221 @@
+"""Sums over sliding windows without drift: the two-scan algorithm (van Herk 1992, Gil-Werman 1993).
+
+The log is cut into blocks of one window's length. Prefix sums run forward in each block, suffix
+sums backward; any window is one suffix and one prefix added. Nothing is ever subtracted, so a sum
+neither drifts over hours nor loses digits in an idle stretch, and a NaN spoils only the windows
+that contain it.
+
+What is summed are the samples less the last one of the suffix's block, which every window of that
+pair of blocks contains, and their products: so a large mean costs no digits of a variance either.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Bools, Floats, Ints
+from estimators.numerics.small_systems import packed_index
+
+
+def window_ends(accepted: Bools, window: int) -> Ints:
+    """The last samples of the accepted windows, ascending; a window must be complete."""
+    ends = np.flatnonzero(accepted).astype(np.int64)
+    return ends[ends >= window - 1]
+
+
+class Workspace(NamedTuple):
+    """The arrays that a loop over pairs of blocks uses again and again, q columns in [A f].
+
+    Attributes:
+        z: (q, 2 window) samples of the two blocks, a row a column of [A f].
+        centre: (q,) what is subtracted from them.
+        terms: (lanes, 2 window) what is summed: deviations, then their products, packed.
+        moments: (lanes, window) their sums over the windows asked for.
+    """
+
+    z: Floats
+    centre: Floats
+    terms: Floats
+    moments: Floats
+
+
+@compiled
+def lanes_of(quantities: int) -> int:
+    """Sums run three at a time, which keeps the adders busy: the next multiple of three."""
+    return -(-quantities // 3) * 3
+
+
+@compiled
+def workspace(q: int, window: int) -> Workspace:
+    """Room for windows over q columns."""
+    entries = q * (q + 1) // 2
+    lanes = lanes_of(q + entries)
+    return Workspace(
+        np.zeros((q, 2 * window)),
+        np.empty(q),
+        np.zeros((lanes, 2 * window)),
+        np.empty((lanes, window)),
+    )
+
+
+@compiled
+def suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
+    """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each to the last of `count`."""
+    for lane in range(0, sums.shape[0], 3):
+        a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
+        x, y, z = sums[lane, :count], sums[lane + 1, :count], sums[lane + 2, :count]
+        s = t = u = 0.0
+        for back in range(count):
+            k = count - 1 - back
+            s += a[k]
+            t += b[k]
+            u += c[k]
+            x[k] = s
+            y[k] = t
+            z[k] = u
+
+
+@compiled
+def add_prefix_sums(terms: Floats, start: int, skip: int, count: int, sums: Floats) -> None:
+    """Add to each sums[:, m], m < count, the `skip` + m terms from `start` on."""
+    for lane in range(0, sums.shape[0], 3):
+        s = t = u = 0.0
+        for k in range(start, start + skip):
+            s += terms[lane, k]
+            t += terms[lane + 1, k]
+            u += terms[lane + 2, k]
+        begin = start + skip
+        a, b, c = terms[lane, begin:], terms[lane + 1, begin:], terms[lane + 2, begin:]
+        x, y, z = sums[lane], sums[lane + 1], sums[lane + 2]
+        for k in range(count):
+            x[k] += s
+            y[k] += t
+            z[k] += u
+            s += a[k]
+            t += b[k]
+            u += c[k]
+
+
+@compiled
+def centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
+    """The deviations of `count` samples from the centre, and their products."""
+    q = z.shape[0]
+    for i in range(q):
+        deviation, x = terms[i], z[i]
+        for k in range(count):
+            deviation[k] = x[k] - centre[i]
+    sample_products(terms[:q], count, terms[q:])
+
+
+@compiled
+def sample_products(z: Floats, count: int, products: Floats) -> None:
+    """Products of the q rows of z at each of `count` samples, packed (entries, ≥ count)."""
+    q = z.shape[0]
+    for i in range(q):
+        for j in range(i, q):
+            product, x, y = products[packed_index(i, j, q)], z[i], z[j]
+            for k in range(count):
+                product[k] = x[k] * y[k]
+
+
+@compiled
+def uncentred(
+    moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
+) -> None:
+    """Σ z_i z_j of windows row … end - 1, from their centred moments, into out (entries, rows)."""
+    q = centre.size
+    for i in range(q):
+        for j in range(i, q):
+            total, central = out[packed_index(i, j, q), row:end], moments[q + packed_index(i, j, q)]
+            x, y = moments[i], moments[j]
+            left, right = centre[i], centre[j]
+            for k in range(end - row):
+                total[k] = central[k] + right * x[k] + left * (window * right + y[k])
+
+
+@compiled
+def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
+    """Lay `count` samples of A (n, p) out a row a column: z (≥ p, ≥ count)."""
+    samples = A[start : start + count]
+    for c in range(A.shape[1]):
+        out = z[c]
+        for k in range(count):
+            out[k] = samples[k, c]
+
+
+@compiled
+def copy_row(f: Floats, start: int, count: int, out: Floats) -> None:
+    """Copy `count` samples from `start` on: a slice's assignment would take longer to compile."""
+    for k in range(count):
+        out[k] = f[start + k]
+
+
+@compiled
+def pairs_of_blocks(window: int, index: Ints) -> Ints:
+    """Where in index (rows,) the windows of each pair of blocks begin, (pairs + 1,)."""
+    begins = np.empty(index.size + 1, np.int64)
+    pairs = 0
+    beyond = -1
+    for row in range(index.size):
+        if index[row] >= beyond:
+            beyond = (index[row] - window + 1) // window * window + 2 * window - 1
+            begins[pairs] = row
+            pairs += 1
+    begins[pairs] = index.size
+    return begins[: pairs + 1]
+
+
+@compiled
+def take(sums: Floats, index: Ints, row: int, end: int) -> None:
+    """Of the sums of every window from index[row] on, keep those of the rows asked for."""
+    if end - row < index[end - 1] - index[row] + 1:
+        for lane in range(sums.shape[0]):
+            kept = sums[lane]
+            for m in range(end - row):
+                kept[m] = kept[index[row + m] - index[row]]
+
+
+@compiled
+def sum_pair(
+    A: Floats, f: Floats, window: int, index: Ints, row: int, end: int, work: Workspace
+) -> None:
+    """Moments of windows row … end - 1, which begin in one block, into `work`."""
+    p = A.shape[1]
+    start = index[row] - window + 1
+    samples = index[end - 1] + 1 - start
+    load_columns(A, start, samples, work.z)
+    copy_row(f, start, samples, work.z[p])
+    # what is left of the first block: its last sample is in every window
+    left = window - start % window
+    for c in range(p + 1):
+        work.centre[c] = work.z[c, left - 1]
+    centred_terms(work.z, work.centre, samples, work.terms)
+    suffix_sums(work.terms, left, work.moments)
+    add_prefix_sums(work.terms, left, window - left, samples - window + 1, work.moments)
+    take(work.moments, index, row, end)
+
+
+@compiled
+def sum_windows(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
+    """Sum the products of the columns of [A f] over windows.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        window: samples in a window.
+        index: (rows,) last samples of windows, ascending.
+
+    Returns:
+        (entries, rows) packed.
+    """
+    q = A.shape[1] + 1
+    work = workspace(q, window)
+    out = np.empty((q * (q + 1) // 2, index.size))
+    pairs = pairs_of_blocks(window, index)
+    for number in range(pairs.size - 1):
+        row: int = pairs[number]
+        end: int = pairs[number + 1]
+        sum_pair(A, f, window, index, row, end, work)
+        uncentred(work.moments, work.centre, window, row, end, out)
+    return out

@@ -1,0 +1,257 @@
+"""Standard deviations under correlated residuals: G⁻¹ (Aᵀ R A) G⁻¹ s², R from pooled lags.
+
+The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
+for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
+widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.widening`).
+"""
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
+from estimators.numerics.autocorrelation import pooled_autocorrelation, widening
+from estimators.numerics.normal_equations import columns_of
+from estimators.numerics.rolling import (
+    add_prefix_sums,
+    lanes_of,
+    load_columns,
+    pairs_of_blocks,
+    suffix_sums,
+    take,
+)
+from estimators.numerics.small_systems import factor, invert, pack, packed_index
+from estimators.threads import in_chunks
+
+#: Rows at once, which stay in the nearest cache.
+_MEAT_ROWS = 1024
+
+
+@compiled
+def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats) -> Floats:
+    """Aᵀ R A over the samples first … last that belong to group `of`: (p, p).
+
+    Each is paired with itself and those of its group before it, ahead of `first` as well.
+    """
+    p = A.shape[1]
+    B = np.zeros((p, p))
+    lags = correlation.size
+    own, tail = np.zeros(_MEAT_ROWS + lags), np.empty(_MEAT_ROWS)
+    # a row at a time, so that the products of one are side by side
+    here, tails = np.empty((_MEAT_ROWS, p)), np.empty((_MEAT_ROWS, p))
+    for begin in range(first, last + 1, _MEAT_ROWS):
+        rows = min(_MEAT_ROWS, last + 1 - begin)
+        for c in range(p):
+            # zero where the group is not, so that the lags need no question
+            for k in range(rows + lags - 1):
+                at = begin - (lags - 1) + k
+                own[k] = A[at, c] if at >= 0 and group[at] == of else 0.0
+            _add_up_before(own, correlation, tail[:rows])
+            here[:rows, c], tails[:rows, c] = own[lags - 1 : lags - 1 + rows], tail[:rows]
+        for k in range(rows):
+            for i in range(p):
+                mine, its = here[k, i], tails[k, i]
+                for c in range(i + 1):
+                    B[i, c] += mine * tails[k, c] + its * here[k, c]
+    for i in range(p):
+        B[:i, i] = B[i, :i]
+    return B
+
+
+@compiled
+def _add_up_before(own: Floats, correlation: Floats, tail: Floats) -> None:
+    """Half of each sample, and those before it by their correlation with it.
+
+    Args:
+        own: samples, of which the first `correlation.size` - 1 are only before others.
+        correlation: (lags,) 1 first.
+        tail: (rows,) what is found.
+    """
+    lags, rows = correlation.size, tail.size
+    for k in range(rows):
+        tail[k] = 0.5 * own[lags - 1 + k]
+    for j in range(1, lags):
+        before = own[lags - 1 - j :]
+        for k in range(rows):
+            tail[k] += correlation[j] * before[k]
+
+
+def deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
+    """(p,) standard deviations from AᵀA, AᵀRA and the residual sum of squares.
+
+    Never smaller than the textbook's: a tapered correlation need not be positive definite.
+    """
+    meats = pack(B).reshape(-1, 1)
+    return _deviations(_breads(pack(G).reshape(1, -1)), meats, np.array([rss]), samples)[:, 0]
+
+
+def window_deviation(
+    A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None
+) -> Floats:
+    """Standard deviations of one window's estimate, (p,): the readable form.
+
+    Args:
+        A: (n, p) regressor.
+        gram: (p, p) what stands for AᵀA.
+        residual: (n,) residuals, or pseudo-residuals of a robust fit.
+        autocorrelation: (lags,) of the residuals; from these alone where none is given.
+    """
+    one = np.zeros(residual.size, np.int64)
+    if autocorrelation is None:
+        autocorrelation, _ = pooled_autocorrelation(residual, one, A)
+    B = meat(A, one, 0, 0, residual.size - 1, autocorrelation)
+    std = deviations(gram, B, float(residual @ residual), float(residual.size))
+    return std * widening(residual.size, autocorrelation)
+
+
+def window_deviations(
+    A: Floats, grams: Floats, rss: Floats, index: Ints, window: int, correlation: Floats
+) -> Floats:
+    """Standard deviations of windowed estimates.
+
+    Args:
+        A: (n, p) regressor.
+        grams: (rows, p(p+1)/2) packed, what stands for AᵀA in each window.
+        rss: (rows,) residual sum of squares of each window.
+        index: (rows,) last sample of each window.
+        window: samples in a window.
+        correlation: (lags,) residual autocorrelation, 1 first; at most half a window of lags.
+
+    Returns:
+        (rows, p) standard deviations.
+    """
+    out = np.empty((index.size, A.shape[1]))
+
+    def work(rows: slice) -> None:
+        meats = window_meats(A, window, index[rows], correlation)
+        out[rows] = _deviations(_breads(grams[rows]), meats, rss[rows], window).T
+
+    in_chunks(work, index.size)
+    return out * widening(window, correlation)
+
+
+def _breads(grams: Floats) -> Floats:
+    """Inverses (p, p, m) of packed matrices (m, entries)."""
+    p = columns_of(grams.T)
+    return invert(*factor(np.ascontiguousarray(grams.T), p, p))
+
+
+def _deviations(bread: Floats, meats: Floats, rss: Floats, samples: float) -> Floats:
+    """Standard deviations (p, m) from inverses (p, p, m), packed meats (entries, m), RSS (m,)."""
+    p = len(bread)
+    freedom = samples - _traces(bread, meats)
+    freedom = np.where(freedom > 0.5, freedom, np.nan)
+    cover = rss / freedom * covers(bread, meats)
+    textbook = rss / max(samples - p, 1.0) * np.array([bread[i, i] for i in range(p)])
+    return np.sqrt(np.where(cover > textbook, cover, textbook + 0.0 * freedom))
+
+
+def _traces(bread: Floats, meats: Floats) -> Floats:
+    """tr(G⁻¹ M), (m,)."""
+    p = len(bread)
+    total = np.zeros(meats.shape[1])
+    for i in range(p):
+        for j in range(p):
+            total += bread[i, j] * meats[packed_index(min(i, j), max(i, j), p)]
+    return total
+
+
+def covers(bread: Floats, meats: Floats) -> Floats:
+    """The diagonals (p, m) of G⁻¹ M G⁻¹, from inverses (p, p, m) and packed M (entries, m)."""
+    p = len(bread)
+    out = np.zeros((p, meats.shape[1]))
+    for i in range(p):
+        for r in range(p):
+            for c in range(p):
+                out[i] += bread[i, r] * bread[i, c] * meats[packed_index(min(r, c), max(r, c), p)]
+    return out
+
+
+@compiled
+def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Floats:
+    """Aᵀ R A of the windows that end at `index`, packed (entries, rows), for any length alike.
+
+    The pairs of correlated samples inside a window are those inside its part of the first block,
+    those inside its part of the second, and those across; the latter are counted with the longer
+    part. So they are sums of two scans as well (see `estimators.numerics.rolling`).
+    """
+    p = A.shape[1]
+    entries = p * (p + 1) // 2
+    lanes = lanes_of(entries)
+    z = np.zeros((p, 2 * window))
+    near = np.zeros((p, 2 * window))
+    terms = np.zeros((lanes, 2 * window))
+    sums = np.empty((lanes, window))
+    out = np.empty((entries, index.size))
+    pairs = pairs_of_blocks(window, index)
+    for number in range(pairs.size - 1):
+        row: int = pairs[number]
+        end: int = pairs[number + 1]
+        last = index[row] - (index[row] + 1) % window
+        # the windows that have more of the first block, then those that have more of the second
+        middle = row
+        while middle < end and index[middle] <= last + window // 2:
+            middle += 1
+        for begin, stop in ((row, middle), (middle, end)):
+            if stop > begin:
+                start = index[begin] - window + 1
+                samples = index[stop - 1] + 1 - start
+                left = last + 1 - start
+                load_columns(A, start, samples, z)
+                _neighbours(z, samples, left, 2 * left >= window, correlation, near)
+                for i in range(p):
+                    for j in range(i, p):
+                        term, x, y, u, v = (
+                            terms[packed_index(i, j, p)],
+                            z[i],
+                            z[j],
+                            near[i],
+                            near[j],
+                        )
+                        for k in range(samples):
+                            term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
+                suffix_sums(terms, left, sums)
+                add_prefix_sums(terms, left, window - left, samples - window + 1, sums)
+                take(sums, index, begin, stop)
+                for entry in range(entries):
+                    total = sums[entry]
+                    for k in range(stop - begin):
+                        out[entry, begin + k] = total[k]
+    return out
+
+
+@compiled
+def _neighbours(
+    z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
+) -> None:
+    """Of each sample, its correlated neighbours, so that each pair counts once.
+
+    Of a pair in the second block the later sample has it, in the first block the earlier one; of
+    a pair across, the later one if `across_later`.
+    """
+    for c in range(z.shape[0]):
+        for k in range(samples):
+            near[c, k] = 0.0
+        for lag in range(1, min(correlation.size, samples)):
+            r = correlation[lag]
+            stop = left - lag if across_later else min(left, samples - lag)
+            total, x = near[c], z[c, lag:]
+            for k in range(stop):
+                total[k] += r * x[k]
+            begins = left if across_later else left + lag
+            total, x = near[c, begins:], z[c, begins - lag :]
+            for k in range(samples - begins):
+                total[k] += r * x[k]
+
+
+def recursive_deviations(grams: Floats, meats: Floats, white: Floats) -> Floats:
+    """Roots of diag G⁻¹ M G⁻¹, (rows, p), for residuals of variance 1; never below `white`'s.
+
+    Args:
+        grams: (rows, entries) packed G.
+        meats: (rows, entries) packed M; a tapered correlation need not leave it positive.
+        white: (rows, entries) packed M of uncorrelated residuals.
+    """
+    bread = _breads(grams)
+    squares = np.maximum(covers(bread, meats.T), covers(bread, white.T))
+    # of columns so nearly dependent that rounding is all that is left, nothing is known
+    return np.sqrt(np.where(squares > 0.0, squares, np.nan)).T

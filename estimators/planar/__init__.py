@@ -1,0 +1,1 @@
+"""Motion in the plane: regressor rows, and which parameters they determine."""

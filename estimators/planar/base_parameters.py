@@ -1,0 +1,425 @@
+"""Least squares (6) for whatever a motion determines: a number for that, NaN for the rest.
+
+Rank-deficient least squares always has a solution, of least norm, whose numbers mean nothing. Here
+the base columns alone are fitted, A φ = A_base (C φ) (see `identifiability`), which is ordinary
+least squares of full rank. Some of the parameters may have a normal prior: what earlier stages
+found, or what a machine has besides (offset, Coulomb friction). These are fitted whatever the
+motion determines, and say nothing about what it does. All of it but the residuals comes from the
+triangular factors of [A f].
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.errors import DataError, nearest
+from estimators.estimate import Floats, Ints
+from estimators.methods.attenuation import DOUBT, attenuation
+from estimators.numerics.autocorrelation import (
+    autocovariance_loss,
+    pooled_autocorrelation,
+    widening,
+)
+from estimators.numerics.small_systems import inverse_spd, lstsq
+from estimators.planar.blockwise_qr import BLOCK, Blocks, factors, residuals, sandwich_meat
+from estimators.planar.identifiability import Identifiability, identify
+
+#: Axes are weighted by their residuals, which rounding alone must not decide.
+LEAST_RESIDUAL = 1e-9
+#: The weights have settled when none changes by more than this share, …
+SETTLED = 1e-3
+#: … or after so many rounds.
+MOST_ROUNDS = 30
+#: Residuals of a fit with priors keep at least this share of their number.
+LEAST_FREEDOM = 0.1
+#: Noise is at most this share of a column's sum of squares: its size is known to a tenth or so.
+MOST_NOISE = 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """A normal prior of some of the parameters.
+
+    Attributes:
+        names: (q,) which parameters.
+        mean: (k, q) their means, by the axis whose force they were found from: they add up.
+        covariance: (q, q) of them, positive definite.
+    """
+
+    names: tuple[str, ...]
+    mean: Floats
+    covariance: Floats
+
+    @classmethod
+    def about_zero(cls, std: dict[str, float], axes: int) -> "Prior":
+        """Independent parameters that are 0 but for these standard deviations."""
+        variance = np.square(list(std.values()))
+        return cls(tuple(std), np.zeros((axes, len(std))), np.diag(variance))
+
+    def and_also(self, other: "Prior") -> "Prior":
+        """Both, of different parameters that are independent of each other."""
+        mine, size = len(self.names), len(self.names) + len(other.names)
+        covariance = np.zeros((size, size))
+        covariance[:mine, :mine], covariance[mine:, mine:] = self.covariance, other.covariance
+        mean = np.concatenate([self.mean, other.mean], axis=1)
+        return Prior(self.names + other.names, mean, covariance)
+
+
+@dataclass(frozen=True, slots=True)
+class BaseEstimate:
+    """What a motion tells of p parameters.
+
+    Attributes:
+        identifiability: what is determined of the parameters that have no prior.
+        parameters: (p,) names of all parameters.
+        theta: (p,) their values; NaN where the motion does not determine them.
+        by_axis: (k, p) what each axis' force adds to them, likewise: a gain of one axis acts on it.
+        covariance: (p, p) their covariance; NaN likewise.
+        responses: (q, p) what one standard deviation of each prior moves them by, likewise; the
+            priors as `Prior.covariance` has them if they are independent.
+        coefficients: (p,) what multiplies the columns of A in the fit, 0 for those left out.
+        combination: (c,) values of `identifiability.combinations`.
+        combination_std: (c,) their standard deviations.
+        residual_rms: (k,) r.m.s. of the residuals of each axis, in its unit.
+    """
+
+    identifiability: Identifiability
+    parameters: tuple[str, ...]
+    theta: Floats
+    by_axis: Floats
+    covariance: Floats
+    responses: Floats
+    coefficients: Floats
+    combination: Floats
+    combination_std: Floats
+    residual_rms: Floats
+
+    @property
+    def std(self) -> Floats:
+        """(p,) standard deviations, NaN where the motion does not determine a parameter."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    def slope(self, numerator: str, denominator: str) -> tuple[float, Floats]:
+        """One parameter over another, and what it changes by with each parameter, (p,).
+
+        NaN where the other one is 0.
+        """
+        i, j = self.parameters.index(numerator), self.parameters.index(denominator)
+        gradient = np.zeros(len(self.parameters))
+        if self.theta[j] == 0.0:
+            gradient[[i, j]] = np.nan
+            return float("nan"), gradient
+        ratio = float(self.theta[i] / self.theta[j])
+        gradient[[i, j]] = np.array([1.0, -ratio]) / self.theta[j]
+        return ratio, gradient
+
+    def quotient(self, numerator: str, denominator: str) -> tuple[float, float]:
+        """One parameter over another and its first-order deviation: a centre of mass is mc_x / m.
+
+        NaN where the motion does not determine both.
+        """
+        ratio, gradient = self.slope(numerator, denominator)
+        both = np.flatnonzero(gradient)
+        variance = gradient[both] @ self.covariance[np.ix_(both, both)] @ gradient[both]
+        return ratio, float(np.sqrt(variance))
+
+
+def fit(
+    A: Blocks,
+    f: Floats,
+    parameters: Sequence[str],
+    segment_id: Ints | None = None,
+    prior: Prior | None = None,
+    noise: Floats | None = None,
+    loading: Floats | None = None,
+) -> BaseEstimate:
+    """Estimate what a motion, or several together, determine.
+
+    The axes are weighted by their residuals, in rounds until the weights settle, and against the
+    priors by how long the residuals stay correlated: newtons and newton metres have no common
+    noise. Residuals of different axes are taken as independent.
+
+    Args:
+        A: (n, k, p) regressor of k axes, samples in time order; an array, or made by the block.
+        f: (n, k) force or torque.
+        parameters: (p,) names of the columns.
+        segment_id: (n,) stretch of the log that each sample is from, negative for samples to leave
+            out, which may be NaN; one stretch where none is given.
+        prior: of parameters that earlier stages have told, or that are small.
+        noise: (k, p) r.m.s. noise of the columns of each axis, of one source each within an axis.
+            What does not stand above it is not determined, see `identify`; what it draws the rest
+            towards zero by is taken off, part of it counted as uncertainty, see `attenuation`.
+            None takes A as exact.
+        loading: (k, p, p) by axis, what each column has of the noise of each, 1 of its own; where
+            it is not given each has its own alone. A term in proportion to a column shares its
+            noise, and what both are drawn by together is not what each would be.
+
+    Raises:
+        DataError: shapes that do not go together, NaN, or an unknown name among the priors.
+    """
+    n, k, p = A.shape
+    if f.shape != (n, k) or len(parameters) != p:
+        raise DataError(
+            f"a regressor of shape {A.shape} asks for forces {(n, k)} and {p} names; "
+            f"got {f.shape} and {len(parameters)}"
+        )
+    prior = prior or Prior((), np.zeros((k, 0)), np.zeros((0, 0)))
+    for name in prior.names:
+        if name not in parameters:
+            raise DataError(f"no parameter '{name}' for a prior; {nearest(name, parameters)}")
+    segment_id = np.zeros(n, np.int64) if segment_id is None else segment_id
+    used = segment_id >= 0
+    samples = int(used.sum())
+    R = factors(A, f, used)
+    if not np.isfinite(R[..., -1]).all() and np.isfinite(R[..., :-1]).all():
+        raise DataError("the forces hold NaN or infinity; leave out the samples that miss")
+
+    given = np.array([list(parameters).index(name) for name in prior.names], np.int64)
+    free = np.setdiff1d(np.arange(p), given)
+    names = [parameters[int(i)] for i in free]
+    all_noise = None if noise is None else np.sqrt(np.mean(np.square(noise), axis=0))[free]
+    found = identify(R[..., free], names, all_noise, samples * k)
+    columns = np.concatenate([free[found.base], given])
+    added = samples * np.square(np.zeros((k, p)) if noise is None else noise)
+    # of what hardly moves and has a prior, the noise is nearly all of it
+    added = np.minimum(added, MOST_NOISE * np.square(R[..., :-1]).sum(axis=1))
+    shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
+    system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
+    fitted = system.solve(np.ones(k))
+    coefficients = _placed(fitted.theta, columns, p)
+    residual = residuals(A, f, used, coefficients)
+    losses = _losses(A, columns, segment_id)
+    correlations = _correlations(segment_id, residual, losses)
+    if given.size and samples and np.isfinite(fitted.theta).all():
+        # a prior is worth as many samples as are independent
+        lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
+        fitted = system.solve(np.array(lasting))
+        coefficients = _placed(fitted.theta, columns, p)
+        residual = residuals(A, f, used, coefficients)
+        correlations = _correlations(segment_id, residual, losses)
+    covariance = _covariance(A, columns, segment_id, correlations, fitted, prior)
+
+    single = np.append(found.identifiable[found.base], np.ones(given.size, np.bool_))
+    here = columns[single]
+    full = np.full((p, p), np.nan)
+    full[np.ix_(here, here)] = covariance[np.ix_(single, single)]
+    return BaseEstimate(
+        identifiability=found,
+        parameters=tuple(parameters),
+        theta=_placed(fitted.theta[single], here, p, np.nan),
+        by_axis=_placed(fitted.by_axis[:, single], here, p, np.nan),
+        covariance=full,
+        responses=_placed(fitted.responses[:, single], here, p, np.nan),
+        coefficients=coefficients,
+        combination=fitted.theta[~single],
+        combination_std=np.sqrt(np.diagonal(covariance))[~single],
+        residual_rms=fitted.rms,
+    )
+
+
+def _placed(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
+    """Values (…, r) in columns `at` of p."""
+    out = np.full((*values.shape[:-1], p), other)
+    out[..., at] = values
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """Weighted least squares of r columns, of which the last q have a prior.
+
+    Attributes:
+        theta: (r,) the parameters, what noise draws them by taken off.
+        by_axis: (k, r) what each axis adds to them.
+        grams: (k, r, r) weighted AᵀA of each axis without its noise.
+        bread: (r, r) inverse of their sum with the priors.
+        doubt: (r, r) covariance of what was taken off.
+        responses: (q, r) what one standard deviation of each prior moves them by.
+        lasting: (k,) for how many samples the residuals were taken to be correlated.
+        rms: (k,) r.m.s. of the residuals.
+        samples: of one axis.
+    """
+
+    theta: Floats
+    by_axis: Floats
+    grams: Floats
+    bread: Floats
+    doubt: Floats
+    responses: Floats
+    lasting: Floats
+    rms: Floats
+    samples: int
+
+    @property
+    def weight(self) -> Floats:
+        """(k,) of the axes."""
+        return 1.0 / (self.rms * np.sqrt(self.lasting))
+
+
+@dataclass(frozen=True, slots=True)
+class _System:
+    """What is solved: triangular factors A (k, s, r), f (k, s), noise, and the priors.
+
+    The noise is n·σ² of its sources (k, p), and what each column has of them (k, r, p).
+    """
+
+    A: Floats
+    f: Floats
+    added: Floats
+    loading: Floats
+    prior: Prior
+    samples: int
+
+    def solve(self, lasting: Floats) -> _Fitted:
+        """Fit, each sample counting for one over how many its residual lasts (k,)."""
+        k, _, r = self.A.shape
+        q = len(self.prior.names)
+        if self.samples == 0 or r == 0:
+            nothing = np.full((r, r), np.nan)
+            rms = _rms(self.f, self.samples) if self.samples else np.full(k, np.nan)
+            return _Fitted(
+                theta=np.full(r, np.nan),
+                by_axis=np.full((k, r), np.nan),
+                grams=np.full((k, r, r), np.nan),
+                bread=nothing,
+                doubt=nothing,
+                responses=np.full((q, r), np.nan),
+                lasting=lasting,
+                rms=rms,
+                samples=self.samples,
+            )
+        floor = LEAST_RESIDUAL * np.sqrt((self.f**2).sum() / (self.samples * k)) or 1.0
+        rms = np.ones(k)
+        theta = np.empty(0)
+        for number in range(MOST_ROUNDS):
+            # the first weights are none, beside which no prior is to be weighed
+            theta = self._solved(rms, lasting, with_prior=number > 0).sum(axis=0)
+            before, rms = rms, np.maximum(_rms(self.f - self.A @ theta, self.samples), floor)
+            if (np.abs(rms / before - 1.0) < SETTLED).all():
+                break
+        by_axis = self._solved(rms, lasting)
+        scale = 1.0 / (rms * np.sqrt(lasting))
+        weighted = self.A * scale[:, None, None]
+        grams = np.einsum("kqi,kqj->kij", weighted, weighted)
+        whole = grams.sum(axis=0)
+        precision = np.linalg.inv(self.prior.covariance)
+        whole[r - q :, r - q :] += precision
+        noise = self.added * scale[:, None] ** 2
+        doubt = np.zeros((r, r))
+        if noise.any():
+            sources, loading = noise.ravel(), np.concatenate(list(self.loading), axis=1)
+            drawn = [attenuation(whole, each, sources, loading) for each in by_axis]
+            by_axis = by_axis + np.stack([each.sum(axis=1) for each in drawn])
+            taken: Floats = np.sum(drawn, axis=0)
+            doubt = DOUBT**2 * taken @ taken.T
+            added = np.einsum("kis,ks,kjs->kij", self.loading, noise, self.loading)
+            grams, whole = grams - added, whole - added.sum(axis=0)
+        bread = inverse_spd(whole)
+        theta = by_axis.sum(axis=0)
+        std = np.linalg.cholesky(self.prior.covariance) if q else np.zeros((0, 0))
+        responses = (bread[:, r - q :] @ precision @ std).T
+        residual = _rms(self.f - self.A @ theta, self.samples)
+        return _Fitted(
+            theta=theta,
+            by_axis=by_axis,
+            grams=grams,
+            bread=bread,
+            doubt=doubt,
+            responses=responses,
+            lasting=lasting,
+            rms=np.maximum(residual, floor),
+            samples=self.samples,
+        )
+
+    def _solved(self, rms: Floats, lasting: Floats, *, with_prior: bool = True) -> Floats:
+        """Least squares (k, r), a row an axis' force, of columns scaled to unit norm."""
+        k, s, r = self.A.shape
+        q = len(self.prior.names)
+        scale = 1.0 / (rms * np.sqrt(lasting))
+        rows = (self.A * scale[:, None, None]).reshape(-1, r)
+        wanted = np.zeros((k, s, k))
+        for axis in range(k):
+            wanted[axis, :, axis] = self.f[axis] * scale[axis]
+        wanted = wanted.reshape(-1, k)
+        if q and with_prior:
+            root = np.linalg.inv(np.linalg.cholesky(self.prior.covariance))
+            rows = np.concatenate([rows, np.concatenate([np.zeros((q, r - q)), root], axis=1)])
+            wanted = np.concatenate([wanted, root @ self.prior.mean.T])
+        size = np.linalg.norm(rows, axis=0)
+        size = np.where(size > 0.0, size, 1.0)
+        return (lstsq(rows / size, wanted) / size[:, None]).T
+
+
+def _rms(residual: Floats, samples: int) -> Floats:
+    """R.m.s. (k,) of the residuals whose triangular factor is (k, q)."""
+    return np.sqrt((residual**2).sum(axis=1) / samples)
+
+
+def _losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
+    """What the fit takes out of the autocovariances of each axis' residuals."""
+    k, used = A.shape[1], segment_id >= 0
+    if not used.any():
+        return [np.zeros((0, 0))] * k
+    # θ is fitted to all series together, so that each has lost its share of the r columns; of a
+    # long one that is nothing
+    share = columns[: -(-columns.size // (k * np.unique(segment_id[used]).size))]
+    if used.size > BLOCK:
+        return [autocovariance_loss(segment_id, None)] * k
+    return [autocovariance_loss(segment_id, axis) for axis in A[:].transpose(1, 0, 2)[..., share]]
+
+
+def _correlations(segment_id: Ints, residual: Floats, losses: list[Floats]) -> list[Floats]:
+    """(lags,) autocorrelation of the residuals of each axis.
+
+    A derivative's noise is correlated otherwise than a sensor's: each axis has its own.
+    """
+    return [
+        pooled_autocorrelation(np.ascontiguousarray(axis), segment_id, None, loss)[0]
+        for axis, loss in zip(residual.T, losses, strict=True)
+    ]
+
+
+def _covariance(
+    A: Blocks,
+    columns: Ints,
+    segment_id: Ints,
+    correlations: list[Floats],
+    fitted: _Fitted,
+    prior: Prior,
+) -> Floats:
+    """The sandwich (r, r) with the priors, and what is uncertain of the noise that was taken off.
+
+    Never smaller than without correlation: a tapered correlation need not be positive definite.
+    """
+    r, q, k = columns.size, len(prior.names), len(fitted.rms)
+    if r == 0 or fitted.samples == 0 or not np.isfinite(fitted.theta).all():
+        return np.full((r, r), np.nan)
+    if not np.isfinite(fitted.bread).all():
+        # determined by rounding alone: no deviation can be told
+        return np.full((r, r), np.nan)
+    size = np.sqrt(np.diagonal(fitted.bread))
+    weight = (fitted.weight / np.sqrt(fitted.lasting))[:, None] * size
+    B = sandwich_meat(A, columns, segment_id, correlations, weight)
+    bread = fitted.bread / np.outer(size, size)
+    cover = bread @ B @ bread
+    white = (fitted.grams / fitted.lasting[:, None, None]).sum(axis=0) * np.outer(size, size)
+    plain = bread @ white @ bread
+    samples = float(fitted.samples * k)
+    freedom = samples - float(fitted.lasting.max()) * float(np.trace(bread @ B))
+    if q:
+        # what a prior holds is not lost, however few independent residuals there are
+        freedom = max(freedom, LEAST_FREEDOM * samples)
+    if not freedom > 0.5:
+        return np.full((r, r), np.nan)
+    variance = np.maximum(
+        np.diagonal(cover) * samples / freedom,
+        np.diagonal(plain) * samples / max(samples - r, 1.0),
+    )
+    # of what its prior alone tells the log says nothing, to rounding
+    std = np.sqrt(np.maximum(variance, 0.0)) * widening(fitted.samples * k, correlations[0])
+    shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else plain
+    own = np.diagonal(shape)
+    stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))
+    told = fitted.responses.T @ fitted.responses if q else 0.0
+    return shape * np.outer(stretch, stretch) + told + fitted.doubt

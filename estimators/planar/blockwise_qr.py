@@ -1,0 +1,96 @@
+"""A tall regressor block by block: its triangular factors, and the residuals' covariance sandwich.
+
+A shift at 100 Hz has millions of rows, which least squares needs no two times: R of [R; next rows]
+is the R of all rows (TSQR), and R holds every product and, to rounding, every singular value.
+"""
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+
+from estimators.estimate import Bools, Floats, Ints
+from estimators.numerics.sandwich import meat
+
+#: Rows at a time.
+BLOCK = 16_384
+
+
+class Blocks(Protocol):
+    """A regressor (n, k, p) of k axes that is made a slice of samples at a time; any array is."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """n, k, p."""
+        ...
+
+    def __getitem__(self, part: slice, /) -> Floats:
+        """The samples of a slice, (m, k, p)."""
+        ...
+
+
+def _parts(used: Bools) -> Iterator[slice]:
+    """Slices that hold every used sample."""
+    for first in range(0, used.size, BLOCK):
+        part = slice(first, min(first + BLOCK, used.size))
+        if used[part].any():
+            yield part
+
+
+def factors(A: Blocks, f: Floats, used: Bools) -> Floats:
+    """The triangular factor of [A f] of each axis, (k, p + 1, p + 1), over the used samples.
+
+    Args:
+        A: (n, k, p) regressor.
+        f: (n, k) force or torque.
+        used: (n,) the samples to take; others may be NaN.
+    """
+    _, k, p = A.shape
+    out = np.zeros((k, p + 1, p + 1))
+    for part in _parts(used):
+        both = np.concatenate([A[part], f[part][..., None]], axis=-1)[used[part]]
+        for axis in range(k):
+            out[axis] = _triangle(np.concatenate([out[axis], both[:, axis]]))
+    return out
+
+
+def _triangle(rows: Floats) -> Floats:
+    return np.asarray(np.linalg.qr(rows, mode="r"), np.float64)
+
+
+def residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:
+    """What A θ leaves of f, (n, k), zero where not used; θ is (p,)."""
+    out = np.zeros(f.shape)
+    for part in _parts(used):
+        out[part] = np.where(used[part][:, None], f[part] - A[part] @ theta, 0.0)
+    return out
+
+
+def sandwich_meat(
+    A: Blocks, columns: Ints, segment_id: Ints, correlations: list[Floats], weight: Floats
+) -> Floats:
+    """Σ w² Aᵀ R A over axes and stretches, (r, r); a stretch of an axis is a series of its own.
+
+    Args:
+        A: (n, k, p) regressor.
+        columns: (r,) which of its columns.
+        segment_id: (n,) the stretch of each sample, negative for those left out.
+        correlations: k of (lags,), the residuals' autocorrelation of each axis.
+        weight: (k, r) what each axis' columns are multiplied by.
+    """
+    total = np.zeros((columns.size, columns.size))
+    before = max(each.size for each in correlations) - 1
+    for part in _parts(segment_id >= 0):
+        # samples look back at those they correlate with, across the block's edge
+        history = min(before, part.start)
+        wide = slice(part.start - history, part.stop)
+        rows, labels = A[wide][..., columns], segment_id[wide]
+        for axis, correlation in enumerate(correlations):
+            scaled = np.ascontiguousarray(rows[:, axis]) * weight[axis]
+            for label in np.unique(labels[history:]):
+                if label >= 0:
+                    own = labels[history:] == label
+                    first = history + int(own.argmax())
+                    last = labels.size - 1 - int(own[::-1].argmax())
+                    total += meat(scaled, labels, label, first, last, correlation)
+    return total

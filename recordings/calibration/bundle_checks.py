@@ -1,0 +1,208 @@
+"""Check the folder of a bundle, as whoever trusts neither its maker nor us would."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import polars as pl
+
+from analysis.calibration.campaign.campaign_fit import POINTS as POINT_COLUMNS
+from analysis.calibration.campaign.campaign_readings import READINGS as READING_COLUMNS
+from estimators.errors import EvidenceError
+from recordings.calibration.bundle_folder import (
+    EVIDENCE,
+    POINTS,
+    READINGS,
+    REPORT,
+    REQUIRED,
+    RUNS,
+    SUMS,
+    UNLISTED,
+    BundleFile,
+    listing,
+    parse_sums,
+    read_file,
+)
+from recordings.calibration.bundle_tables import StrangeTable, read_tables
+from recordings.calibration.chain_check import check_chain
+from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, without
+from recordings.calibration.evidence_document import (
+    EvidenceDocument,
+    UnknownFormatError,
+    document_of,
+)
+from recordings.calibration.keyring import Keyring
+from recordings.calibration.recomputation import recompute
+from recordings.calibration.signature_check import check_signature
+from recordings.calibration.signing import PublicKey
+from recordings.calibration.timestamp import check_timestamp
+
+if TYPE_CHECKING:
+    from cryptography.x509 import Certificate
+
+#: Of entries that are no bundle's.
+_MOST_NAMED: Final = 20
+
+
+def check_bundle(
+    folder: Path,
+    key: PublicKey | None = None,
+    previous: Path | None = None,
+    keyring: Keyring | None = None,
+    authorities: "Sequence[Certificate]" = (),
+) -> CheckedBundle:
+    """Check everything that a bundle says by itself.
+
+    Args:
+        folder: the bundle; nothing in it is run, no link followed, nothing outside read.
+        key: whose signature is asked for.
+        previous: the machine's evidence before it, trusted to be genuine, if it is whole.
+        keyring: the keys that the user keeps; None for none.
+        authorities: root certificates of time-stamp authorities that the user trusts.
+
+    Raises:
+        EvidenceError: there is no such folder, or it is no bundle at all.
+    """
+    checked = _checked(folder, key, keyring or Keyring(Path()), authorities)
+    document = checked.document
+    if document is not None:
+        check_chain(checked, document, None if previous is None else _trusted(previous))
+    return checked
+
+
+def _trusted(folder: Path) -> CheckedBundle:
+    """Evidence that is trusted to be genuine: whether it is whole, and what it is."""
+    checked = CheckedBundle()
+    held = check_files(folder, checked)
+    if EVIDENCE in held:
+        try:
+            checked.document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
+        except EvidenceError as fault:
+            checked.add(BundleOutcome.TAMPERED, EVIDENCE, without(EVIDENCE, fault))
+    return checked
+
+
+def _checked(
+    folder: Path,
+    key: PublicKey | None,
+    keyring: Keyring,
+    authorities: "Sequence[Certificate]",
+) -> CheckedBundle:
+    """Check a bundle, without the one before it."""
+    checked = CheckedBundle()
+    held = check_files(folder, checked)
+    if EVIDENCE not in held:
+        return checked
+    digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
+    try:
+        document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
+    except EvidenceError as fault:
+        strange = isinstance(fault, UnknownFormatError)
+        outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
+        checked.add(outcome, EVIDENCE, without(EVIDENCE, fault))
+        check_signature(checked, held, digests, None, key, keyring)
+        return checked
+    checked.document = document
+    check_timestamp(checked, held, document, authorities)
+    check_signature(checked, held, digests, document, key, keyring)
+    _check_recordings(checked, document, digests)
+    readings, points = _tables(checked, held, document)
+    checked.readings = readings
+    if readings is not None:
+        findings, notes = recompute(document, readings, points, _report(held))
+        checked.findings += findings
+        checked.notes += notes
+    return checked
+
+
+def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
+    """Read every file that a bundle may hold, and compare it with SHA256SUMS.
+
+    Args:
+        folder: the bundle.
+        checked: gets what is wrong.
+
+    Returns:
+        The files that could be read, by name.
+    """
+    names, strange = listing(folder)
+    for name, what in strange[:_MOST_NAMED]:
+        checked.add(BundleOutcome.TAMPERED, name, what)
+    if len(strange) > _MOST_NAMED:
+        more = f"{len(strange) - _MOST_NAMED} entries more"
+        checked.add(BundleOutcome.TAMPERED, more, "are no bundle's")
+    held: dict[str, BundleFile] = {}
+    for name in names:
+        try:
+            held[name] = read_file(folder, name)
+        except EvidenceError as fault:
+            checked.add(BundleOutcome.TAMPERED, name, without(name, fault))
+    for name in (*REQUIRED, SUMS):
+        if name not in names:
+            checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
+    if SUMS in held:
+        checked.sums = bytes_of(held, SUMS)
+        try:
+            _check_sums(checked, names, held, parse_sums(checked.sums))
+        except EvidenceError as fault:
+            checked.add(BundleOutcome.TAMPERED, SUMS, without(SUMS, fault))
+    return held
+
+
+def _check_sums(
+    checked: CheckedBundle,
+    names: list[str],
+    held: Mapping[str, BundleFile],
+    listed: Mapping[str, str],
+) -> None:
+    for name, digest in listed.items():
+        if name in held and held[name].sha256 != digest:
+            checked.add(BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
+        if name not in names and name not in REQUIRED:
+            checked.add(BundleOutcome.INCOMPLETE, name, f"is missing, and {SUMS} lists it")
+    for name in sorted(set(held) - set(listed) - set(UNLISTED)):
+        checked.add(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
+
+
+def _check_recordings(
+    checked: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
+) -> None:
+    """Whether the recordings of runs are those that the evidence names."""
+    named = {log.recording for log in document.logs if log.recording}
+    for name in sorted(named - set(digests)):
+        checked.add(BundleOutcome.INCOMPLETE, name, "is missing, and the evidence names it")
+    for name in sorted(digests):
+        if name.startswith(f"{RUNS}/") and name not in named:
+            checked.add(
+                BundleOutcome.TAMPERED, name, "is a recording that the evidence does not name"
+            )
+
+
+def _tables(
+    checked: CheckedBundle, held: Mapping[str, BundleFile], document: EvidenceDocument
+) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
+    """Readings and points; None of what cannot be read."""
+    digests = {
+        READINGS: document.tables.readings_sha256,
+        POINTS: document.tables.points_sha256,
+    }
+    schemas = {READINGS: READING_COLUMNS, POINTS: POINT_COLUMNS}
+    there = [name for name in (READINGS, POINTS) if name in held]
+    for name in there:
+        if held[name].sha256 != digests[name]:
+            checked.add(
+                BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
+            )
+    asked = [StrangeTable(bytes_of(held, name), schemas[name]) for name in there]
+    found: dict[str, pl.DataFrame] = {}
+    for name, table in zip(there, read_tables(asked), strict=True):
+        if isinstance(table, str):
+            checked.add(BundleOutcome.TAMPERED, name, table)
+        else:
+            found[name] = table
+    return found.get(READINGS), found.get(POINTS)
+
+
+def _report(held: Mapping[str, BundleFile]) -> bytes | None:
+    return held[REPORT].data if REPORT in held else None

@@ -1,0 +1,157 @@
+"""The four figures of a report on a calibration."""
+
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.line.calibration import Calibration
+from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shortened
+
+_BOX: Final = (52.0, 22.0, WIDTH - 10.0, 196.0)
+_HEIGHT: Final = 232
+_GRID: Final = 41
+_ROW: Final = 18.0
+
+
+def pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
+    """The figures that this evidence has something to show in."""
+    fitted, points = document.calibration, _points(document, readings)
+    found: list[Drawing] = []
+    if fitted is not None and document.kind == "calibration":
+        found += [_line(fitted), _residuals(fitted), _bars(fitted)]
+    if points.height:
+        found.append(_scatter(points))
+    return found
+
+
+def band(fitted: Calibration) -> list[tuple[float, float, float]]:
+    """(reference, low, high) of the calibrated mass of a run like the campaign's, in kg."""
+    low, high = fitted.range_kg
+    readings = fitted.budget_at[1]
+    found: list[tuple[float, float, float]] = []
+    for mass_kg in np.linspace(low, high, _GRID).tolist():
+        at = fitted.calibrated(fitted.c0_kg + fitted.c1_1 * mass_kg, None, readings)
+        if at.low_kg is not None and at.high_kg is not None:
+            found.append((mass_kg, at.low_kg, at.high_kg))
+    return found
+
+
+def _line(fitted: Calibration) -> Drawing:
+    known = [point for point in fitted.points if point.calibrated_kg is not None]
+    edges = band(fitted)
+    low, high = fitted.range_kg
+    percent = f"{fitted.confidence_1:.0%}".replace("%", " %")
+    picture = Drawing(
+        "line",
+        "Calibrated against reference mass",
+        f"A point a run, {len(known)} in all, on the line of equal masses from {low:,.0f} to "
+        f"{high:,.0f} kg. The band holds the calibrated mass of {percent} of later runs.",
+        _HEIGHT,
+    )
+    masses = [low, high, *(point.calibrated_kg or 0.0 for point in known)]
+    axes = Axes.around([low, high], [*masses, *(e for _, *es in edges for e in es)], _BOX)
+    axes.draw(picture, "reference in kg", "calibrated in kg")
+    _draw_band(picture, axes, edges)
+    picture.line(*axes.place(low, low), *axes.place(high, high), "ideal")
+    for point in known:
+        tip = f"{point.run_id}: {point.calibrated_kg:,.1f} kg at {point.reference_kg:,.1f} kg"
+        picture.dot(*axes.place(point.reference_kg, point.calibrated_kg or 0.0), "point", tip)
+    return picture
+
+
+def _residuals(fitted: Calibration) -> Drawing:
+    edges = [(mass, low - mass, high - mass) for mass, low, high in band(fitted)]
+    errors = [(p, p.error_kg, "point") for p in fitted.points if p.error_kg is not None]
+    left = [
+        (p, p.error_left_out_kg, "left") for p in fitted.points if p.error_left_out_kg is not None
+    ]
+    worst = max((abs(error) for _, error, _ in [*errors, *left]), default=0.0)
+    picture = Drawing(
+        "residuals",
+        "Errors by load: filled in the fit, open with the load left out",
+        f"Calibrated less reference mass of every run; the largest is {worst:,.1f} kg. Open "
+        "circles are errors of a line that has not seen that load.",
+        _HEIGHT,
+    )
+    heights = [0.0, *(e for _, e, _ in [*errors, *left]), *(e for _, *es in edges for e in es)]
+    axes = Axes.around(list(fitted.range_kg), heights, _BOX)
+    axes.draw(picture, "reference in kg", "calibrated less reference in kg")
+    _draw_band(picture, axes, edges)
+    picture.line(*axes.place(axes.x[0], 0.0), *axes.place(axes.x[1], 0.0), "ideal")
+    for point, error_kg, look in [*left, *errors]:
+        what = " with its load left out" if look == "left" else ""
+        tip = f"{point.run_id}{what}: {error_kg:+,.1f} kg"
+        picture.dot(*axes.place(point.reference_kg, error_kg), look, tip)
+    return picture
+
+
+def _bars(fitted: Calibration) -> Drawing:
+    rows = sorted(fitted.budget, key=lambda row: -(row.u_kg or 0.0))
+    known = [row for row in rows if row.u_kg]
+    largest = max((row.u_kg or 0.0 for row in known), default=1.0)
+    at_kg, readings = fitted.budget_at
+    picture = Drawing(
+        "budget",
+        "Where the uncertainty comes from",
+        f"Standard uncertainties in kg of the calibrated mass of one run of {readings} readings "
+        f"at {at_kg:,.0f} kg: "
+        + (", ".join(f"{row.component} {row.u_kg:.2g}" for row in known) or "none is known")
+        + ".",
+        int(30 + _ROW * (len(known) + 1)),
+    )
+    begin, room = 128.0, WIDTH - 128.0 - 72.0
+    for number, row in enumerate([*known, None]):
+        y = 12.0 + _ROW * number
+        u_kg = fitted.u_kg if row is None else row.u_kg or 0.0
+        name = "together" if row is None else row.component
+        picture.write(begin - 6, y + 10, shortened(name, begin - 8), "end")
+        look = "left" if row is None else "bar"
+        picture.bar(begin, y, max(room * u_kg / max(largest, fitted.u_kg), 0.5), 12, look)
+        length = room * u_kg / max(largest, fitted.u_kg)
+        picture.write(begin + length + 5, y + 10, f"{u_kg:.2g} kg", "start")
+    return picture
+
+
+def _scatter(points: pl.DataFrame) -> Drawing:
+    runs = points["run_id"].unique(maintain_order=True).to_list()
+    used = points.filter("used")["off_kg"].to_list()
+    picture = Drawing(
+        "repeatability",
+        "Readings about the mean of their run",
+        f"{len(used)} readings of {len(runs)} runs; dashed circles were rejected and count for "
+        f"nothing. The largest of those that count is "
+        f"{max(map(abs, used), default=0.0):,.1f} kg off.",
+        _HEIGHT,
+    )
+    axes = Axes.around([0.5, len(runs) + 0.5], [0.0, *points["off_kg"].to_list()], _BOX, 0.05)
+    axes.draw(picture, "run, in the order of the campaign", "reading less mean in kg")
+    picture.line(*axes.place(axes.x[0], 0.0), *axes.place(axes.x[1], 0.0), "ideal")
+    place = {run: number for number, run in enumerate(runs, start=1)}
+    for row in points.iter_rows(named=True):
+        tip = f"{row['run_id']}, reading {row['reading']}: {row['off_kg']:+,.1f} kg"
+        look = "point" if row["used"] else "rejected"
+        picture.dot(*axes.place(place[row["run_id"]], row["off_kg"]), look, tip)
+    return picture
+
+
+def _draw_band(picture: Drawing, axes: Axes, edges: list[tuple[float, float, float]]) -> None:
+    if edges:
+        lower = [axes.place(mass, low) for mass, low, _ in edges]
+        upper = [axes.place(mass, high) for mass, _, high in edges]
+        picture.polygon([*lower, *reversed(upper)], "band")
+
+
+def _points(document: EvidenceDocument, readings: pl.DataFrame) -> pl.DataFrame:
+    """Readings with a mass, and how far each is off the mean of those in use of its run."""
+    order = {run.id: number for number, run in enumerate(document.campaign.runs)}
+    mean = pl.col("mass_kg").filter("used").mean().over("run_id")
+    return (
+        readings.with_columns(
+            off_kg=pl.col("mass_kg") - mean,
+            order=pl.col("run_id").replace_strict(order, default=None),
+        )
+        .filter(pl.col("off_kg").is_not_null())
+        .sort("order", "reading", maintain_order=True)
+    )

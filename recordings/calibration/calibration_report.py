@@ -1,0 +1,247 @@
+"""The report of a bundle: one page that a person reads, made of the evidence and nothing else.
+
+The same evidence gives the same bytes, so that whoever checks a bundle makes the page anew and
+compares. It has no script, and forbids itself to load anything.
+"""
+
+import datetime as dt
+import math
+from collections.abc import Callable, Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.calibration.line.calibration import Calibration
+from recordings.calibration.calibration_plots import pictures
+from recordings.calibration.calibration_text import ESTIMATORS, in_words, unseen
+from recordings.calibration.days import runs_without_date
+from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.calibration.learnt_terms_text import learnt_rows
+from recordings.report.svg_shapes import WIDTH
+
+TEMPLATE: Final = "report.html.j2"
+_NONE: Final = "–"
+
+
+def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame) -> str:
+    """Write the report.
+
+    Args:
+        document: the evidence; every text in it is escaped.
+        readings: frame `readings`.
+        points: frame of the points, a row a run.
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["kg"] = kilograms
+    source = files("recordings.calibration").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    return environment.from_string(source).render(
+        e=document,
+        fitted=document.calibration,
+        title=title_of(document),
+        facts=facts(document),
+        words=in_words(document, readings, points),
+        unseen=unseen(document),
+        pictures=pictures(document, readings),
+        width=WIDTH,
+        points=_points(points),
+        rejected=_rejected(readings),
+        budget=_budget(document.calibration),
+        learnt=learnt_rows(document.learnt),
+        references=_references(document),
+        runs=_runs(document, readings),
+        estimator=ESTIMATORS.get(document.estimator.name, document.estimator.name),
+    )
+
+
+def report_pdf(html: str, path: Path) -> str:
+    """Write the report as a PDF.
+
+    Returns:
+        Nothing; or in one line why there is none: WeasyPrint or its system library is missing.
+    """
+    try:
+        from weasyprint import HTML
+    except ImportError:
+        return "no PDF: WeasyPrint is not installed (pip install 'payscope[pdf]')"
+    except OSError as error:
+        missing = str(error).splitlines()[0]
+        return (
+            f"no PDF: WeasyPrint lacks a system library ({missing}); "
+            "on Debian libpangoft2-1.0-0, libharfbuzz-subset0"
+        )
+    HTML(string=html, url_fetcher=_fetch_nothing).write_pdf(path)
+    return ""
+
+
+def title_of(document: EvidenceDocument) -> str:
+    """The heading of the report."""
+    what = "Calibration" if document.kind == "calibration" else "Check"
+    name = document.campaign.campaign.title
+    return name or f"{what} of {document.machine.machine.name} {document.campaign.machine.id}"
+
+
+def facts(document: EvidenceDocument) -> list[tuple[str, str]]:
+    """What a reader looks for first, name and value."""
+    fitted = document.calibration
+    found: list[tuple[str, str]] = []
+    if fitted is not None:
+        low, high = fitted.range_kg
+        at_kg, readings = fitted.budget_at
+        found += [
+            ("α", _with_interval(fitted.alpha_1, fitted.alpha_interval_1, "{:.4f}")),
+            ("β", _with_interval(fitted.beta_kg, fitted.beta_interval_kg, "{:,.1f}") + " kg"),
+            ("valid for", f"{low:,.1f} to {high:,.1f} kg"),
+            (
+                "expanded uncertainty",
+                f"{fitted.coverage_k_1 * fitted.u_kg:,.1f} kg at {at_kg:,.0f} kg (k = "
+                f"{fitted.coverage_k_1:.2f}, {fitted.confidence_1:.0%}, mean of {readings} "
+                "readings)",
+            ),
+            (
+                "error, in the fit / load left out",
+                f"{kilograms(fitted.rms_error_kg)} / {kilograms(fitted.rms_error_left_out_kg)} kg "
+                "r.m.s.",
+            ),
+            ("repeatability of a reading", _of_mass(fitted.repeatability_kg, fitted)),
+            ("day to day", _of_mass(fitted.day_kg, fitted)),
+        ]
+    found += [
+        ("expires", document.expires.isoformat()),
+        ("made", document.made.replace("T", " ").replace("Z", " UTC")),
+    ]
+    return found
+
+
+def kilograms(value: float | None, digits: int = 1) -> str:
+    """A number of kg, or a dash."""
+    return _NONE if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
+
+
+def _with_interval(value: float, interval: tuple[float | None, float | None], shape: str) -> str:
+    low, high = interval
+    if low is None or high is None:
+        return f"{shape.format(value)} (no bounded interval)"
+    return f"{shape.format(value)} ({shape.format(low)} to {shape.format(high)})"
+
+
+def _of_mass(kg: float | None, fitted: Calibration) -> str:
+    """Kilograms of m̂ as kilograms of mass."""
+    return "unknown" if kg is None else f"{kilograms(kg / abs(fitted.c1_1))} kg"
+
+
+def _points(points: pl.DataFrame) -> list[Mapping[str, Any]]:
+    return [
+        {
+            "run": point["run_id"],
+            "load": point["load_id"],
+            "cells": [
+                kilograms(point["reference_kg"]),
+                str(point["readings"]),
+                str(point["rejected"]),
+                *(kilograms(point[n]) for n in ("mean_kg", "std_kg", "calibrated_kg")),
+                *(kilograms(point[n], 2) for n in ("error_kg", "error_left_out_kg")),
+            ],
+        }
+        for point in points.iter_rows(named=True)
+    ]
+
+
+def _rejected(readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+    return [
+        {**row, "mass": kilograms(row["mass_kg"])}
+        for row in readings.filter(~pl.col("used")).iter_rows(named=True)
+    ]
+
+
+def _budget(fitted: Calibration | None) -> list[Mapping[str, Any]]:
+    if fitted is None:
+        return []
+    return [
+        {
+            "component": row.component,
+            "kind": row.kind,
+            "u": kilograms(row.u_kg, 2),
+            "freedom": _NONE if row.freedom is None else f"{row.freedom:.1f}",
+            "known": row.known,
+        }
+        for row in fitted.budget
+    ]
+
+
+def _references(document: EvidenceDocument) -> list[Mapping[str, Any]]:
+    def day(value: dt.date | None) -> str:
+        return _NONE if value is None else value.isoformat()
+
+    rows: list[Mapping[str, Any]] = [
+        {
+            "id": mass.id,
+            "value": kilograms(mass.value_kg, 3),
+            "u": kilograms(mass.u_kg, 3),
+            "certificate": mass.certificate or "none named",
+            "expires": day(mass.expires),
+            "shared": f"{mass.source}: {kilograms(mass.shared_u_kg, 3)} kg" if mass.source else "",
+        }
+        for mass in document.campaign.masses
+    ]
+    body, about = document.machine.machine, document.campaign.machine
+    if document.campaign.method.estimator != "joint_payload":
+        machine = {
+            "id": "machine, empty",
+            "value": kilograms(body.empty_mass_kg, 3),
+            "u": kilograms(body.empty_mass_u_kg, 3),
+            "certificate": about.empty_certificate or "none named",
+            "expires": day(about.empty_expires),
+            "shared": "every load",
+        }
+        rows.insert(0, machine)
+    return rows
+
+
+def _runs(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+    counts = {
+        row["run_id"]: row
+        for row in readings.group_by("run_id")
+        .agg(used=pl.col("used").sum(), all=pl.col("mass_kg").is_not_null().sum())
+        .iter_rows(named=True)
+    }
+    found: list[Mapping[str, Any]] = []
+    undated = runs_without_date(document)
+    for run in document.campaign.runs:
+        begin = "start" if run.from_s is None else f"{run.from_s:g} s"
+        end = "end" if run.to_s is None else f"{run.to_s:g} s"
+        whole = run.from_s is None and run.to_s is None
+        count = counts.get(run.id, {"used": 0, "all": 0})
+        conditions = run.conditions
+        said: dict[str, Callable[[], str]] = {
+            "slope": lambda c=conditions: "" if c.slope_deg is None else f"{c.slope_deg:g}°",
+            "surface": lambda c=conditions: c.surface,
+            "tyres": lambda c=conditions: c.tyres,
+            "fuel": lambda c=conditions: c.fuel,
+            "air": lambda c=conditions: (
+                "" if c.temperature_degC is None else f"{c.temperature_degC:g} °C"
+            ),
+            "note": lambda c=conditions: c.note,
+        }
+        found.append(
+            {
+                "id": run.id,
+                "stretch": run.log if whole else f"{run.log}, {begin} to {end}",
+                "load": run.load_id,
+                "day": f"{run.day}{' (not provable)' if run in undated else ''}",
+                "operator": run.operator or _NONE,
+                "conditions": ", ".join(f"{k} {text()}" for k, text in said.items() if text()),
+                "used": f"{count['used']} of {count['all']}",
+                "excluded": run.excluded,
+            }
+        )
+    return found
+
+
+def _fetch_nothing(url: str, *_: Any, **__: Any) -> Any:
+    raise ValueError(f"a report loads nothing, so not {url[:80]}")

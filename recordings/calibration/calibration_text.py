@@ -1,0 +1,236 @@
+"""What a report says in sentences."""
+
+import math
+from typing import Final
+
+import polars as pl
+
+from analysis.calibration.campaign.next_load import next_load
+from analysis.calibration.line.calibration import Calibration
+from recordings.calibration.days import runs_without_date
+from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.calibration.learnt_terms_text import RUNS, TERMS
+
+ESTIMATORS: Final = {
+    "joint_mass": "mass by the joint fit, of machine and load",
+    "joint_payload": "payload by the joint fit, as a difference to runs without load",
+    "pooled": "pooled least squares of a manoeuvre",
+}
+#: Below it, β is a correction; above, it is most of what is reported.
+_MUCH: Final = 0.5
+
+_NO_CONFORMITY: Final = (
+    "This compares with the limits of a class, and is no statement of conformity with the "
+    "recommendation: its other tests were not made."
+)
+
+_UNSEEN: Final = (
+    "A run that was left out before the campaign file was written and signed: nothing in a bundle "
+    "shows that it was ever made. Compare with the machine's own list of logs.",
+    "Whether the loads that the campaign file names were on board, and whether the certificates "
+    "are genuine.",
+    "Whether the logs were recorded by this machine: their digests only show that they are the "
+    "files that were replayed.",
+    "Whether the machine has changed since: tyres, sensors, bucket, firmware. A check against one "
+    "known mass (payscope calibrate --check) shows some of that.",
+    "With the signing key, everything can be made anew: a signature is worth what the keeping of "
+    "its key is.",
+)
+
+
+def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame) -> list[str]:
+    """What the numbers mean, a paragraph each."""
+    fitted = document.calibration
+    found: list[str] = []
+    if fitted is None:
+        found += _without_line(document, readings, points)
+    else:
+        found += [
+            *_outcome(document),
+            _about_beta(fitted),
+            *(f"{_capital(said)}." for said in fitted.says),
+            *_learnt(document),
+            *(_more_days(document) if document.kind == "calibration" else ()),
+            *(_unlike(fitted) if document.kind == "calibration" else ()),
+            *(_advice(fitted) if document.kind == "calibration" else ()),
+        ]
+    if document.kind == "calibration":
+        found += _as_found(document)
+    return found
+
+
+def unseen(document: EvidenceDocument) -> list[str]:
+    """What no check of a bundle can find."""
+    first = (
+        ("Whether this machine has earlier evidence: this bundle names none before it.",)
+        if document.chain.previous is None
+        else ()
+    )
+    undated = [run.id for run in runs_without_date(document)]
+    days = (
+        (
+            f"On which day these runs were made: {', '.join(undated)}. Their logs have no absolute "
+            "time; the day is not provable, the campaign file alone says it.",
+        )
+        if undated
+        else ()
+    )
+    return [*_UNSEEN, *first, *days]
+
+
+def _outcome(document: EvidenceDocument) -> list[str]:
+    """Limits and drift, with their risks."""
+    found: list[str] = []
+    if document.limits is not None:
+        found.append(f"{_capital(document.limits.statement)}. {_NO_CONFORMITY}")
+    drift = document.drift
+    if drift is not None and drift.drifted is None:
+        found.append(f"Whether the machine has drifted cannot be told: {drift.reason}.")
+    elif drift is not None and drift.difference_kg is not None and drift.limit_kg is not None:
+        risk = (
+            f"A machine that has not drifted would be as far off with a probability of "
+            f"{drift.p_1:.2g}."
+            if drift.drifted
+            else f"A drift of {drift.matters_kg:,.1f} kg would have been missed with a probability "
+            f"of {drift.missed_1:.2g}."
+        )
+        found.append(
+            f"{'Drifted' if drift.drifted else 'Not drifted'}: the known mass comes out "
+            f"{drift.difference_kg:+,.1f} kg off, and up to {drift.limit_kg:,.1f} kg is what the "
+            f"calibration allows. {risk} The line is that of the calibration before."
+        )
+    return found
+
+
+def _learnt(document: EvidenceDocument) -> list[str]:
+    """Which priors are the campaign's own."""
+    learnt = document.learnt
+    if learnt is None:
+        return []
+    logs = len({each.log for each in learnt.logs})
+    return [
+        f"The mass is found with what {logs} logs say together of {len(learnt.terms)} nuisances; "
+        "what that has wrong is in every mass alike, and the line takes it with it."
+    ]
+
+
+def _more_days(document: EvidenceDocument) -> list[str]:
+    """What evidence of one day lacks; that of format 1 does not have the sentence."""
+    fitted = document.calibration
+    if fitted is None or not fitted.responses or not fitted.of_one_day:
+        return []
+    return [
+        "Evidence of one day: its intervals do not have what changes until another. Runs of "
+        "several days (five tell it well), or day_known_kg from earlier campaigns, would put it "
+        "in; until then an empty start in each later log shows whether the machine is the same."
+    ]
+
+
+def _unlike(fitted: Calibration) -> list[str]:
+    """What a log pays that is driven unlike these runs, and which runs would spare it most."""
+    if not fitted.responses:
+        return []
+    most = max(fitted.responses, key=lambda each: abs(each.level_kg))
+    return [
+        f"Logs that are driven unlike these runs pay most for the {TERMS[most.term][0]}: its "
+        f"uncertainty moved these runs by {abs(most.level_kg):,.1f} kg, and moves others by "
+        f"another amount. {_capital(RUNS[most.term])} would tell it better."
+    ]
+
+
+def _advice(fitted: Calibration) -> list[str]:
+    """Which load to run next."""
+    best = next_load(fitted)[0]
+    return [
+        f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
+        f"makes the line surest; half the interval of a later mass would go from "
+        f"{best.half_width_now_kg:,.1f} to {best.half_width_kg:,.1f} kg."
+    ]
+
+
+def _about_beta(fitted: Calibration) -> str:
+    """How much of the output is a constant."""
+    middle_kg = sum(fitted.range_kg) / 2.0
+    share = fitted.beta_kg / middle_kg if middle_kg else 0.0
+    begin = (
+        f"A calibrated mass is α times the estimate plus β. In the middle of the range, at "
+        f"{middle_kg:,.0f} kg, β is {fitted.beta_kg:,.1f} kg: {share:.0%} of what is reported"
+    ).replace("%", " %")
+    if abs(share) > _MUCH:
+        return (
+            f"{begin}. That part is a constant, and no sensor had a say in it. What the machine "
+            f"measured moves the result by {fitted.alpha_1:.3f} kg for each kg of the estimate. So "
+            "a small error relative to the machine's whole mass is no merit of the estimate: judge "
+            "errors by the range of loads. An error of β stays whole in every result, and outside "
+            "the range the line says nothing."
+        )
+    return (
+        f"{begin}. The rest is measured: the estimate moves the result by {fitted.alpha_1:.3f} kg "
+        "for each of its kg."
+    )
+
+
+def _without_line(
+    document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
+) -> list[str]:
+    loads = sorted({run.load_id for run in document.campaign.runs if not run.excluded})
+    found = [f"There is no calibration line: {document.no_fit}."]
+    found += [_off(document, load, readings, points) for load in loads]
+    if len(loads) == 1:
+        found.append(
+            "One load shows how far the estimate is from one reference, and how it repeats. It "
+            "cannot show: whether the error grows with the mass (no slope α), so nothing about any "
+            "other mass; whether an offset and a wrong gain cancel at this mass; whether the "
+            "readings follow the load at all. Three different loads determine a line and leave one "
+            "to contradict it."
+        )
+    return found
+
+
+def _off(
+    document: EvidenceDocument, load_id: str, readings: pl.DataFrame, points: pl.DataFrame
+) -> str:
+    """How far the estimate of one load is from its reference."""
+    reference = next(each for each in document.references if each.load_id == load_id)
+    used = readings.filter((pl.col("load_id") == load_id) & pl.col("used"))
+    known = points.filter((pl.col("load_id") == load_id) & pl.col("mean_kg").is_not_null())
+    begin = f"Load '{load_id}', reference {reference.reference_kg:,.2f} kg: "
+    if known.is_empty():
+        return f"{begin}no reading could be used."
+    means = known["mean_kg"].to_list()
+    off_kg = sum(means) / len(means) - reference.reference_kg
+    masses, common = used["mass_kg"].to_list(), used["common_u_kg"].drop_nulls().to_list()
+    text = f"{begin}the estimate is {off_kg:+,.2f} kg off"
+    if len(masses) > 1:
+        mean = sum(masses) / len(masses)
+        std_kg = math.sqrt(sum((mass - mean) ** 2 for mass in masses) / (len(masses) - 1))
+        u_kg = math.hypot(std_kg / math.sqrt(len(masses)), max(common, default=0.0), reference.u_kg)
+        text += (
+            f"; {len(masses)} readings scatter by {std_kg:,.2f} kg, and the difference has a "
+            f"standard uncertainty of {u_kg:,.2f} kg by scatter, priors and reference"
+        )
+    return f"{text}."
+
+
+def _as_found(document: EvidenceDocument) -> list[str]:
+    """The line before this one, and what it made of these runs."""
+    found, link, fitted = document.as_found, document.chain.previous, document.calibration
+    if found is None or link is None:
+        return []
+    error = (
+        ""
+        if found.rms_error_kg is None
+        else f", and was off by {found.rms_error_kg:,.1f} kg r.m.s. on these runs"
+    )
+    return [
+        f"As found, the line of evidence number {link.counter} held: α {found.alpha_1:.4f}, β "
+        f"{found.beta_kg:,.1f} kg{error}.{'' if fitted is None else _as_left(fitted)}"
+    ]
+
+
+def _as_left(fitted: Calibration) -> str:
+    return f" As left: α {fitted.alpha_1:.4f}, β {fitted.beta_kg:,.1f} kg."
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,75 @@
+"""The days of a campaign against the times of its logs and the time when evidence was made."""
+
+import datetime as dt
+from collections.abc import Iterator, Sequence
+from typing import Final
+from zoneinfo import ZoneInfo
+
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
+from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
+
+#: How far the clocks of two computers may be apart.
+CLOCK_S: Final = 300
+_BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
+
+
+def begin_of(log: EvidenceLog) -> dt.datetime | None:
+    """When a log begins; None where it has no absolute time."""
+    try:
+        return dt.datetime.strptime(log.begins, _BEGINS).replace(tzinfo=dt.UTC)
+    except ValueError:
+        return None
+
+
+def day_faults(
+    campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], zone: ZoneInfo, made: dt.datetime
+) -> Iterator[str]:
+    """Yield what contradicts the days that a campaign gives, a sentence each.
+
+    Args:
+        campaign: its runs.
+        logs: what their replay gave.
+        zone: of the machine.
+        made: when the evidence was made.
+    """
+    by_name = {each.log: each for each in logs}
+    for run in campaign.runs:
+        log = by_name.get(run.log)
+        begin = None if log is None else begin_of(log)
+        if log is None:
+            continue
+        if begin is None:
+            if run.day > made.astimezone(zone).date():
+                yield f"run '{run.id}' of {run.day}: is after the evidence was made, {made:%F %R}"
+            continue
+        start, end = _stretch(run, log, begin)
+        first, last = start.astimezone(zone).date(), end.astimezone(zone).date()
+        if not first <= run.day <= last:
+            yield (
+                f"run '{run.id}' of {run.day}: its log {run.log} was recorded on {first} in the "
+                f"machine's time zone, {zone.key}"
+            )
+        if end > made + dt.timedelta(seconds=CLOCK_S):
+            yield (
+                f"run '{run.id}': its log {run.log} ends {end:%F %R} UTC, after the evidence was "
+                f"made, {made:%F %R} UTC"
+            )
+
+
+def runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
+    """The runs whose logs have no absolute time: nothing proves their days."""
+    without = {each.log for each in document.logs if begin_of(each) is None}
+    return [run for run in document.campaign.runs if run.log in without]
+
+
+def made_at(document: EvidenceDocument) -> dt.datetime:
+    """When the evidence was made, as it says itself."""
+    return dt.datetime.fromisoformat(document.made)
+
+
+def _stretch(
+    run: CampaignRun, log: EvidenceLog, begin: dt.datetime
+) -> tuple[dt.datetime, dt.datetime]:
+    from_s = min(run.from_s or 0.0, log.duration_s)
+    to_s = log.duration_s if run.to_s is None else min(run.to_s, log.duration_s)
+    return begin + dt.timedelta(seconds=from_s), begin + dt.timedelta(seconds=max(from_s, to_s))

@@ -1,0 +1,283 @@
+"""What `evidence.json` holds: everything that a calibration can be recomputed and doubted from.
+
+The published schema, `evidence.schema.json`, is made of these models:
+`python -m recordings.calibration.evidence_document` prints it.
+"""
+
+import datetime as dt
+import json
+import sys
+from importlib.metadata import version
+from typing import Annotated, Any, Final, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Id, Line
+from analysis.calibration.line.calibration import Calibration, CalibrationOptions
+from analysis.calibration.use.calibration_drift import DriftCheck
+from analysis.calibration.use.error_limits import ErrorLimits
+from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt
+from analysis.model.machine import Machine
+from estimators.errors import EvidenceError
+from recordings.calibration.canonical_json import canonical, parse
+
+_FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+#: Format 1 does not say what the errors of learnt means did to its runs and its line.
+_FIRST: Final = "payscope-calibration-evidence/1"
+#: Formats 2 and 3 hold the same; their pages differ.
+FORMAT: Final = "payscope-calibration-evidence/3"
+_NOT_IN_FIRST: Final = {"learnt": {"responses"}, "calibration": {"responses"}}
+#: What the schema is published as.
+SCHEMA: Final = "evidence.schema.json"
+Notice = Literal[
+    "Not for trade. Not an accredited calibration. It says what these runs showed, and nothing "
+    "about runs that are not in it."
+]
+NOTICE: Final[Notice] = get_args(Notice)[0]
+
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Stamp = Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
+Counted = Annotated[int, Field(ge=0, lt=2**53)]
+Sentence = Annotated[str, StringConstraints(max_length=4000)]
+
+
+#: Characters of a stranger's text that are repeated.
+_LONGEST: Final = 60
+
+
+class UnknownFormatError(EvidenceError):
+    """Evidence of another version, which this one cannot read."""
+
+
+class EvidenceFile(BaseModel):
+    """A file by its digest."""
+
+    model_config = _FORBID
+
+    name: Sentence
+    sha256: Sha256
+    size_bytes: Counted
+
+
+class LoggedTopic(BaseModel):
+    """A topic that was read."""
+
+    model_config = _FORBID
+
+    topic: Sentence
+    messages: Counted
+    stamped_by: Line
+
+
+class EvidenceLog(BaseModel):
+    """A log: what was read, what it lost, what its replay gave."""
+
+    model_config = _FORBID
+
+    log: Line
+    files: tuple[EvidenceFile, ...] = Field(min_length=1)
+    topics: tuple[LoggedTopic, ...]
+    begins: Line
+    duration_s: float
+    speed_range_m_s: tuple[float, float] | None
+    losses: tuple[Sentence, ...]
+    notes: tuple[Sentence, ...]
+    can_weigh: bool
+    failed_checks: tuple[Line, ...]
+    settings_fingerprint: Sha256
+    results_fingerprint: Sha256
+    recording: Line
+
+
+class Estimator(BaseModel):
+    """Which mass was calibrated: its name, and the digest of everything that defines it."""
+
+    model_config = _FORBID
+
+    name: Line
+    definition_sha256: Sha256
+
+
+class ReferenceLoad(BaseModel):
+    """The reference of one load."""
+
+    model_config = _FORBID
+
+    load_id: Annotated[str, StringConstraints(max_length=4000)]
+    reference_kg: float
+    u_kg: float
+
+
+class Link(BaseModel):
+    """The evidence of this machine before this one."""
+
+    model_config = _FORBID
+
+    id: Id
+    counter: Annotated[int, Field(ge=1, lt=2**53)]
+    sums_sha256: Sha256
+
+
+class Chain(BaseModel):
+    """The place of this evidence in that of its machine: the counter only grows."""
+
+    model_config = _FORBID
+
+    counter: Annotated[int, Field(ge=1, lt=2**53)]
+    previous: Link | None
+
+
+class Signer(BaseModel):
+    """Whose signature the statement has."""
+
+    model_config = _FORBID
+
+    name: Line
+    key_id: Sha256
+    public_key: Line
+
+
+class Software(BaseModel):
+    """What computed it."""
+
+    model_config = _FORBID
+
+    payscope: Line
+    distributions: dict[Line, Line]
+    python: Line
+    platform: Line
+
+
+class AsFound(BaseModel):
+    """The line before this one, and what it made of this campaign's points."""
+
+    model_config = _FORBID
+
+    evidence_id: Id
+    alpha_1: float
+    beta_kg: float
+    rms_error_kg: float | None
+
+
+class EvidenceTables(BaseModel):
+    """The tables beside, by their digests."""
+
+    model_config = _FORBID
+
+    readings_sha256: Sha256
+    points_sha256: Sha256
+
+
+class EvidenceDocument(BaseModel):
+    """A whole `evidence.json`."""
+
+    model_config = _FORBID
+
+    format: Literal[
+        "payscope-calibration-evidence/1",
+        "payscope-calibration-evidence/2",
+        "payscope-calibration-evidence/3",
+    ]
+    kind: Literal["calibration", "check"]
+    id: Id
+    made: Stamp
+    notice: Notice
+    campaign: CalibrationCampaign
+    expires: dt.date
+    machine: Machine
+    learnt: LearntPriors | None
+    estimator: Estimator
+    logs: tuple[EvidenceLog, ...] = Field(min_length=1)
+    references: tuple[ReferenceLoad, ...] = Field(min_length=1)
+    reference_covariance_kg2: tuple[tuple[float, ...], ...]
+    tables: EvidenceTables
+    options: CalibrationOptions
+    calibration: Calibration | None
+    no_fit: Sentence
+    limits: ErrorLimits | None
+    drift: DriftCheck | None
+    as_found: AsFound | None
+    replay_tolerance_kg: float = Field(ge=0, le=1e-3)
+    chain: Chain
+    signer: Signer | None
+    software: Software
+
+    @property
+    def data(self) -> bytes:
+        """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
+        left_out = _NOT_IN_FIRST if self.format == _FIRST else None
+        return canonical(self.model_dump(mode="json", exclude=left_out, exclude_unset=True))
+
+    @property
+    def completed(self) -> "EvidenceDocument":
+        """The same with every setting of this version written down, also those left at default."""
+        return EvidenceDocument.model_validate_json(canonical(self.model_dump(mode="json")))
+
+    @property
+    def made_elsewhere(self) -> str:
+        """Which other version made it, or ""; its page and words are not this version's."""
+        made = self.software.payscope
+        if made == version("payscope") and self.format == FORMAT:
+            return ""
+        return f"payscope {made} (format {self.format.rpartition('/')[2]})"
+
+    @property
+    def weighing(self) -> Machine:
+        """The machine as its mass is found: with the priors that were learnt."""
+        return self.machine if self.learnt is None else with_learnt(self.machine, self.learnt.terms)
+
+    def log(self, name: str) -> EvidenceLog | None:
+        """The log of that name."""
+        return next((each for each in self.logs if each.log == name), None)
+
+
+def document_of(data: bytes, what: str) -> EvidenceDocument:
+    """Read `evidence.json` of a stranger.
+
+    Raises:
+        UnknownFormatError: it says that another version made it, and holds what this one lacks.
+        EvidenceError: no canonical JSON within its bounds, or not as the schema has it.
+    """
+    values = parse(data, what)
+    try:
+        document = EvidenceDocument.model_validate_json(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        made = _maker(values)
+        if made:
+            raise UnknownFormatError(
+                f"{what}: made by {made}, and payscope {version('payscope')} does not read all of "
+                f"it ({where}: {first['msg']}): digests and signature were checked, and nothing in "
+                "it can be recomputed here"
+            ) from None
+        raise EvidenceError(f"{what}: {where}: {first['msg']}, which its schema refuses") from None
+    if document.data != data:
+        raise EvidenceError(f"{what}: holds a value in a form that its schema does not have")
+    return document
+
+
+def _maker(values: Any) -> str:
+    """Which other version a document says that it is of; "" for this one, or where it says none."""
+    if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
+        return ""
+    made, form = values["software"].get("payscope"), values.get("format")
+    if not isinstance(made, str) or not isinstance(form, str):
+        return ""
+    own = made == version("payscope") and form == FORMAT
+    return "" if own else f"payscope {made[:_LONGEST]} in {form[:_LONGEST]}"
+
+
+def schema_text() -> str:
+    """The schema as it is published: JSON Schema, draft 2020-12."""
+    schema: dict[str, Any] = EvidenceDocument.model_json_schema(mode="serialization")
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"https://payscope.invalid/{SCHEMA}",
+        **schema,
+    }
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(schema_text())

@@ -1,0 +1,212 @@
+"""The keyring: public keys whose owners the user knows, in one TOML file.
+
+The file is named by PAYSCOPE_KEYRING, else it is `payscope/keys.toml` in the user's configuration
+folder. An owner is whom the user says the key belongs to; what evidence calls itself counts for
+nothing here.
+"""
+
+import datetime as dt
+import os
+import tomllib
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+
+from estimators.errors import EvidenceError
+from recordings.calibration.signing import PublicKey
+
+#: The environment variable that names another keyring.
+KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"
+_MOST_BYTES: Final = 1 << 20
+_HEAD: Final = "# Keys that payscope knows, and whose they are; changed by `payscope keys`.\n"
+
+Owner = Annotated[str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\n\r]*$")]
+
+
+class KnownKey(BaseModel):
+    """A public key, its owner, and when its signatures count."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    key: str
+    owner: Owner
+    valid_from: dt.date | None = None
+    valid_to: dt.date | None = None
+    revoked: dt.date | None = None
+    because: Annotated[str, StringConstraints(max_length=200)] = ""
+
+    @model_validator(mode="after")
+    def _sound(self) -> Self:
+        try:
+            self.public  # noqa: B018  reading it refuses a weak key
+        except EvidenceError as fault:
+            raise ValueError(str(fault)) from None
+        if self.valid_from and self.valid_to and self.valid_to < self.valid_from:
+            raise ValueError("valid_to is before valid_from")
+        return self
+
+    @property
+    def public(self) -> PublicKey:
+        """The key itself."""
+        return PublicKey.of_text(self.key)
+
+    def fault_on(self, made: dt.date, proven: dt.date | None) -> str:
+        """Why a signature of that day does not count; "" where it does.
+
+        Args:
+            made: the day that the evidence gives itself.
+            proven: the day by which a time stamp proves that the signature was there, if any.
+        """
+        day = proven or made
+        if self.revoked is not None and (proven is None or proven >= self.revoked):
+            why = f" ({self.because})" if self.because else ""
+            return (
+                f"was revoked on {self.revoked}{why}: whoever has it since can give any earlier "
+                "day; only a time stamp from before that would show otherwise"
+            )
+        if self.valid_from is not None and day < self.valid_from:
+            return f"is valid from {self.valid_from} only, and signed on {day}"
+        if self.valid_to is not None and day > self.valid_to:
+            return f"was valid to {self.valid_to} only, and signed on {day}"
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Keyring:
+    """Keys by their ids.
+
+    Attributes:
+        path: the file; it need not be there.
+        keys: in the file's order.
+    """
+
+    path: Path
+    keys: tuple[KnownKey, ...] = ()
+
+    def find(self, key_id: str) -> KnownKey | None:
+        """The key of that id, or of the only one that begins so."""
+        found = [each for each in self.keys if each.public.key_id.startswith(key_id)]
+        return found[0] if key_id and len(found) == 1 else None
+
+
+def keyring_path() -> Path:
+    """Where the user's keyring is."""
+    named = os.environ.get(KEYRING_VARIABLE)
+    if named:
+        return Path(named)
+    base = os.environ.get("XDG_CONFIG_HOME")
+    try:
+        return (Path(base) if base else Path.home() / ".config") / "payscope" / "keys.toml"
+    except RuntimeError:  # a user without a home
+        return Path("payscope-keys.toml")
+
+
+def load_keyring(path: Path | None = None) -> Keyring:
+    """Read a keyring; without a file it is empty.
+
+    Args:
+        path: the file; None for the user's.
+
+    Raises:
+        EvidenceError: it cannot be read, is no keyring, or holds a key that is weak or twice there.
+    """
+    path = path or keyring_path()
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MOST_BYTES + 1)
+    except FileNotFoundError:
+        return Keyring(path)
+    except OSError as error:
+        raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
+    if len(data) > _MOST_BYTES:
+        raise EvidenceError(f"{path}: is no keyring: larger than {_MOST_BYTES} bytes")
+    try:
+        content: dict[str, Any] = tomllib.loads(data.decode())
+    except ValueError as error:
+        raise EvidenceError(f"{path}: is no TOML: {error}") from None
+    rows = content.pop("keys", [])
+    if content or not isinstance(rows, list):
+        raise EvidenceError(f"{path}: is no keyring; it has [[keys]] tables and nothing else")
+    keys = tuple(_key(path, number, row) for number, row in enumerate(rows, start=1))
+    ids = [each.public.key_id for each in keys]
+    if len(set(ids)) < len(ids):
+        raise EvidenceError(f"{path}: holds a key twice; remove one of them")
+    return Keyring(path, keys)
+
+
+def save_keyring(path: Path, keys: Sequence[KnownKey]) -> Keyring:
+    """Write a keyring, whole or not at all; only its owner may write to it.
+
+    Raises:
+        EvidenceError: it cannot be written.
+    """
+    import tomlkit
+
+    tables = tomlkit.aot()
+    for each in keys:
+        table = tomlkit.table()
+        table.update(each.model_dump(exclude_defaults=True))
+        tables.append(table)
+    text = _HEAD + ("\n" + tomlkit.dumps({"keys": tables}) if keys else "")
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            partial.touch(mode=0o600, exist_ok=False)
+            partial.write_text(text, encoding="utf-8")
+            partial.replace(path)
+        finally:
+            with suppress(OSError):
+                partial.unlink()
+    except OSError as error:
+        raise EvidenceError(f"{path}: cannot be written ({error.strerror})") from None
+    return Keyring(path, tuple(keys))
+
+
+def add_key(keyring: Keyring, known: KnownKey) -> Keyring:
+    """Add a key, and write the keyring.
+
+    Raises:
+        EvidenceError: the key is there already, or the file cannot be written.
+    """
+    same = keyring.find(known.public.key_id)
+    if same is not None:
+        raise EvidenceError(
+            f"{keyring.path}: holds key {known.public.key_id[:12]}… already, of {same.owner}"
+        )
+    return save_keyring(keyring.path, (*keyring.keys, known))
+
+
+def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Keyring:
+    """Mark a key as revoked, and write the keyring.
+
+    Raises:
+        EvidenceError: no such key, or the file cannot be written.
+    """
+    known = keyring.find(key_id)
+    if known is None:
+        have = ", ".join(each.public.key_id[:12] for each in keyring.keys) or "none"
+        raise EvidenceError(f"{keyring.path}: no key '{key_id}', or several; it has {have}")
+    revoked = known.model_copy(update={"revoked": day, "because": because})
+    return save_keyring(
+        keyring.path, tuple(revoked if each is known else each for each in keyring.keys)
+    )
+
+
+def _key(path: Path, number: int, row: object) -> KnownKey:
+    try:
+        return KnownKey.model_validate(row)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        raise EvidenceError(f"{path}: key {number}: {place or 'it'}: {first['msg']}") from None

@@ -1,0 +1,302 @@
+"""Everything in a bundle that follows from the rest of it, computed anew and compared."""
+
+import datetime as dt
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Final
+
+import polars as pl
+from pydantic_core import to_jsonable_python
+
+from analysis.calibration.campaign.campaign_fit import CampaignFit, fit_campaign, options_of
+from analysis.calibration.campaign.campaign_plan import CampaignRun
+from analysis.calibration.campaign.mass_check import check_known_mass
+from analysis.calibration.use.calibration_drift import DriftCheck
+from analysis.calibration.use.error_limits import WITHIN
+from analysis.calibration.use.learnt_priors import learnt_terms
+from estimators.errors import CampaignError
+from recordings.calibration.as_found_line import rms_error_kg
+from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
+from recordings.calibration.calibration_report import report_html
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
+from recordings.calibration.days import CLOCK_S, day_faults, made_at
+from recordings.calibration.derived_values import estimator_of, later_settings, reference_loads
+from recordings.calibration.evidence_document import EvidenceDocument
+
+#: Another processor or library has other last bits.
+_LAST_BITS: Final = 1e-9
+_LATER: Final = "made before there was {}: taken at the default, here and where it is used"
+#: Of a list of differences, so many are named.
+_MOST: Final = 5
+_LONGEST: Final = 200
+
+Findings = Iterator[BundleFinding]
+
+
+def recompute(
+    document: EvidenceDocument,
+    readings: pl.DataFrame,
+    points: pl.DataFrame | None,
+    report: bytes | None,
+) -> tuple[list[BundleFinding], list[str]]:
+    """Compare what the bundle says with what follows from it.
+
+    Args:
+        document: the evidence.
+        readings: frame `readings`.
+        points: frame of the points; None where it cannot be read.
+        report: the bytes of the page; None where there is none.
+
+    Returns:
+        What differs, and notes for the reader.
+    """
+    later = (*later_settings(document.machine), *later_settings(document.campaign, "campaign."))
+    notes = [_LATER.format(", ".join(later))] if later else []
+    found: list[BundleFinding] = []
+    steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
+        (EVIDENCE, lambda: _of_files(document)),
+        (READINGS, lambda: _of_runs(document, readings)),
+        (f"{EVIDENCE}: calibration", lambda: _of_fit(document, readings, points, notes)),
+        (REPORT, lambda: _of_page(document, readings, points, report)),
+    )
+    for item, step in steps:
+        found += _survived(item, step)
+    found += _verdicts(document)
+    return found, notes
+
+
+def _survived(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
+    """What a step finds; that it cannot be done with these numbers is a finding as well."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return list(step())
+    except Exception as fault:  # noqa: BLE001  a stranger chose the numbers
+        what = f"cannot be computed anew ({type(fault).__name__}: {str(fault)[:_LONGEST]})"
+        return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
+
+
+def _of_page(
+    document: EvidenceDocument,
+    readings: pl.DataFrame,
+    points: pl.DataFrame | None,
+    report: bytes | None,
+) -> Findings:
+    """The report, which follows from the evidence byte by byte."""
+    if report is None or points is None:
+        return
+    if report_html(document, readings, points).encode() == report:
+        return
+    if document.made_elsewhere:
+        what = (
+            f"made by {document.made_elsewhere}: the page cannot be recomputed here; compared by "
+            "its digest alone"
+        )
+        yield BundleFinding(BundleOutcome.OTHER_VERSION, REPORT, what)
+    else:
+        yield BundleFinding(
+            BundleOutcome.TAMPERED, REPORT, "is not the page that the evidence gives"
+        )
+
+
+def differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
+    """Where two JSON values differ: the place, and whether it is in the last bits alone."""
+    if isinstance(stored, dict) and isinstance(computed, dict):
+        found: list[tuple[str, bool]] = []
+        for name in sorted(set(stored) | set(computed)):
+            inside = f"{place}.{name}" if place else name
+            if name not in stored or name not in computed:
+                found.append((inside, False))
+            else:
+                found += differences(stored[name], computed[name], inside)
+        return found
+    if isinstance(stored, list | tuple) and isinstance(computed, list | tuple):
+        if len(stored) != len(computed):
+            return [(place, False)]
+        pairs = zip(stored, computed, strict=True)
+        return [each for k, pair in enumerate(pairs) for each in differences(*pair, f"{place}.{k}")]
+    if stored == computed and isinstance(stored, bool) == isinstance(computed, bool):
+        return []
+    return [(place, _near(stored, computed))]
+
+
+def _near(stored: Any, computed: Any) -> bool:
+    """Whether two numbers differ in their last bits alone."""
+    if not all(type(value) in (int, float) for value in (stored, computed)):
+        return False
+    return abs(stored - computed) <= _LAST_BITS * max(abs(stored), abs(computed))
+
+
+def _irreproducible(place: str, what: str) -> BundleFinding:
+    return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {place}", what)
+
+
+def _of_files(document: EvidenceDocument) -> Findings:
+    """What follows from the campaign and machine files."""
+    campaign, machine = document.campaign, document.machine
+    if document.kind == "calibration" and document.expires != campaign.expires:
+        yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
+    made, now = made_at(document), dt.datetime.now(dt.UTC)
+    for fault in day_faults(campaign, document.logs, machine.machine.zone, made):
+        yield _irreproducible("campaign.runs", fault)
+    if made > now + dt.timedelta(seconds=CLOCK_S):
+        yield _irreproducible("made", f"is in the future: {document.made}, and now is {now:%F %R}")
+    yield from _of_learnt(document)
+    if document.estimator != estimator_of(campaign, document.weighing, machine):
+        yield _irreproducible("estimator", "is not that of the settings")
+    try:
+        loads, covariance = reference_loads(campaign, machine)
+    except CampaignError as fault:
+        yield _irreproducible("references", str(fault))
+        return
+    if document.references != loads:
+        yield _irreproducible("references", "are not what the masses on board add up to")
+    if document.reference_covariance_kg2 != covariance:
+        yield _irreproducible("reference_covariance_kg2", "does not follow from the masses")
+    own = {each.component for each in campaign.method.stated}
+    others = tuple(each for each in document.options.stated if each.component not in own)
+    if document.options != options_of(campaign, others):
+        yield _irreproducible("options", "are not those of the campaign's method")
+    for overdue in campaign.overdue():
+        yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
+    if tuple(log.log for log in document.logs) != campaign.logs:
+        yield BundleFinding(
+            BundleOutcome.INCOMPLETE, f"{EVIDENCE}: logs", "are not the logs of the campaign's runs"
+        )
+
+
+def _of_learnt(document: EvidenceDocument) -> Findings:
+    """The priors that the logs' own words come to."""
+    learnt, campaign = document.learnt, document.campaign
+    if learnt is None:
+        return
+    if not campaign.learns:
+        yield _irreproducible("learnt", "is there, and the campaign learns nothing")
+    stored, computed = (
+        {name: term.model_dump() for name, term in terms.items()}
+        for terms in (learnt.terms, learnt_terms(learnt.logs))
+    )
+    if not all(near for _, near in differences(stored, computed)):
+        yield _irreproducible("learnt", "does not follow from what its logs say")
+    said = {each.log for each in learnt.logs}
+    if document.kind == "calibration" and not said <= set(campaign.logs):
+        yield _irreproducible("learnt", "is of other logs than the campaign's")
+
+
+def _of_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
+    """Whether each run is there, with a reason for whatever of it counts for nothing."""
+    runs = {run.id: run for run in document.campaign.runs}
+    weighs = {log.log: log.can_weigh for log in document.logs}
+    seen: dict[str, int] = {}
+    for row in readings.iter_rows(named=True):
+        name = row["run_id"]
+        seen[name] = seen.get(name, 0) + 1
+        item = f"{READINGS}: run '{name}', reading {row['reading']}"
+        run = runs.get(name)
+        if run is None:
+            yield BundleFinding(BundleOutcome.TAMPERED, item, "is of no run of the campaign")
+            continue
+        for what in _faults(row, run, seen[name], weighs.get(run.log, False)):
+            yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)
+        if not row["used"] and not row["reason"]:
+            yield BundleFinding(BundleOutcome.INCOMPLETE, item, "is left out without a reason")
+    for name in runs:
+        if name not in seen:
+            yield BundleFinding(BundleOutcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
+
+
+def _faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) -> Iterator[str]:
+    about = (row["load_id"], row["day"], row["log"])
+    if about != (run.load_id, run.day.isoformat(), run.log):
+        yield "is of another load, day or log than its run"
+    if row["reading"] != number:
+        yield f"should be number {number}: one is missing, or they are out of order"
+    if row["used"] is None or row["reason"] is None:
+        yield "does not say whether it is used, or why not"
+        return
+    if row["mass_kg"] is None:
+        if row["used"]:
+            yield "is used and has no mass"
+    elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
+        yield "has no stretch of time"
+    elif not run.holds(row["start_s"], row["end_s"]):
+        yield "is not in the stretch of its run"
+    if row["used"] and row["reason"]:
+        yield "is used, with a reason why not"
+    if row["used"] and run.excluded:
+        yield "is used, and its run is excluded"
+    if row["used"] and not weighs:
+        yield "is used, and its log cannot weigh"
+
+
+def _of_fit(
+    document: EvidenceDocument,
+    readings: pl.DataFrame,
+    points: pl.DataFrame | None,
+    notes: list[str],
+) -> Findings:
+    """The fit, its budget and verdict, and the points."""
+    fitted, drift = _refitted(document, readings)
+    stored = document.calibration
+    pairs: tuple[tuple[str, Any, Any], ...] = (
+        ("calibration", _plain(stored), _plain(fitted.calibration)),
+        ("no_fit", document.no_fit, fitted.no_fit),
+        ("limits", _plain(document.limits), _plain(fitted.limits)),
+        ("drift", _plain(document.drift), _plain(drift)),
+    )
+    places = [each for name, kept, computed in pairs for each in differences(kept, computed, name)]
+    wrong = [place for place, near in places if not near]
+    for place in wrong[:_MOST]:
+        yield _irreproducible(place, "does not follow from the readings")
+    if len(wrong) > _MOST:
+        yield _irreproducible("calibration", f"and {len(wrong) - _MOST} more")
+    if places and not wrong:
+        notes.append(
+            f"{len(places)} numbers of the fit differ in their last bits: another processor or "
+            f"library (made with payscope {document.software.payscope}, "
+            f"{document.software.platform})"
+        )
+    if points is not None and (wrong or not places) and not points.equals(fitted.frame):
+        yield BundleFinding(
+            BundleOutcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings"
+        )
+    yield from _of_as_found(document, fitted.frame)
+
+
+def _refitted(
+    document: EvidenceDocument, readings: pl.DataFrame
+) -> tuple[CampaignFit, DriftCheck | None]:
+    """What the readings come to; of a check, under the line that it is a check of."""
+    campaign, body = document.campaign, document.machine.machine
+    if document.kind == "check" and document.calibration is not None:
+        return check_known_mass(campaign, body, readings, document.calibration)
+    responses = () if document.learnt is None else document.learnt.responses
+    return fit_campaign(campaign, body, readings, document.options, responses), None
+
+
+def _plain(value: Any) -> Any:
+    """A dataclass as JSON has it."""
+    return None if value is None else to_jsonable_python(value)
+
+
+def _verdicts(document: EvidenceDocument) -> Findings:
+    """What the evidence itself says is not within limits."""
+    limits, drift = document.limits, document.drift
+    if limits is not None and limits.verdict != WITHIN:
+        yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: limits", limits.statement)
+    if drift is not None and drift.drifted is not False:
+        what = (
+            f"cannot be told: {drift.reason}"
+            if drift.drifted is None
+            else f"the machine has drifted, by {drift.difference_kg:+.4g} kg"
+        )
+        yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: drift", what)
+
+
+def _of_as_found(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
+    """Errors of the line before on these points, which its own α and β give."""
+    found = document.as_found
+    if found is not None and found.rms_error_kg is not None:
+        computed = rms_error_kg(found, points)
+        if differences(found.rms_error_kg, computed) not in ([], [("", True)]):
+            yield _irreproducible("as_found.rms_error_kg", "does not follow from the points")

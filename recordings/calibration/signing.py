@@ -1,0 +1,286 @@
+"""Signatures: an in-toto statement about the files of a bundle in a DSSE envelope, by Ed25519.
+
+Source: DSSE v1.0 (secure-systems-lab/dsse, protocol.md), in-toto Attestation Framework v1
+(spec/v1/statement.md and envelope.md), RFC 8032 for Ed25519, RFC 5958 and 8410 for its keys.
+"""
+
+import base64
+import binascii
+import hashlib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from estimators.errors import EvidenceError
+from recordings.calibration.canonical_json import canonical, parse
+from recordings.calibration.weak_keys import weakness
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import (
+        Ed25519PrivateKey,
+        Ed25519PublicKey,
+    )
+
+PAYLOAD_TYPE: Final = "application/vnd.in-toto+json"
+STATEMENT_TYPE: Final = "https://in-toto.io/Statement/v1"
+#: A name, and no page: the top-level domain leads nowhere (RFC 2606).
+PREDICATE_TYPE: Final = "https://payscope.invalid/calibration-evidence/v1"
+#: The environment variable that may hold the private key, in PEM.
+KEY_VARIABLE: Final = "PAYSCOPE_SIGNING_KEY"
+_MOST_KEY_BYTES: Final = 16 << 10
+_MAKE: Final = "openssl genpkey -algorithm ed25519 -out key.pem"
+_PUBLISH: Final = "openssl pkey -in key.pem -pubout -out key.pub.pem"
+
+
+@dataclass(frozen=True, slots=True)
+class PublicKey:
+    """Whom a signature is by.
+
+    Attributes:
+        raw: the 32 bytes of an Ed25519 public key.
+    """
+
+    raw: bytes
+
+    @property
+    def key_id(self) -> str:
+        """The SHA-256 of the raw key, in hexadecimal digits."""
+        return hashlib.sha256(self.raw).hexdigest()
+
+    @property
+    def text(self) -> str:
+        """The raw key in base64."""
+        return base64.b64encode(self.raw).decode()
+
+    @classmethod
+    def of_text(cls, text: str) -> "PublicKey":
+        """Read what `text` gives.
+
+        Raises:
+            EvidenceError: it is no base64 of 32 bytes, or a weak key.
+        """
+        raw = _unbase64(text, "a public key")
+        if len(raw) != 32:
+            raise EvidenceError(f"a public key of Ed25519 has 32 bytes, this one {len(raw)}")
+        return cls(raw).sound()
+
+    def sound(self) -> "PublicKey":
+        """The key, if signatures by it can be relied on.
+
+        Raises:
+            EvidenceError: it is of small order, no point of the curve, or its private half known.
+        """
+        fault = weakness(self.raw)
+        if fault:
+            raise EvidenceError(f"weak key {self.key_id[:12]}…: it {fault}; `{_MAKE}` makes one")
+        return self
+
+    def signed(self, signature: bytes, message: bytes) -> bool:
+        """Whether the signature is by this key, of this message."""
+        from cryptography.exceptions import InvalidSignature
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+
+        try:
+            Ed25519PublicKey.from_public_bytes(self.raw).verify(signature, message)
+        except (InvalidSignature, ValueError):
+            return False
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class SigningKey:
+    """A private key; `repr` does not show it."""
+
+    private: "Ed25519PrivateKey"
+
+    @property
+    def public(self) -> PublicKey:
+        """The key that verifies."""
+        return _raw(self.private.public_key())
+
+    def sound(self, where: str) -> "SigningKey":
+        """The key, if others do not have it.
+
+        Raises:
+            EvidenceError: it is published.
+        """
+        _sound(self.public, where)
+        return self
+
+    def sign(self, message: bytes) -> bytes:
+        """Sign: 64 bytes."""
+        return self.private.sign(message)
+
+
+def new_key_pair() -> tuple[bytes, bytes]:
+    """Make a key: its private and its public half in PEM."""
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import (
+        Encoding,
+        NoEncryption,
+        PrivateFormat,
+        PublicFormat,
+    )
+
+    key = Ed25519PrivateKey.generate()
+    public = key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()), public
+
+
+def signing_key(path: Path | None) -> SigningKey | None:
+    """The private key of the file, else of the environment variable; None where there is neither.
+
+    Raises:
+        EvidenceError: it cannot be read, or is no private Ed25519 key in PEM without a password.
+    """
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    if path is None and not os.environ.get(KEY_VARIABLE):
+        return None
+    where = str(path) if path is not None else f"environment variable {KEY_VARIABLE}"
+    data = _read(path) if path is not None else os.environ[KEY_VARIABLE].encode()
+    try:
+        key = load_pem_private_key(data, password=None)
+    except TypeError:
+        raise EvidenceError(f"{where}: is encrypted; give a key without a password") from None
+    except (ValueError, UnsupportedAlgorithm):
+        raise EvidenceError(f"{where}: holds no private key in PEM; `{_MAKE}` makes one") from None
+    if not isinstance(key, Ed25519PrivateKey):
+        raise EvidenceError(f"{where}: is no Ed25519 key; `{_MAKE}` makes one")
+    return SigningKey(key).sound(where)
+
+
+def public_key(path: Path) -> PublicKey:
+    """The public key of a file.
+
+    Raises:
+        EvidenceError: it cannot be read, is no public Ed25519 key in PEM, or a weak one.
+    """
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+    from cryptography.hazmat.primitives.serialization import load_pem_public_key
+
+    data = _read(path)
+    if b"PRIVATE KEY" in data:
+        raise EvidenceError(f"{path}: is a private key; `{_PUBLISH}` writes the public one")
+    try:
+        key = load_pem_public_key(data)
+    except (ValueError, UnsupportedAlgorithm):
+        raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
+    if not isinstance(key, Ed25519PublicKey):
+        raise EvidenceError(f"{path}: is no Ed25519 key; evidence is signed by Ed25519")
+    return _sound(_raw(key), str(path))
+
+
+def pae(payload_type: str, payload: bytes) -> bytes:
+    """What is signed: DSSE's pre-authentication encoding (protocol.md, "Signature Definition")."""
+    kind = payload_type.encode()
+    return b"DSSEv1 %d %b %d %b" % (len(kind), kind, len(payload), payload)
+
+
+def statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
+    """The in-toto statement about files: their SHA-256 by name, and what is said of them."""
+    return canonical(
+        {
+            "_type": STATEMENT_TYPE,
+            "subject": [
+                {"name": name, "digest": {"sha256": digests[name]}} for name in sorted(digests)
+            ],
+            "predicateType": PREDICATE_TYPE,
+            "predicate": dict(predicate),
+        }
+    )
+
+
+def envelope(payload: bytes, key: SigningKey) -> bytes:
+    """A DSSE envelope about a statement, signed."""
+    signature = key.sign(pae(PAYLOAD_TYPE, payload))
+    return canonical(
+        {
+            "payloadType": PAYLOAD_TYPE,
+            "payload": base64.b64encode(payload).decode(),
+            "signatures": [
+                {"keyid": key.public.key_id, "sig": base64.b64encode(signature).decode()}
+            ],
+        }
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Signed:
+    """What an envelope holds.
+
+    Attributes:
+        payload: the statement's bytes.
+        statement: the same, parsed.
+        signature: 64 bytes.
+        key_id: whom the envelope names; a hint, which no check relies on.
+    """
+
+    payload: bytes
+    statement: Mapping[str, Any]
+    signature: bytes
+    key_id: str
+
+    def by(self, key: PublicKey) -> bool:
+        """Whether this key signed the statement."""
+        return key.signed(self.signature, pae(PAYLOAD_TYPE, self.payload))
+
+
+def opened(data: bytes, what: str) -> Signed:
+    """Read an envelope of a stranger; nothing in it is to be believed before `Signed.by`.
+
+    Raises:
+        EvidenceError: it is no envelope as `envelope` writes it.
+    """
+    held = parse(data, what)
+    try:
+        (signature,) = held["signatures"]
+        fits = set(held) == {"payloadType", "payload", "signatures"}
+        fits = fits and set(signature) == {"keyid", "sig"} and held["payloadType"] == PAYLOAD_TYPE
+        payload = _unbase64(held["payload"], f"{what}: its payload")
+        signed = _unbase64(signature["sig"], f"{what}: its signature")
+        key_id = signature["keyid"]
+    except (TypeError, KeyError, ValueError, AttributeError):
+        raise EvidenceError(f"{what}: is no DSSE envelope with one signature") from None
+    inside = parse(payload, f"{what}: its statement")
+    if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
+        raise EvidenceError(f"{what}: is no DSSE envelope of an in-toto statement")
+    return Signed(payload, inside, signed, key_id)
+
+
+def _unbase64(text: str, what: str) -> bytes:
+    try:
+        data = base64.b64decode(text, validate=True)
+    except (binascii.Error, ValueError, TypeError):
+        raise EvidenceError(f"{what} is no base64") from None
+    # several texts decode alike; one counts
+    if base64.b64encode(data).decode() != text:
+        raise EvidenceError(f"{what} is not base64 in its one canonical form")
+    return data
+
+
+def _read(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MOST_KEY_BYTES + 1)
+    except OSError as error:
+        raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
+    if len(data) > _MOST_KEY_BYTES:
+        raise EvidenceError(f"{path}: is no key: larger than {_MOST_KEY_BYTES} bytes")
+    return data
+
+
+def _sound(key: PublicKey, where: str) -> PublicKey:
+    try:
+        return key.sound()
+    except EvidenceError as fault:
+        raise EvidenceError(f"{where}: {fault}") from None
+
+
+def _raw(key: "Ed25519PublicKey") -> PublicKey:
+    return PublicKey(key.public_bytes_raw())

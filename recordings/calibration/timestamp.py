@@ -1,0 +1,156 @@
+"""Time stamps (RFC 3161): an authority's word that the signature of evidence was there by a time.
+
+Everything is offline: the request is a file that the user sends, the response one that comes back.
+"""
+
+import datetime as dt
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from estimators.errors import EvidenceError
+from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP, BundleFile
+from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.checked_bundle import CheckedBundle, bytes_of
+from recordings.calibration.days import CLOCK_S, made_at
+from recordings.calibration.evidence_document import EvidenceDocument
+
+if TYPE_CHECKING:
+    from cryptography.x509 import Certificate
+    from rfc3161_client import TimeStampResponse
+
+_INSTALL: Final = "pip install 'payscope[timestamp]'"
+#: Hashes that a time stamp may be of, by their object identifiers (RFC 5754).
+_HASHES: Final = {
+    "2.16.840.1.101.3.4.2.1": hashlib.sha256,
+    "2.16.840.1.101.3.4.2.2": hashlib.sha384,
+    "2.16.840.1.101.3.4.2.3": hashlib.sha512,
+}
+_MOST_BYTES: Final = 1 << 20
+_LONGEST: Final = 200
+
+
+def refuse_without_library() -> None:
+    """Refuse what needs rfc3161-client, before the work that it is for.
+
+    Raises:
+        EvidenceError: it is not installed.
+    """
+    try:
+        import rfc3161_client  # noqa: F401  # pyright: ignore[reportUnusedImport]
+    except ImportError:
+        raise EvidenceError(f"time stamps need rfc3161-client: {_INSTALL}") from None
+
+
+def timestamp_request(statement: bytes) -> bytes:
+    """The query to send to a time-stamp authority, in DER (application/timestamp-query).
+
+    Args:
+        statement: the bytes of `statement.dsse.json`.
+
+    Raises:
+        EvidenceError: rfc3161-client is not installed.
+    """
+    refuse_without_library()
+    from rfc3161_client import HashAlgorithm, TimestampRequestBuilder
+
+    return (
+        TimestampRequestBuilder()
+        .data(statement)
+        .hash_algorithm(HashAlgorithm.SHA256)
+        .build()
+        .as_bytes()
+    )
+
+
+def authority_certificates(path: Path) -> "tuple[Certificate, ...]":
+    """The root certificates of time-stamp authorities that the user trusts.
+
+    Raises:
+        EvidenceError: the file cannot be read, or holds no certificate in PEM.
+    """
+    from cryptography.x509 import load_pem_x509_certificates
+
+    refuse_without_library()
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MOST_BYTES)
+    except OSError as error:
+        raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
+    try:
+        return tuple(load_pem_x509_certificates(data))
+    except ValueError:
+        raise EvidenceError(f"{path}: holds no certificate in PEM; name the authority's") from None
+
+
+def check_timestamp(
+    checked: CheckedBundle,
+    held: Mapping[str, BundleFile],
+    document: EvidenceDocument,
+    authorities: "Sequence[Certificate]",
+) -> None:
+    """Whether the time stamp, if there is one, is of this signature, and by whom.
+
+    Args:
+        checked: gets what is found, and the day that is proven.
+        held: files of the bundle.
+        document: the evidence.
+        authorities: root certificates that the user trusts; none leaves the day unproven.
+    """
+    if TIMESTAMP not in held:
+        if authorities:
+            what = "is missing, and --tsa is given: when it was signed is not proven"
+            checked.add(BundleOutcome.INCOMPLETE, TIMESTAMP, what)
+        return
+    if STATEMENT not in held:
+        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "is of a signature that is not there")
+        return
+    try:
+        from rfc3161_client import decode_timestamp_response
+    except ImportError:
+        checked.notes.append(f"{TIMESTAMP}: not checked, which needs rfc3161-client ({_INSTALL})")
+        return
+    try:
+        response = decode_timestamp_response(bytes_of(held, TIMESTAMP))
+        stamped = response.tst_info.gen_time.astimezone(dt.UTC)
+        imprint = response.tst_info.message_imprint
+        hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
+    except Exception as error:  # noqa: BLE001  the parser is another's, the bytes a stranger's
+        what = f"is no time-stamp response that was granted ({str(error)[:_LONGEST]})"
+        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, what)
+        return
+    statement = bytes_of(held, STATEMENT)
+    if hashed is None:
+        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "is of a hash that is not SHA-2")
+    elif hashed(statement).digest() != imprint.message:
+        checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "is of another signature than this one")
+    elif stamped < made_at(document) - dt.timedelta(seconds=CLOCK_S):
+        what = f"is of {stamped:%F %R} UTC, before the evidence says that it was made"
+        checked.add(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
+    elif not authorities:
+        checked.notes.append(
+            f"a time stamp says that it was signed by {stamped:%F %R} UTC; whose it is, only the "
+            "authority's certificate shows: --tsa CA.pem"
+        )
+    else:
+        fault = _fault(response, statement, authorities)
+        if fault:
+            checked.add(BundleOutcome.TAMPERED, TIMESTAMP, fault)
+        else:
+            checked.proven_day = stamped.date()
+            checked.notes.append(f"signed by {stamped:%F %R} UTC, as its time stamp proves")
+
+
+def _fault(
+    response: "TimeStampResponse", statement: bytes, authorities: "Sequence[Certificate]"
+) -> str:
+    """Why the stamp is by none of the authorities; "" where it is."""
+    from rfc3161_client import VerificationError, VerifierBuilder
+
+    verifier = VerifierBuilder(roots=list(authorities)).build()
+    try:
+        verifier.verify_message(response, statement)
+    except (VerificationError, ValueError) as error:
+        return f"is by no authority of --tsa, or not valid ({str(error)[:_LONGEST]})"
+    return ""

@@ -1,0 +1,89 @@
+"""Write a bundle into a folder: tables, document, report, recording, digests, signature."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import polars as pl
+
+from recordings.calibration.bundle_folder import (
+    EVIDENCE,
+    PDF,
+    POINTS,
+    READINGS,
+    REPORT,
+    STATEMENT,
+    SUMS,
+    listing,
+    read_file,
+    sums_text,
+)
+from recordings.calibration.bundle_tables import write_table
+from recordings.calibration.calibration_report import report_html, report_pdf
+from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
+from recordings.calibration.signing import SigningKey, envelope, statement
+
+
+def tables_of(
+    readings: pl.DataFrame, points: pl.DataFrame
+) -> tuple[dict[str, bytes], EvidenceTables]:
+    """The tables as they are written, and their digests."""
+    written = {READINGS: write_table(readings), POINTS: write_table(points)}
+    return written, EvidenceTables(
+        readings_sha256=hashlib.sha256(written[READINGS]).hexdigest(),
+        points_sha256=hashlib.sha256(written[POINTS]).hexdigest(),
+    )
+
+
+def write_bundle(
+    folder: Path,
+    document: EvidenceDocument,
+    readings: pl.DataFrame,
+    points: pl.DataFrame,
+    tables: Mapping[str, bytes],
+    key: SigningKey | None,
+) -> list[str]:
+    """Write what the folder of a bundle lacks; its recordings are in it already.
+
+    Args:
+        folder: where the recordings are.
+        document: the evidence.
+        readings: frame `readings`.
+        points: frame of the points.
+        tables: both, by file name, as `tables_of` gives them.
+        key: signs; None leaves the bundle unsigned.
+
+    Returns:
+        Remarks for whoever makes it, a line each.
+
+    Raises:
+        EvidenceError: a number or text that canonical JSON cannot hold.
+    """
+    for name, data in tables.items():
+        (folder / name).write_bytes(data)
+    (folder / EVIDENCE).write_bytes(document.data)
+    html = report_html(document, readings, points)
+    (folder / REPORT).write_bytes(html.encode())
+    remark = report_pdf(html, folder / PDF)
+    names, _ = listing(folder)
+    digests = {name: read_file(folder, name).sha256 for name in names}
+    sums = sums_text(digests).encode()
+    (folder / SUMS).write_bytes(sums)
+    if key is not None:
+        digests[SUMS] = hashlib.sha256(sums).hexdigest()
+        payload = statement(digests, predicate_of(document))
+        (folder / STATEMENT).write_bytes(envelope(payload, key))
+    return [remark] if remark else []
+
+
+def predicate_of(document: EvidenceDocument) -> dict[str, object]:
+    """What the statement says of the files: which evidence, of which machine, after which."""
+    previous = document.chain.previous
+    return {
+        "id": document.id,
+        "kind": document.kind,
+        "machine": document.campaign.machine.id,
+        "made": document.made,
+        "counter": document.chain.counter,
+        "previous": None if previous is None else previous.model_dump(mode="json"),
+    }

@@ -1,0 +1,209 @@
+"""Two replays in one recording: A and B over each other, B less A below, and what differs.
+
+The viewer shows one recording at a time, so both are drawn into a third one. It keeps no frames.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.compare.run_alignment import difference, in_time_of
+from analysis.model.run_record import Run
+from recordings.report import colours
+from recordings.rrd.blueprint import Page, Panel, laid_out, unix_span_ns
+from recordings.rrd.display_frames import ROOT, Drawn, axis_range, display_frames, drawn_of
+from recordings.rrd.recording_table import TABS, Kind, View
+from recordings.rrd.writer import Scene, write_scene
+
+#: The text beside the first tab.
+COMPARED: Final = "compared"
+_A, _B, _LESS = "A", "B", "B_less_A"
+_CONTEXT: Final = ("Speed",)
+#: Views that differ and are all on the first page.
+_FEW: Final = 3
+
+
+@dataclass(frozen=True)
+class _Side:
+    """One of the runs with what is drawn of it, under a name of its own."""
+
+    name: str
+    run: Run
+    shown: Mapping[str, pl.DataFrame]
+
+    def drawn(self, view: View) -> tuple[Drawn, ...]:
+        return drawn_of(view, self.run, self.shown)
+
+    def placed(self) -> dict[str, pl.DataFrame]:
+        return {_under(self.name, frame): rows for frame, rows in self.shown.items()}
+
+
+def write_overlay(
+    a: Run, b: Run, path: str | Path, text: str, *, one_log: bool, force: bool = False
+) -> Path:
+    """Write a recording of two runs over each other, with B less A.
+
+    Views in which nothing differs are left out, but for the speed.
+
+    Args:
+        a: the run that differences are counted from; the columns that are drawn suffice.
+        b: the other.
+        path: the `.rrd` file to write.
+        text: what differs, in Markdown.
+        one_log: whether both are replays of one log; else their manoeuvres are matched in order.
+        force: whether to replace a file that is there already.
+
+    Raises:
+        OutputError: as `write_recording`.
+    """
+    moved = in_time_of(a, b, one_log=one_log)
+    about = a.provenance.model_copy(
+        update={"notes": ("two replays over each other; see the tab Compared",), "losses": ()}
+    )
+
+    def scene(_: Run) -> Scene:
+        sides = [
+            _Side(name, run, display_frames(run))
+            for name, run in ((_A, a), (_B, moved), (_LESS, difference(a, moved)))
+        ]
+        return Scene(
+            name="A and B",
+            shown={name: rows for side in sides for name, rows in side.placed().items()},
+            layout=laid_out(_pages(*sides), unix_span_ns(a)),
+            texts={COMPARED: text},
+        )
+
+    return write_scene(Run({}, about), scene, path, force=force)
+
+
+def _pages(a: _Side, b: _Side, less: _Side) -> list[Page]:
+    first, *rest = [tab for tab in TABS if tab.views]
+    panels: list[Panel | None] = []
+    elsewhere = {view for tab in rest for view in tab.views}
+    moved = [view for view in first.views if _differs(view, a, b)]
+    for view in first.views:
+        if view in moved:
+            # beside a text there is room for a few; what led to the masses is in other tabs
+            led = view.kind is Kind.LINES and view.name not in _CONTEXT and view in elsewhere
+            if led and len(moved) > _FEW:
+                continue
+            over = _over(view, a, b)
+            panels.append(over)
+            if view.kind is Kind.BANDS:  # the other tabs have the differences of what led to it
+                panels.append(_difference(view, less, over))
+        elif view.name in _CONTEXT:
+            panels.append(_alone(view, a))
+    pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
+    for tab in rest:
+        differ = [
+            view
+            for view in tab.views
+            if not (view.kind is Kind.STATES and view in first.views) and _differs(view, a, b)
+        ]
+        # the speed alone says nothing of what the tab is about
+        if all(view.name in _CONTEXT for view in differ):
+            continue
+        found: list[Panel | None] = []
+        for view in differ:
+            over = _over(view, a, b)
+            found += [over, _difference(view, less, over)]
+        pages.append(Page(tab.name, tuple(filter(None, found))))
+    return pages
+
+
+def _alone(view: View, a: _Side) -> Panel | None:
+    """A view in which both are alike."""
+    drawn = tuple(replace(each, frame=_under(_A, each.frame)) for each in a.drawn(view))
+    return Panel(view.title, view.kind, drawn, axis_range(view, a.run)) if drawn else None
+
+
+def _differs(view: View, a: _Side, b: _Side) -> bool:
+    """Whether anything that a view draws is otherwise in B."""
+    mine, theirs = a.drawn(view), b.drawn(view)
+    if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
+        return True
+    return any(
+        not a.shown[each.frame].select(names).equals(b.shown[each.frame].select(names))
+        for each in mine
+        for names in [["t_ns", each.column, *([each.variance] if each.variance else [])]]
+    )
+
+
+def _over(view: View, a: _Side, b: _Side) -> Panel | None:
+    """Both over each other; lanes of states one below the other."""
+    mine, theirs = a.drawn(view), b.drawn(view)
+    if not (mine or theirs):
+        return None
+    lone = max(_named(mine), _named(theirs)) == 1
+    alike = set() if view.kind is Kind.STATES else _alike(mine, theirs, lone=lone)
+    drawn = [*_looks(mine, _A, alike, lone=lone), *_looks(theirs, _B, alike, lone=lone)]
+    title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
+    if view.kind is Kind.STATES:
+        drawn = sorted(drawn, key=lambda each: each.label)
+    ends = [each for side in (a, b) if (each := axis_range(view, side.run)) is not None]
+    bulk = (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
+    return Panel(title, view.kind, tuple(drawn), bulk)
+
+
+def _alike(mine: Sequence[Drawn], theirs: Sequence[Drawn], *, lone: bool) -> set[str]:
+    """Names that A and B share in a legend, which would have too many otherwise."""
+    both = {each.label for each in mine} & {each.label for each in theirs}
+    return {each.label for each in mine if not lone or each.column == "threshold"} & both
+
+
+def _difference(view: View, less: _Side, over: Panel | None) -> Panel | None:
+    """B less A, below both over each other; None where no number differs, and of states."""
+    if view.kind is Kind.STATES:
+        return None
+    plain = replace(
+        view, series=tuple(replace(each, std=None) for each in view.series), threshold=None
+    )
+    drawn = [each for each in less.drawn(plain) if _moves(less.shown[each.frame][each.column])]
+    if not drawn:
+        return None
+    named = tuple(replace(each, frame=_under(_LESS, each.frame)) for each in drawn)
+    above = set() if over is None else {each.label for each in over.drawn}
+    return Panel(
+        f"B − A: {view.title}",
+        Kind.LINES,
+        named,
+        axis_range(plain, less.run),
+        named_above=above.issuperset(each.label for each in named),
+    )
+
+
+def _moves(numbers: pl.Series) -> bool:
+    return bool((numbers.fill_null(0.0) != 0.0).any())
+
+
+def _named(drawn: Sequence[Drawn]) -> int:
+    """Lines with a name of their own: neither extremes nor thresholds."""
+    return sum(not each.faint and each.column != "threshold" for each in drawn)
+
+
+def _looks(drawn: Sequence[Drawn], side: str, alike: set[str], *, lone: bool) -> list[Drawn]:
+    """A in the usual colours and wide, so that it shows under B; B in another colour, or paler."""
+    found: list[Drawn] = []
+    for each in drawn:
+        colour = each.colour
+        if side == _B and colour:
+            other = lone and each.column != "threshold"
+            colour = colours.line(1) if other else colours.paler(colour)
+        found.append(
+            replace(
+                each,
+                frame=_under(side, each.frame),
+                label=each.label if each.label in alike else f"{side} {each.label}".strip(),
+                colour=colour,
+                wide=side == _A and not each.faint,
+            )
+        )
+    return found
+
+
+def _under(side: str, frame: str) -> str:
+    """`display/gate` as `A/gate`, and its lane `display/states/gate` as `A/states/gate`."""
+    return f"{side}/{frame.removeprefix(f'{ROOT}/')}"

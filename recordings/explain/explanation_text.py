@@ -1,0 +1,138 @@
+"""An explanation in words: the verdict in a sentence, then why, line by line."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from analysis.explain import Determined, Explanation
+from analysis.explain.worst_manoeuvres import GateStretch, ManoeuvreSeen
+from estimators.errors import counted
+from recordings.report.finding_text import (
+    LEADS_TO,
+    affects_mass,
+    change_of,
+    name_of,
+    proposal_of,
+    span_of,
+    untold,
+)
+from recordings.report.number_text import number, plus_minus
+from recordings.rrd.recording_texts import headline
+
+_DECIDES: Final = {
+    "mi_x_nat": ("index", "nat"),
+    "corr_x_1": ("correlation", ""),
+    "noise_share_x_1": ("share of noise", ""),
+}
+_PARAMETERS: Final = {
+    "mass_kg": "mass",
+    "friction_x_N_s_m": "viscous friction",
+    "coulomb_x_N": "Coulomb friction",
+    "constant_force_N": "a constant force",
+}
+#: Standard deviations beyond which a manoeuvre is worth a look.
+_APART: Final = 3.0
+
+
+def verdict_sentence(explained: Explanation) -> str:
+    """The verdict in one sentence: the answer, and the likeliest cause of an error."""
+    said = headline(explained.said).removesuffix(".")
+    here = "" if explained.at_s is None else f"; at {explained.at_s:g} s {_moment(explained)}"
+    found = explained.findings
+    if found is None:
+        return f"{said}{here}; this recording has no findings: replay the log."
+    if not found:
+        return f"{said}{here}; none of the known causes of an error was detected."
+    first = next((each for each in found if affects_mass(each)), None)
+    if first is None:
+        names = ", ".join(name_of(each.cause) for each in found)
+        return f"{said}{here}; none of the findings is known to affect the mass: {names}."
+    others = len(found) - 1
+    more = f", and {counted(others, 'finding')} more" if others else ""
+    change = change_of(first)
+    return (
+        f"{said}{here}; likeliest cause of an error: {name_of(first.cause)}"
+        f"{f' ({change})' if change else ''}{more}."
+    )
+
+
+def _moment(explained: Explanation) -> str:
+    stretch = next(
+        (e for e in explained.gate if e.start_s <= (explained.at_s or 0.0) <= e.end_s), None
+    )
+    if stretch is None:
+        return "there is no window"
+    if stretch.reason == "accepted":
+        return f"the window is accepted{_number(stretch)}"
+    return f"the gate refuses the window for '{stretch.reason.replace('_', ' ')}'{_number(stretch)}"
+
+
+def _number(stretch: GateStretch) -> str:
+    if stretch.column is None or stretch.value is None:
+        return ""
+    name, unit = _DECIDES[stretch.column]
+    return (
+        f" ({name} {number(round(stretch.value, 3))}, {stretch.limit}{f' {unit}' if unit else ''})"
+    )
+
+
+def finding_lines(explained: Explanation) -> Iterator[str]:
+    """Every finding, ranked, with what follows from it."""
+    for each in explained.findings or ():
+        where = ", ".join(filter(None, (each.channel, span_of(each))))
+        yield f"{each.rank}. {name_of(each.cause)}{f' ({where})' if where else ''}: {each.says}"
+        for line in (
+            each.evidence,
+            change_of(each),
+            proposal_of(each),
+            untold(each),
+            LEADS_TO[each.severity],
+        ):
+            if line:
+                yield f"   {line}"
+
+
+def gate_lines(explained: Explanation) -> Iterator[str]:
+    """The gate's reasons: around the moment in order, else by share."""
+    if explained.at_s is not None:
+        for each in explained.gate:
+            reason = each.reason.replace("_", " ")
+            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_number(each)}"
+        return
+    shares = [(name, share) for name, share in explained.shares.items() if share >= 0.005]
+    if shares:
+        yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
+
+
+def determined_lines(found: Determined | None) -> Iterator[str]:
+    """What the motion determines, and what it leaves open."""
+    if found is None:
+        return
+    alone = ", ".join(_PARAMETERS[name] for name in found.alone)
+    if alone:
+        yield f"determined by themselves: {alone}"
+    for text in found.combinations:
+        said = text
+        for name, words in _PARAMETERS.items():
+            said = said.replace(name, words.removeprefix("a "))
+        yield f"determined together only: {said}"
+    if found.lost:
+        names = ", ".join(_PARAMETERS[name] for name in found.lost)
+        yield f"not determined: {names}; what is said of them comes from priors"
+    for a, b, correlation in found.trade_offs:
+        yield (
+            f"{_PARAMETERS[a]} and {_PARAMETERS[b]} trade off: their estimates are correlated by "
+            f"{correlation:+.2f}"
+        )
+
+
+def manoeuvre_line(seen: ManoeuvreSeen) -> str:
+    """A manoeuvre beside its load, or why it has no mass."""
+    span = f"{seen.start_s:,.1f} to {seen.end_s:,.1f} s"
+    if seen.mass_kg is None:
+        return f"{span}: no mass ({seen.reason.replace('_', ' ')})"
+    mass = f"{span}: {plus_minus(seen.mass_kg, seen.mass_std_kg)} kg by itself"
+    if seen.load_kg is None or seen.deviations is None:
+        return mass
+    apart = f"{seen.deviations:+.1f} standard deviations from load {seen.load_id}"
+    note = ", worth a look" if abs(seen.deviations) > _APART else ""
+    return f"{mass}, {apart} ({number(seen.load_kg)} kg){note}"

@@ -1,0 +1,269 @@
+"""The page of a fleet: one file over machines and weeks."""
+
+import datetime as dt
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.fleet.calibration_steps import FleetCalibration, LineChange
+from analysis.fleet.daily_figures import sums, whole
+from analysis.fleet.machine_drifts import SIGNALS, MachineChart
+from estimators.errors import counted
+from recordings.fleet.fleet_plots import drift, tonnes
+from recordings.report.number_text import SCALE_NOT_KNOWN
+from recordings.report.render_page import page_html
+
+_TEMPLATE: Final = "fleet.html.j2"
+#: Of an interval with a confidence of 95 %.
+K: Final = 2.0
+#: Rows and figures beyond these are counted and not shown: nobody reads them.
+MOST_LOOKS: Final = 100
+_MOST_FIGURES: Final = 24
+_MOST_FAILED: Final = 50
+#: A calibration is due when it ends in so many days.
+_DUE_DAYS: Final = 30
+
+
+@dataclass(frozen=True)
+class FleetPage:
+    """What a page shows.
+
+    Attributes:
+        name: of the fleet.
+        results: table `results`.
+        days: of `daily`.
+        weeks: of `weekly`.
+        charts: of `machine_charts`.
+        calibrations: of all machines.
+        changes: between them.
+        looks: of `needs_a_look`, with column `command`.
+        failed: recordings without a result, and why.
+        today: the last day of the fleet, by which calibrations are due.
+    """
+
+    name: str
+    results: pl.DataFrame
+    days: pl.DataFrame
+    weeks: pl.DataFrame
+    charts: Sequence[MachineChart]
+    calibrations: Sequence[FleetCalibration]
+    changes: Sequence[LineChange]
+    looks: pl.DataFrame
+    failed: Mapping[str, str]
+    today: dt.date | None
+
+
+def fleet_html(page: FleetPage) -> str:
+    """Write the page; every text in it is escaped, and it asks nothing of anybody."""
+    machines = sums(page.results, ["machine"])
+    total = whole(machines)
+    flagged = sorted(
+        (chart for chart in page.charts if chart.chart.flagged is not None), key=_by_size
+    )
+    by_week = _fleet_weeks(page.weeks)
+    drawn = [tonnes(by_week)] if by_week.height else []
+    return page_html(
+        "recordings.fleet",
+        _TEMPLATE,
+        title=f"Fleet {page.name}",
+        period=_period(page.days),
+        headline=headline(total, machines.height),
+        facts=_facts(page, total, len(flagged)),
+        warnings=_warnings(page),
+        machines=[_machine(row, page) for row in machines.iter_rows(named=True)],
+        machine_heads=_MACHINE_HEADS,
+        pictures=[picture for picture in drawn if picture is not None],
+        drifts=[_drift(chart) for chart in flagged],
+        drift_pictures=[drift(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
+        undrawn=max(len(flagged) - _MOST_FIGURES, 0),
+        looks=[_look(n, row) for n, row in enumerate(_first_looks(page), start=1)],
+        more_looks=max(page.looks.height - MOST_LOOKS, 0),
+        calibrations=_calibrations(page),
+        changes=[_line_change(each) for each in page.changes],
+        weeks=_week_table(page.weeks),
+        failed=list(page.failed.items())[:_MOST_FAILED],
+        more_failed=max(len(page.failed) - _MOST_FAILED, 0),
+        signals=SIGNALS,
+    )
+
+
+def headline(total: Mapping[str, float], machines: int) -> str:
+    """The answer in a line."""
+    if not total["loads"]:
+        return f"No tonnes: no cycle of {counted(machines, 'machine')} has a mass"
+    return (
+        f"{_tonnes(total['payload_kg'], K * total['payload_u_kg'])} in "
+        f"{counted(int(total['loads']), 'load')} by {counted(machines, 'machine')}"
+        + (f", {SCALE_NOT_KNOWN}" if total["without_scale"] else "")
+    )
+
+
+_MACHINE_HEADS: Final = (
+    *("machine", "recordings", "loads", "tonnes", "± t", "scale", "hours"),
+    *(f"{signal.name} {signal.unit}" for signal in SIGNALS),
+    *("calibrated until", "to look at"),
+)
+
+
+def _tonnes(kg: float, u_kg: float) -> str:
+    digits = 0 if u_kg >= 1e4 else 1 if u_kg >= 1e3 else 2
+    return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
+
+
+def _period(days: pl.DataFrame) -> str:
+    if days.is_empty():
+        return "no recording has a date"
+    return f"{days['day'].min()} to {days['day'].max()}"
+
+
+def _facts(page: FleetPage, total: Mapping[str, float], flagged: int) -> list[tuple[str, str]]:
+    status = page.results["status"]
+    refused = int((status == "refused").sum())
+    cannot = page.results.filter(~pl.col("can_weigh")).height
+    return [
+        ("interval", "95 % (k = 2); machines are taken as independent of each other"),
+        (
+            "recordings",
+            f"{total['recordings']:,.0f}: {refused:,} refused, {cannot:,} that cannot weigh, "
+            f"{len(page.failed):,} without a result",
+        ),
+        ("hours", f"{page.days['hours'].sum():,.0f} recorded"),
+        ("drift", f"{counted(flagged, 'chart')} beyond the limit"),
+        ("to look at", counted(page.looks.height, "recording")),
+    ]
+
+
+def _warnings(page: FleetPage) -> list[str]:
+    found: list[str] = []
+    versions = sorted(set(page.results["payscope"]))
+    if len(versions) > 1:
+        found.append(f"Results of several versions of payscope: {', '.join(versions)}.")
+    other = page.results.filter(~pl.col("current")).height
+    if other:
+        found.append(
+            f"{counted(other, 'recording')} with other settings or versions than the last run had: "
+            "run it again over them, where their logs still are."
+        )
+    undated = page.results.filter(pl.col("day") == "undated").height
+    if undated:
+        found.append(f"{counted(undated, 'recording')} without a date: in no week and no chart.")
+    scale = int(sums(page.results, ["machine"])["without_scale"].sum())
+    if scale:
+        found.append(
+            f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's stated "
+            "mass nor a calibration nor the machine file's uncertainties tell it, so it is not in "
+            "the ±."
+        )
+    without = page.results.filter((pl.col("calibration") == "") & (pl.col("cycles_counted") > 0))
+    if page.calibrations and without.height:
+        found.append(f"{counted(without.height, 'recording')} on days without a calibration.")
+    return found
+
+
+def _machine(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, Any]:
+    name = row["machine"]
+    mine = page.days.filter(pl.col("machine") == name)
+    latest = {c.signal.name: c for c in page.charts if c.machine == name}
+    ends = max((c.expires for c in page.calibrations if c.machine == name), default=None)
+    looks = page.looks.filter(pl.col("machine") == name).height
+    cells = [
+        _cell(row["recordings"], ",.0f"),
+        _cell(row["loads"], ",.0f"),
+        _cell(row["payload_kg"] / 1e3, ",.1f"),
+        _cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
+        ("not known", "1") if row["without_scale"] else ("known", "0"),
+        _cell(float(mine["hours"].sum()), ",.0f"),
+    ]
+    for signal in SIGNALS:
+        chart = latest.get(signal.name)
+        flagged = chart is not None and chart.chart.flagged is not None
+        cells.append(_cell(chart.change if chart is not None and flagged else None, "+,.1f"))
+    cells.append(("–", "") if ends is None else (str(ends), str(ends)))
+    cells.append(_cell(looks, ",.0f"))
+    return {"name": name, "cells": cells}
+
+
+def _cell(value: float | None, form: str) -> tuple[str, str]:
+    """As shown, and as sorted."""
+    if value is None or not math.isfinite(value):
+        return "–", ""
+    return f"{value:{form}}", f"{value:.6g}"
+
+
+def _by_size(chart: MachineChart) -> tuple[float, str, str]:
+    """The change that is largest beside its deviation comes first."""
+    change, std = abs(chart.change), chart.change_std
+    known = math.isfinite(change) and std > 0.0
+    return -(change / std if known else 0.0), chart.machine, chart.signal.name
+
+
+def _drift(chart: MachineChart) -> tuple[str, ...]:
+    found = chart.chart
+    assert found.flagged is not None
+    assert found.since is not None
+    unit = chart.signal.unit
+    change = f"{chart.change:+,.1f} ± {K * chart.change_std:,.1f} {unit}"
+    return (
+        chart.machine,
+        chart.signal.name,
+        change if math.isfinite(chart.change) else "–",
+        str(chart.days[found.since]),
+        str(chart.days[found.flagged]),
+        chart.signal.means,
+    )
+
+
+def _first_looks(page: FleetPage) -> list[dict[str, Any]]:
+    return page.looks.head(MOST_LOOKS).to_dicts()
+
+
+def _look(number: int, row: Mapping[str, Any]) -> Mapping[str, Any]:
+    return {**row, "number": number, "at": f"{row['at_s']:,.0f}"}
+
+
+def _calibrations(page: FleetPage) -> list[tuple[str, ...]]:
+    """The latest of every machine, the one that ends first above."""
+    latest: dict[str, FleetCalibration] = {}
+    for each in sorted(page.calibrations, key=lambda c: c.first):
+        latest[each.machine] = each
+    rows: list[tuple[str, ...]] = []
+    for each in sorted(latest.values(), key=lambda c: (c.expires, c.machine)):
+        left = None if page.today is None else (each.expires - page.today).days
+        due = "" if left is None or left > _DUE_DAYS else "due" if left >= 0 else "expired"
+        rows.append((each.machine, str(each.first), str(each.expires), due, each.method, each.id))
+    return rows
+
+
+def _line_change(each: LineChange) -> tuple[str, ...]:
+    return (
+        each.after.machine,
+        str(each.before.first),
+        str(each.after.first),
+        f"{each.zero_kg:+,.1f} (± {each.zero_limit_kg:,.1f})",
+        f"{each.scale_1:+.2%} (± {each.scale_limit_1:.2%})",
+        "beyond its limit" if each.moved else "within",
+    )
+
+
+def _fleet_weeks(weeks: pl.DataFrame) -> pl.DataFrame:
+    return (
+        weeks.group_by("week")
+        .agg(pl.col("payload_kg").sum(), (pl.col("payload_u_kg") ** 2).sum().sqrt())
+        .sort("week")
+    )
+
+
+def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
+    """Tonnes by machine, a column a week."""
+    if weeks.is_empty():
+        return {"heads": [], "rows": []}
+    table = weeks.sort("week", "machine").pivot("week", index="machine", values="payload_kg")
+    names = sorted(table.columns[1:])
+    rows = [
+        (row["machine"], [_cell(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names])
+        for row in table.sort("machine").iter_rows(named=True)
+    ]
+    return {"heads": names, "rows": rows}

@@ -1,0 +1,148 @@
+"""Labels and sentences of the claims of the abstract and of the conclusion."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.paper import printed_numbers
+from analysis.paper.claims import Claims
+from analysis.paper.excitation_figures import WINDOW_S
+from analysis.paper.simulated_sources import CRUISE_S
+from recordings.paper.paper_wording import NAMES, Said, percent
+
+_CLAIMS: Final = {
+    "rms": "RMS error below 1 % of the machine's mass",
+    "simulation": "error in simulation",
+    "experiment": "error in the experiments",
+    "reduction": "smaller than RLS without the criterion",
+}
+_DIRECTIONAL: Final = {
+    "gated": "gated, forgetting directionally",
+    "ungated": "ungated but forgetting directionally",
+}
+_SHORT_STARTS: Final = {
+    "nothing": "In a campaign of short starts and stops there is little to be saved from.",
+    "refusing braking": "In a campaign refusing what brakes does as much as the whole gate.",
+    "the index": ("In a campaign it is the index that does it, not the refusal of what brakes."),
+}
+
+
+def labelled(found: Claims) -> pl.DataFrame:
+    """The findings with claim, case and printed number in words."""
+    rows = list(found.frame.iter_rows(named=True))
+    words = pl.DataFrame(
+        {
+            "claim": [_CLAIMS[row["claim"]] for row in rows],
+            "case": [_case(row) for row in rows],
+            "paper": [_printed(row) for row in rows],
+        }
+    )
+    numbers = ("found_kg", "found_kg_low", "found_kg_high", "smaller_percent")
+    shares = ("of_mass_percent", "of_load_range_percent")
+    return pl.concat([words, found.frame.select(*numbers, *shares)], how="horizontal")
+
+
+def _case(row: Mapping[str, Any]) -> str:
+    if row["of"] == "constant":
+        return "a constant that ignores the data"
+    name = NAMES[row["method"]]
+    if row["claim"] == "rms":
+        return f"{name}, single runs, own load left out of (19)"
+    if row["claim"] == "simulation":
+        return f"{name}, mean of {row['windows']} windows of {WINDOW_S:g} s"
+    if row["claim"] == "experiment":
+        return f"{name}, mean size of a run's error after (19)"
+    if row["of"] == "cruise":
+        how = _DIRECTIONAL[row["fed"]] if row["directional"] else row["fed"]
+        return f"{name} {how}, RMS error after {CRUISE_S:g} s of cruise"
+    return f"{name} {row['fed']}, single runs of campaigns, own load left out of (19)"
+
+
+def _printed(row: Mapping[str, Any]) -> str:
+    """The paper's number; a dash for what it does not give."""
+    if row["claim"] == "rms":
+        return "–" if row["of"] == "constant" else f"< {percent(printed_numbers.RMS_SHARE)}"
+    if row["claim"] == "reduction":
+        ungated = row["smaller_percent"] is None
+        return "–" if ungated else f"≥ {percent(printed_numbers.REDUCTION)} smaller"
+    simulated = row["claim"] == "simulation"
+    printed = printed_numbers.SIMULATION_ERROR if simulated else printed_numbers.EXPERIMENT_ERROR
+    mean, spread = (100.0 * share for share in printed)
+    return f"{mean:g} ± {spread:g} %"
+
+
+def said(found: Claims) -> Said:
+    """Say what was found of each claim."""
+    return Said(
+        (
+            "Campaigns as in Tables 3 and 4, at 320 samples and 0.7 nat. The paper does not say "
+            "whether its averages are of errors or of their sizes, nor what its ± covers.",
+            "RLS without the criterion is fed every sample, or every sample but braking; the "
+            f"claim's constant speed is a cruise of {CRUISE_S:g} s after a start of 3 s.",
+        ),
+        (_rms(found), _simulation(found), _experiment(found), _reduction(found)),
+    )
+
+
+def _rms(found: Claims) -> str:
+    low, high = found.rms_kg
+    holds = "holds in simulation for every method"
+    return (
+        f"Below 1 % of the machine's mass ({found.rms_limit_kg:.0f} kg) "
+        f"{holds if found.rms_held else 'does not hold for every method'} "
+        f"({low:.1f} to {high:.1f} kg). It says little: a constant that ignores the data is at "
+        f"{found.constant_percent:.1f} %, and 1 % of the machine is "
+        f"{percent(found.rms_limit_kg / printed_numbers.LOAD_RANGE_KG)} of the payload range."
+    )
+
+
+def _simulation(found: Claims) -> str:
+    mean, spread = printed_numbers.SIMULATION_ERROR
+    return (
+        f"{percent(mean, 4)} ± {percent(spread, 2)} in simulation: a single window of "
+        f"{WINDOW_S:g} s is within ± {percent(found.window_spread_1, 2)} at the noise that comes "
+        f"nearest to Table 1, whose own 11.66 kg are 0.32 %. ± {percent(spread, 2)} is what the "
+        f"mean of some {found.windows_claimed:.0f} such windows has. The mean of ours is "
+        f"{percent(found.bias_kg / printed_numbers.MASS_KG, 4)}, "
+        + (
+            "more than chance: noise in its regressors biases LS."
+            if found.biased
+            else "which so many windows cannot tell from zero."
+        )
+    )
+
+
+def _experiment(found: Claims) -> str:
+    mean, spread = printed_numbers.EXPERIMENT_ERROR
+    of_mass, of_range = found.experiment_mass_percent, found.experiment_range_percent
+    return (
+        f"{percent(mean, 2)} ± {percent(spread, 2)} in the experiments is "
+        f"{mean * printed_numbers.MASS_KG:.1f} ± {spread * printed_numbers.MASS_KG:.1f} kg: of the machine's mass a "
+        f"simulated campaign has {of_mass[0]:.2f} to {of_mass[1]:.2f} %, which is "
+        f"{of_range[0]:.1f} to {of_range[1]:.1f} % of the payload range. The printed number is "
+        "of the loads that (19) was fitted on, and relative to a mass that was known beforehand."
+    )
+
+
+def _reduction(found: Claims) -> str:
+    rows = found.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
+    each = [
+        f"{_case(row)}, {row['found_kg']:,.1f} kg{_than_ungated(row['smaller_percent'])}"
+        for row in rows
+    ]
+    held = found.reduced
+    verdict = "holds throughout" if all(held) else "depends on the drive" if any(held) else "fails"
+    return (
+        f"At least {percent(printed_numbers.REDUCTION)} smaller than RLS without the criterion {verdict}: "
+        f"{'; '.join(each)}. Over a long cruise the gate saves RLS from forgetting while nothing "
+        "happens, which directional forgetting does without a gate. "
+        f"{_SHORT_STARTS[found.saved_by]}"
+    )
+
+
+def _than_ungated(smaller_percent: float | None) -> str:
+    if smaller_percent is None:
+        return ""
+    word = "smaller" if smaller_percent >= 0.0 else "larger"
+    return f" ({abs(smaller_percent):.1f} % {word})"

@@ -1,0 +1,177 @@
+"""The tables of the page: each item's frame laid out for a reader, numbers as text."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import polars as pl
+
+from analysis.paper import campaign_tables, printed_numbers
+from recordings.paper.paper_wording import NAMES
+
+#: By method, what its row of a group says.
+_Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One table: its caption, header and rows, and how many columns in front are text."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    texts: int = 1
+
+
+def table_1(frame: pl.DataFrame) -> list[Shown]:
+    """Errors by window length, and the same over the bound."""
+    errors = _beside_the_paper(
+        frame, "window_s", "window, s", lambda row: _interval(row, "rmse_kg"), "bound_kg"
+    )
+    ratios = _by_method(frame, "window_s", "window, s", lambda row: _number(row["over_bound_1"], 2))
+    trials = frame["trials"].max()
+    return [
+        Shown(
+            f"RMS error of the mass in kg over {trials} windows [95 % interval], beside the "
+            "paper's one; bound: Cramér–Rao",
+            *errors,
+        ),
+        Shown("The same over the bound", *ratios),
+    ]
+
+
+def table_2(frame: pl.DataFrame) -> list[Shown]:
+    """Slope and offset by method."""
+    of = {(row["chain"], row["method"]): row for row in frame.iter_rows(named=True)}
+    methods = frame["method"].unique(maintain_order=True)
+    rows: list[list[str]] = []
+    for method in methods:
+        cells = [NAMES[method]]
+        for name, digits in (("alpha_1", 3), ("beta_kg", 1)):
+            ideal, front = of["ideal", method], of["front_axle", method]
+            cells += [
+                _number(ideal[f"paper_{name}"], digits),
+                _interval(ideal, name, digits),
+                _interval(front, name, digits),
+            ]
+        rows.append(cells)
+    campaigns = frame["trials"].max()
+    chains = ("paper", "ideal chain", "assumed chain")
+    return [
+        Shown(
+            f"Slope α and offset β in kg, means over {campaigns} campaigns [95 % interval]",
+            ["method", *(f"{of} {by}" for of in "αβ" for by in chains)],
+            rows,
+        )
+    ]
+
+
+def table_3(frame: pl.DataFrame) -> list[Shown]:
+    """Errors by threshold, own load in the fit and left out."""
+    return _swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
+
+
+def table_4(frame: pl.DataFrame) -> list[Shown]:
+    """Errors by window length, own load in the fit and left out."""
+    return _swept(frame, campaign_tables.WINDOW, "samples")
+
+
+def _swept(frame: pl.DataFrame, setting: str, title: str) -> list[Shown]:
+    campaigns = frame["trials"].max()
+    within = _beside_the_paper(
+        frame, setting, title, lambda row: _interval(row, "run_kg"), "bound_kg"
+    )
+    without = _by_method(frame, setting, title, lambda row: _interval(row, "run_left_out_kg"))
+    return [
+        Shown(
+            f"RMS error of a run in kg, every load in the fit: mean over {campaigns} campaigns "
+            "[95 % interval], beside the paper's; bound: Cramér–Rao",
+            *within,
+        ),
+        Shown("The same with the run's own load left out of the fit", *without),
+    ]
+
+
+def figure_8(frame: pl.DataFrame) -> list[Shown]:
+    """Errors by load, in the fit and left out."""
+    header, rows = _by_method(
+        frame,
+        "load_kg",
+        "load, kg",
+        lambda row: f"{_number(row['rms_kg'])} / {_number(row['rms_left_out_kg'])}",
+    )
+    return [Shown("RMS error in kg: load in the fit / left out", header, rows)]
+
+
+def claims(frame: pl.DataFrame) -> list[Shown]:
+    """A row a finding."""
+    rows = [
+        [
+            row["claim"],
+            row["case"],
+            row["paper"],
+            _interval(row, "found_kg", 2),
+            f"{row['of_mass_percent']:.2f} %",
+            f"{row['of_load_range_percent']:.1f} %",
+            "–" if row["smaller_percent"] is None else f"{row['smaller_percent']:.1f} %",
+        ]
+        for row in frame.iter_rows(named=True)
+    ]
+    header = ["claim", "case", "paper", "found, kg [95 %]"]
+    header += ["of the machine's mass", "of the payload range", "smaller"]
+    return [Shown("Each claim as we find it", header, rows, texts=3)]
+
+
+def _by_method(
+    frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str]
+) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: a row a value of `key`, a column a method."""
+    methods = list(frame["method"].unique(maintain_order=True))
+    rows = [
+        [_key(at), *(cell(by[m]) if m in by else "–" for m in methods)]
+        for at, by in _groups(frame, key)
+    ]
+    return [title, *(NAMES[m] for m in methods)], rows
+
+
+def _beside_the_paper(
+    frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str], bound: str
+) -> tuple[list[str], list[list[str]]]:
+    """The same, each method's number followed by the paper's; the bound in front."""
+    methods = list(frame["method"].unique(maintain_order=True))
+    header = [title, "bound"]
+    for method in methods:
+        header += [NAMES[method], *(["paper"] if method in printed_numbers.METHODS else [])]
+    rows: list[list[str]] = []
+    for at, by in _groups(frame, key):
+        cells = [_key(at), _number(next(iter(by.values()))[bound])]
+        for method in methods:
+            cells.append(cell(by[method]))
+            if method in printed_numbers.METHODS:
+                cells.append(_number(by[method]["paper_kg"], 2))
+        rows.append(cells)
+    return header, rows
+
+
+def _groups(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]]:
+    groups: dict[float, dict[str, _Row]] = {}
+    for row in frame.iter_rows(named=True):
+        groups.setdefault(row[key], {})[row["method"]] = row
+    return list(groups.items())
+
+
+def _key(value: float) -> str:
+    return f"{value:g}"
+
+
+def _number(value: float | None, digits: int = 1) -> str:
+    return "–" if value is None else f"{value:,.{digits}f}"
+
+
+def _interval(row: _Row, name: str, digits: int = 1) -> str:
+    """A number with its interval, as far as there is one."""
+    value, low, high = (row[name + end] for end in ("", "_low", "_high"))
+    text = _number(value, digits)
+    if low is None or high is None:
+        return text
+    return f"{text} [{_number(low, digits)}, {_number(high, digits)}]"

@@ -1,0 +1,192 @@
+"""The table of items: every table, figure and list of claims of the paper that is found anew.
+
+`payscope reproduce`, its progress, the page, the CSV files and the pictures iterate over it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, Generic, Protocol, TypeVar
+
+import polars as pl
+
+from analysis.paper import campaign_figures, campaign_tables, claims, excitation_figures
+from analysis.paper import table1 as window_table
+from analysis.paper.simulated_sources import Extract, Extracts
+from recordings.paper import (
+    claims_sentences,
+    figure_sentences,
+    item_tables,
+    paper_pictures,
+    table_sentences,
+)
+from recordings.paper.item_tables import Shown
+from recordings.paper.paper_pictures import Picture
+from recordings.paper.paper_wording import Said
+
+
+class Numbers(Protocol):
+    """What an item is found to be: a frame with every number, and plain values."""
+
+    @property
+    def frame(self) -> pl.DataFrame:
+        """Every number, a column a quantity, its unit in the name."""
+        ...
+
+
+N = TypeVar("N", bound=Numbers)
+
+
+def _own_frame(numbers: Numbers) -> pl.DataFrame:
+    return numbers.frame
+
+
+def _no_tables(_: pl.DataFrame) -> list[Shown]:
+    return []
+
+
+@dataclass(frozen=True, eq=False)
+class Item(Generic[N]):
+    """One table, figure or list of claims of the paper.
+
+    Attributes:
+        name: as the command line has it.
+        title: what it shows.
+        needs: the extracts that it is made of.
+        numbers: makes its numbers of them.
+        said: makes its sentences of the numbers.
+        frame: the frame of the CSV file, labelled where the numbers' own frame has keys.
+        tables: lays the frame out for the page.
+        picture: how it is drawn, or None.
+    """
+
+    name: str
+    title: str
+    needs: tuple[Extract[Any, Any], ...]
+    numbers: Callable[[Extracts], N]
+    said: Callable[[N], Said]
+    frame: Callable[[N], pl.DataFrame] = _own_frame
+    tables: Callable[[pl.DataFrame], list[Shown]] = _no_tables
+    picture: Picture | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An item with its numbers and sentences."""
+
+    item: Item[Any]
+    frame: pl.DataFrame
+    said: Said
+
+
+def find(item: Item[N], extracts: Extracts) -> Found:
+    """Make an item of the extracts that it needs."""
+    numbers = item.numbers(extracts)
+    return Found(item, item.frame(numbers), item.said(numbers))
+
+
+def _of(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
+    """An item that is the extract of a single simulation."""
+    return lambda extracts: extracts.one(extract)
+
+
+#: In the paper's order.
+ITEMS: Final[tuple[Item[Any], ...]] = (
+    Item(
+        "table1",
+        "Table 1: error of the mass by window length, in simulation",
+        (*window_table.AT_LENGTH.values(), window_table.RAW_UNITS),
+        window_table.table_1,
+        table_sentences.table_1,
+        tables=item_tables.table_1,
+    ),
+    Item(
+        "table2",
+        "Table 2: the calibration (19)",
+        (campaign_tables.IDEAL_LINES, campaign_tables.CHAINED_LINES),
+        campaign_tables.table_2,
+        table_sentences.table_2,
+        tables=item_tables.table_2,
+    ),
+    Item(
+        "table3",
+        "Table 3: error of the calibrated mass by threshold of the index (11)",
+        (campaign_tables.OVER_THRESHOLDS,),
+        campaign_tables.table_3,
+        table_sentences.table_3,
+        tables=item_tables.table_3,
+    ),
+    Item(
+        "table4",
+        "Table 4: error of the calibrated mass by window length",
+        (campaign_tables.OVER_WINDOWS,),
+        campaign_tables.table_4,
+        table_sentences.table_4,
+        tables=item_tables.table_4,
+    ),
+    Item(
+        "fig2",
+        "Figure 2: force, acceleration and speed under the triangular force",
+        (excitation_figures.FIGURE_2,),
+        _of(excitation_figures.FIGURE_2),
+        figure_sentences.figure_2,
+        picture=paper_pictures.FIGURE_2,
+    ),
+    Item(
+        "fig3",
+        "Figure 3: mass and friction in a linear motion, window of 10 s",
+        (excitation_figures.FIGURE_3,),
+        _of(excitation_figures.FIGURE_3),
+        figure_sentences.figure_3,
+        picture=paper_pictures.FIGURE_3,
+    ),
+    Item(
+        "fig4",
+        "Figure 4: yaw inertia and friction in a rotational motion, window of 10 s",
+        (excitation_figures.FIGURE_4,),
+        _of(excitation_figures.FIGURE_4),
+        figure_sentences.figure_4,
+        picture=paper_pictures.FIGURE_4,
+    ),
+    Item(
+        "fig5",
+        "Figure 5: force, acceleration, speed and index of a start and stop",
+        (campaign_figures.FIGURE_5,),
+        _of(campaign_figures.FIGURE_5),
+        figure_sentences.figure_5,
+        picture=paper_pictures.FIGURE_5,
+    ),
+    Item(
+        "fig6",
+        "Figure 6: masses before calibration",
+        (campaign_figures.LOADS,),
+        campaign_figures.figure_6,
+        figure_sentences.figure_6,
+        picture=paper_pictures.FIGURE_6,
+    ),
+    Item(
+        "fig7",
+        "Figure 7: masses after calibration by (19)",
+        (campaign_figures.LOADS,),
+        campaign_figures.figure_7,
+        figure_sentences.figure_7,
+        picture=paper_pictures.FIGURE_7,
+    ),
+    Item(
+        "fig8",
+        "Figure 8: error of the calibrated mass by load",
+        (campaign_figures.LOADS,),
+        campaign_figures.figure_8,
+        figure_sentences.figure_8,
+        tables=item_tables.figure_8,
+        picture=paper_pictures.FIGURE_8,
+    ),
+    Item(
+        "claims",
+        "The claims of the abstract and of the conclusion",
+        (claims.TEN_SECONDS, claims.CAMPAIGN_ERRORS, claims.CRUISE_ERRORS),
+        claims.claims,
+        claims_sentences.said,
+        frame=claims_sentences.labelled,
+        tables=item_tables.claims,
+    ),
+)

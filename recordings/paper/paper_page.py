@@ -1,0 +1,104 @@
+"""Write what was found: `reproduction.md`, or CSV files, and the pictures, all or none."""
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from estimators.errors import OutputError
+from recordings.paper.paper_items import Found, Item
+from recordings.paper.paper_pictures import draw
+from recordings.report.atomic_output import check_output, staged
+
+#: The page that holds every item.
+PAGE: Final = "reproduction.md"
+#: The sentences on every item, beside the CSV files.
+SENTENCES: Final = "findings.csv"
+
+
+def check_reproduction(
+    items: Sequence[Item[Any]], folder: Path, output_format: str, *, force: bool
+) -> None:
+    """Refuse outputs that cannot be written, before the work; make the folder where there is none.
+
+    Raises:
+        OutputError: one of them is there already, or the folder cannot be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
+    for path in _targets(items, folder, output_format):
+        check_output(path, force=force)
+
+
+def write_reproduction(
+    found: Sequence[Found], folder: Path, output_format: str, about: str, *, force: bool
+) -> list[Path]:
+    """Write what was found.
+
+    Args:
+        found: tables, figures, claims.
+        folder: where to.
+        output_format: "md" for one page with every table and sentence, "csv" for a file an item
+            with every number and one with the sentences; pictures with both.
+        about: a sentence on how it was found.
+        force: whether to replace what is there.
+
+    Returns:
+        The files.
+
+    Raises:
+        OutputError: one of them is there already, or cannot be written.
+    """
+    targets = _targets([each.item for each in found], folder, output_format)
+    with staged(targets, force=force) as stage:
+        for each in found:
+            if each.item.picture:
+                draw(each.item.picture, each.frame, stage / _picture(each.item))
+        if output_format == "md":
+            (stage / PAGE).write_text(_page(found, about), encoding="utf-8")
+        else:
+            for each in found:
+                each.frame.write_csv(stage / f"{each.item.name}.csv")
+            _sentences(found, about).write_csv(stage / SENTENCES)
+    return targets
+
+
+def _targets(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
+    tables = [f"{item.name}.csv" for item in items]
+    written = [PAGE] if output_format == "md" else [*tables, SENTENCES]
+    return [folder / name for name in (*written, *(_picture(i) for i in items if i.picture))]
+
+
+def _picture(item: Item[Any]) -> str:
+    return f"{item.name}.png"
+
+
+def _page(found: Sequence[Found], about: str) -> str:
+    from jinja2 import Environment, StrictUndefined
+
+    # Markdown for a reader, not HTML for a browser: nothing to escape
+    environment = Environment(undefined=StrictUndefined, keep_trailing_newline=True)  # noqa: S701
+    source = files("recordings.paper").joinpath("page.md.j2").read_text(encoding="utf-8")
+    sections = [
+        {
+            "title": each.item.title,
+            "picture": _picture(each.item) if each.item.picture else None,
+            "tables": each.item.tables(each.frame),
+            "findings": each.said.findings,
+            "choices": each.said.choices,
+        }
+        for each in found
+    ]
+    return environment.from_string(source).render(about=about, sections=sections)
+
+
+def _sentences(found: Sequence[Found], about: str) -> pl.DataFrame:
+    rows = [("", "about", about)]
+    for each in found:
+        rows += [(each.item.name, "finding", sentence) for sentence in each.said.findings]
+        rows += [(each.item.name, "choice", sentence) for sentence in each.said.choices]
+    return pl.DataFrame(rows, schema=["item", "kind", "sentence"], orient="row")

@@ -1,0 +1,210 @@
+"""The pictures of Figures 2 to 8, in the colours of the other plots."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from analysis.paper.simulated_sources import THRESHOLD_NAT
+from recordings.paper.paper_wording import NAMES
+from recordings.report import colours
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH_IN: Final = 8.0
+_PANEL_IN: Final = 1.6
+_DPI: Final = 110
+_MOTION: Final = {
+    "force_x_N": "force $f_x$ (kN)",
+    "regressor_acc_x_m_s2": "acceleration (m/s²)",
+    "speed_x_m_s": "speed (m/s)",
+}
+
+
+class Picture(NamedTuple):
+    """How a figure is drawn: its height, and the painter of its frame."""
+
+    height_in: float
+    paint: Callable[["Figure", pl.DataFrame], None]
+
+
+def draw(picture: Picture, frame: pl.DataFrame, path: Path) -> None:
+    """Draw a frame as PNG.
+
+    Args:
+        picture: height and painter.
+        frame: of the item.
+        path: where to.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH_IN, picture.height_in), layout="constrained")
+    picture.paint(figure, frame)
+    figure.savefig(path, dpi=_DPI, format="png")
+
+
+def _figure_2(figure: "Figure", series: pl.DataFrame) -> None:
+    _stacked(figure, series, _MOTION)
+
+
+def _figure_3(figure: "Figure", series: pl.DataFrame) -> None:
+    _traces(
+        figure,
+        series,
+        ("mass_kg", "mass_std_kg", "true_mass_kg", "mass (kg)"),
+        ("friction_x_N_s_m", "friction_x_std_N_s_m", "true_friction_x_N_s_m", "friction (N·s/m)"),
+    )
+
+
+def _figure_4(figure: "Figure", series: pl.DataFrame) -> None:
+    _traces(
+        figure,
+        series,
+        ("inertia_z_kg_m2", "inertia_z_std_kg_m2", "true_inertia_z_kg_m2", "inertia (kg·m²)"),
+        ("friction_z_N_m_s", "friction_z_std_N_m_s", "true_friction_z_N_m_s", "friction (N·m·s)"),
+    )
+
+
+def _figure_5(figure: "Figure", series: pl.DataFrame) -> None:
+    rows = _stacked(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
+    for axes in rows:
+        _shade(axes, series, "phase", ("accelerating", "braking"))
+    rows[-1].axhline(THRESHOLD_NAT, color="black", lw=0.6, ls=":")
+    rows[0].legend(fontsize=7, loc="upper right")
+
+
+def _stacked(figure: "Figure", series: pl.DataFrame, panels: dict[str, str]) -> list["Axes"]:
+    """A panel a column, one above the other."""
+    rows = list(figure.subplots(len(panels), 1, sharex=True))
+    t_s = series["t_s"].to_numpy()
+    for number, (axes, (column, label)) in enumerate(zip(rows, panels.items(), strict=True)):
+        scale = 1e-3 if column.endswith("_N") else 1.0
+        values = series[column].fill_null(float("nan")).to_numpy() * scale
+        axes.plot(t_s, values, color=colours.line(number), lw=1.0)
+        _panel(axes, label)
+    rows[-1].set_xlabel("time (s)", fontsize=8)
+    return rows
+
+
+def _traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str, str]) -> None:
+    """Estimates over time with bands of one standard deviation, and the truth."""
+    rows = figure.subplots(len(panels), 1, sharex=True)
+    for axes, (column, std_column, true, label) in zip(rows, panels, strict=True):
+        for (method,), part in series.group_by("method", maintain_order=True):
+            t_s, value, std = (part[c].to_numpy() for c in ("t_s", column, std_column))
+            colour = colours.method(str(method))
+            axes.plot(t_s, value, color=colour, lw=1.0, label=NAMES[str(method)])
+            axes.fill_between(t_s, value - std, value + std, color=colour, alpha=0.15, lw=0)
+        axes.axhline(series[true][0], color="black", lw=0.7, ls=":", label="truth")
+        _panel(axes, label)
+    rows[0].legend(fontsize=7, ncols=5, loc="lower right")
+    rows[-1].set_xlabel("time (s)", fontsize=8)
+
+
+def _figure_6(figure: "Figure", table: pl.DataFrame) -> None:
+    _masses(figure, table, "estimate_kg", "estimate_std_kg", "estimate before calibration (kg)")
+
+
+def _figure_7(figure: "Figure", table: pl.DataFrame) -> None:
+    _masses(figure, table, "calibrated_kg", "calibrated_std_kg", "mass after (19) (kg)")
+
+
+def _masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: str) -> None:
+    """A panel a method: means of nine runs ± the deviation of one, and the truth."""
+    methods = list(table["method"].unique(maintain_order=True))
+    panels = figure.subplots(1, len(methods), sharex=True, sharey=True)
+    truth = table["reference_kg"]
+    ends = np.array([truth.min(), truth.max()], float)
+    for axes, method in zip(panels, methods, strict=True):
+        part = table.filter(pl.col("method") == method)
+        axes.plot(ends, ends, color="black", lw=0.6, ls=":", label="truth")
+        axes.errorbar(
+            part["reference_kg"].to_numpy(),
+            part[mean].to_numpy(),
+            yerr=part[std].to_numpy(),
+            fmt="o",
+            ms=3,
+            lw=1.0,
+            capsize=2,
+            color=colours.method(method),
+            label="mean ± one run",
+        )
+        axes.set_title(NAMES[method], fontsize=9)
+        _panel(axes, label if axes is panels[0] else "")
+        axes.set_xticks([3614, 3714, 3814])
+        if "paper_implied_kg" in part.columns:
+            implied = part["paper_implied_kg"].fill_null(float("nan")).to_numpy()
+            axes.plot(part["reference_kg"].to_numpy(), implied, color="black", lw=0.8, ls="--",
+                      label="what Table 2 implies")  # fmt: skip
+    figure.supxlabel("true mass (kg)", fontsize=8)
+    panels[0].legend(fontsize=6, loc="best")
+
+
+def _figure_8(figure: "Figure", table: pl.DataFrame) -> None:
+    axes = figure.subplots()
+    methods = list(table["method"].unique(maintain_order=True))
+    loads = table["load_kg"].unique(maintain_order=True).sort().to_numpy()
+    width = 0.8 / (2 * len(methods))
+    for number, method in enumerate(methods):
+        part = table.filter(pl.col("method") == method).sort("load_kg")
+        for half, (column, hatch) in enumerate((("rms_kg", ""), ("rms_left_out_kg", "////"))):
+            at = np.arange(loads.size) - 0.4 + width * (2 * number + half + 0.5)
+            value = part[column].to_numpy()
+            low = part[f"{column}_low"].fill_null(float("nan")).to_numpy()
+            axes.bar(
+                at,
+                value,
+                width,
+                yerr=None if np.isnan(low).any() else value - low,
+                color=colours.method(method),
+                alpha=1.0 if half == 0 else 0.55,
+                hatch=hatch,
+                edgecolor="white",
+                linewidth=0.3,
+                error_kw={"lw": 0.7},
+                label=NAMES[method] + ("" if half == 0 else ", left out"),
+            )
+    axes.set_xticks(np.arange(loads.size), [f"{load:g}" for load in loads])
+    axes.set_xlabel("load (kg)", fontsize=8)
+    _panel(axes, "RMS error of a run (kg)")
+    # few campaigns make intervals that reach below zero, where no error is
+    axes.set_ylim(0.0, 1.3 * axes.get_ylim()[1])
+    axes.legend(fontsize=7, ncols=len(methods), loc="upper center")
+
+
+def _panel(axes: "Axes", label: str) -> None:
+    axes.set_ylabel(label, fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.grid(lw=0.3, alpha=0.6)
+    axes.set_axisbelow(True)
+
+
+def _shade(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[str, ...]) -> None:
+    """Shade where the phase is one of `wanted`."""
+    state = series[column].cast(pl.String)
+    t_s = series["t_s"].to_numpy()
+    for name in wanted:
+        axes.fill_between(
+            t_s,
+            0,
+            1,
+            where=(state == name).fill_null(False).to_numpy(),
+            transform=axes.get_xaxis_transform(),
+            color=colours.STATES[name],
+            alpha=0.15,
+            lw=0,
+            label=name,
+        )
+
+
+FIGURE_2: Final = Picture(3 * _PANEL_IN, _figure_2)
+FIGURE_3: Final = Picture(5.0, _figure_3)
+FIGURE_4: Final = Picture(5.0, _figure_4)
+FIGURE_5: Final = Picture(4 * _PANEL_IN, _figure_5)
+FIGURE_6: Final = Picture(3.0, _figure_6)
+FIGURE_7: Final = Picture(3.0, _figure_7)
+FIGURE_8: Final = Picture(3.6, _figure_8)

@@ -1,0 +1,166 @@
+"""Pictures of a run, for a report or a mail: one page of everything, or one figure a question."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Final
+
+import polars as pl
+
+from analysis.model.run_record import Run
+from estimators.errors import OutputError, nearest
+from recordings.plots.convergence_plot import draw_convergence
+from recordings.plots.force_acceleration_plot import draw_force_acceleration
+from recordings.plots.time_panels import draw_over_time, draw_reasons, panel_height
+from recordings.report import colours
+from recordings.report.picture import check_picture, write_picture
+from recordings.rrd.display_frames import display_frames, drawn_of
+from recordings.rrd.recording_table import PAGE, TABS
+from recordings.rrd.recording_texts import summary
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure, SubFigure
+
+_WIDTH_IN: Final = 10.0
+_PANEL_IN: Final = 1.5
+_LINE_IN: Final = 0.15
+#: What fits on a line of the answer.
+_CHARACTERS: Final = 140
+
+
+def plot_run(
+    run: Run,
+    path: str | Path,
+    *,
+    figure: str = "page",
+    at_s: float | None = None,
+    force: bool = False,
+) -> Path:
+    """Draw a run: one page of everything, or the figure of one question.
+
+    A run with a calibration gets its fit of (19) and residuals below the page.
+
+    Args:
+        run: the run, or a stretch of it.
+        path: the picture to write; its suffix says the format: .png, .pdf or .svg.
+        figure: one of `FIGURES`.
+        at_s: a moment to mark, in seconds since the start.
+        force: whether to replace a file that is there already.
+
+    Returns:
+        The path of the picture.
+
+    Raises:
+        OutputError: another suffix or figure, the file exists, or it cannot be written.
+    """
+    path = Path(path)
+    check_picture(path, force=force)
+    if figure not in FIGURES:
+        raise OutputError(f"{path}: no figure '{figure}'; {nearest(figure, FIGURES)}")
+    return write_picture(FIGURES[figure](run, at_s), path, force=force)
+
+
+def draw_run(run: Run, at_s: float | None = None) -> "Figure":
+    """Draw the page of `plot_run` without writing it."""
+    from matplotlib.figure import Figure
+
+    lines = [part for line in summary(run).splitlines() for part in wrap(line, _CHARACTERS) or [""]]
+    shown = display_frames(run, decimate=False)
+    views = [(view, drawn) for view in PAGE if (drawn := drawn_of(view, run, shown))]
+    points = run.frames.get("calibration", pl.DataFrame())
+    panels = sum(panel_height(view, drawn) for view, drawn in views)
+    heights = [_LINE_IN * (len(lines) + 2), _PANEL_IN * max(panels, 1.0), 2.5 * _PANEL_IN]
+    kept = heights if points.height else heights[:2]
+    figure = Figure(figsize=(_WIDTH_IN, sum(kept)), layout="constrained")
+    parts = figure.subfigures(len(kept), 1, height_ratios=kept, squeeze=False)[:, 0]
+    _write_answer(parts[0], lines)
+    draw_over_time(parts[1], [view for view, _ in views], run, shown, at_s)
+    if points.height:
+        _draw_calibration(parts[2], points)
+    return figure
+
+
+def _write_answer(part: "SubFigure", lines: list[str]) -> None:
+    part.suptitle(lines[0], x=0.01, ha="left", fontweight="bold", parse_math=False)
+    axes = part.subplots()
+    axes.axis("off")
+    text = "\n".join(lines[1:])
+    axes.text(0, 1, text, va="top", fontsize=8, family="monospace", parse_math=False)
+
+
+def _draw_gate(run: Run, at_s: float | None) -> "Figure":
+    """The index and what else the gate looks at, its reasons over time, and their shares."""
+    from matplotlib.figure import Figure
+
+    views = next(tab for tab in TABS if tab.name == "Gate").views
+    figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * (len(views) + 1)), layout="constrained")
+    parts = figure.subfigures(2, 1, height_ratios=[len(views), 1.2], squeeze=False)
+    over, below = parts[:, 0]
+    draw_over_time(over, views, run, display_frames(run, decimate=False), at_s)
+    draw_reasons(below.subplots(), run)
+    return figure
+
+
+def _draw_loads(run: Run, at_s: float | None) -> "Figure":
+    """Masses and payloads of the loads, cycles, and the speed."""
+    from matplotlib.figure import Figure
+
+    wanted = [view for tab in TABS if tab.name in ("Loads", "Cycles") for view in tab.views]
+    views = list(dict.fromkeys(wanted))
+    figure = Figure(figsize=(_WIDTH_IN, 1.3 * _PANEL_IN * len(views)), layout="constrained")
+    shown = display_frames(run, decimate=False)
+    (part,) = figure.subfigures(1, 1, squeeze=False)[0]
+    draw_over_time(part, views, run, shown, at_s)
+    return figure
+
+
+def _draw_scatter(run: Run, at_s: float | None) -> "Figure":
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH_IN, 0.6 * _WIDTH_IN), layout="constrained")
+    draw_force_acceleration(figure.subplots(), run, at_s)
+    return figure
+
+
+def _draw_convergence(run: Run, at_s: float | None) -> "Figure":
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH_IN, 0.5 * _WIDTH_IN), layout="constrained")
+    draw_convergence(figure.subplots(), run, at_s)
+    return figure
+
+
+#: One figure a question, by its name.
+FIGURES: Final[Mapping[str, Callable[[Run, float | None], "Figure"]]] = {
+    "page": draw_run,
+    "force-acceleration": _draw_scatter,
+    "convergence": _draw_convergence,
+    "gate": _draw_gate,
+    "loads": _draw_loads,
+}
+
+
+def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:
+    """The points and the line of a method, and what is left of each load."""
+    fits, errors = part.subplots(1, 2)
+    reference = points["reference_kg"]
+    fits.axline((reference[0], reference[0]), slope=1, color="black", lw=0.5, ls=":")
+    for (method,), group in points.group_by("method", maintain_order=True):
+        name, colour = str(method), colours.method(str(method))
+        estimate, known = group["estimate_kg"].to_numpy(), group["reference_kg"].to_numpy()
+        std = group["estimate_std_kg"].fill_null(float("nan")).to_numpy()
+        fits.errorbar(estimate, known, xerr=std, fmt="o", ms=3, color=colour, label=name)
+        alpha, beta = group["alpha_1"][0], group["beta_kg"][0]
+        if alpha is not None and beta is not None:
+            fits.plot(estimate, alpha * estimate + beta, color=colour, lw=0.8)
+        errors.plot(known, group["error_kg"].to_numpy(), "o-", ms=3, color=colour, label=name)
+        left_out = group["error_left_out_kg"].to_numpy()
+        errors.plot(known, left_out, "x", ms=4, color=colour)
+    fits.set(xlabel="estimate (kg)", ylabel="reference (kg)", title="Calibration")
+    errors.set(
+        xlabel="reference (kg)",
+        ylabel="calibrated − reference (kg)",
+        title="Residuals (×: without that load in the fit)",
+    )
+    errors.axhline(0, color="black", lw=0.5)
+    fits.legend(fontsize=7)

@@ -1,0 +1,192 @@
+"""The figure of a sweep: masses over what was varied, how wrong they are, what the gate used."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.report import colours
+from recordings.report.picture import legend_beside, write_picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH_IN: Final = 8.0
+_PANEL_IN: Final = 2.0
+_JOINT: Final = "joint"
+#: Between two methods' bars, as a share of the least step between values.
+_APART: Final = 0.025
+#: Names are written on end where there are more.
+_LEVEL: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class SweptRow:
+    """One combination as it is drawn.
+
+    Attributes:
+        over: what was varied, by a short name.
+        mass_kg: by method; None where it is withheld.
+        mass_std_kg: likewise.
+        payload_kg: of the heaviest of several loads, and its standard uncertainty.
+        errors: by their title, then by method.
+        accepted_share_1: share of the samples that were used.
+        can_weigh: the verdict.
+    """
+
+    over: Mapping[str, Any]
+    mass_kg: Mapping[str, float | None]
+    mass_std_kg: Mapping[str, float | None]
+    payload_kg: tuple[float, float] | None
+    errors: Mapping[str, Mapping[str, float | None]] = field(
+        default_factory=dict[str, Mapping[str, float | None]]
+    )
+    accepted_share_1: float = 0.0
+    can_weigh: bool = True
+
+
+def plot_sweep(
+    rows: Sequence[SweptRow], path: Path, *, reference_kg: float | None = None, force: bool = False
+) -> Path:
+    """Draw a sweep: one setting of numbers as an axis, others as a place a combination.
+
+    Args:
+        rows: the combinations, at least one.
+        path: the picture; its suffix says the format.
+        reference_kg: the true mass, if known.
+        force: whether to replace a file that is there already.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    return write_picture(draw_sweep(rows, reference_kg), path, force=force)
+
+
+def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "Figure":
+    """Draw the figure of `plot_sweep` without writing it."""
+    from matplotlib.figure import Figure
+
+    titles = list(dict.fromkeys(title for row in rows for title in row.errors))
+    loads = any(row.payload_kg is not None for row in rows)
+    count = 2 + len(titles) + loads
+    figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * count + 0.6), layout="constrained")
+    panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
+    at = _places(rows, panels[-1])
+    for axes in panels:
+        axes.grid(alpha=0.25, lw=0.5)
+    mass = panels.pop(0)
+    _masses(mass, rows, at)
+    if reference_kg is not None:
+        mass.axhline(reference_kg, color="black", lw=0.8, ls=":", label="reference")
+    mass.set_ylabel("mass (kg)")
+    legend_beside(mass)
+    if loads:
+        _payloads(panels.pop(0), rows, at)
+    for title in titles:
+        axes = panels.pop(0)
+        _by_method(axes, at, [row.errors.get(title, {}) for row in rows])
+        axes.set_ylabel(title)
+        legend_beside(axes)
+    _used(panels[0], rows, at)
+    return figure
+
+
+def _places(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
+    """Where each combination stands, with the axis labelled for it."""
+    names = list(rows[0].over)
+    if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
+        axes.set_xlabel(names[0])
+        places = np.array([float(row.over[names[0]]) for row in rows])
+        if np.unique(places).size == 1:
+            # an axis of its own would have its ticks where nothing was tried
+            axes.set_xticks(places[:1])
+            axes.set_xlim(places[0] - 0.5, places[0] + 0.5)
+        return places
+    at = np.arange(len(rows), dtype=float)
+    axes.set_xlabel(" · ".join(names))
+    labels = [" · ".join(_said(row.over[name]) for name in names) for row in rows]
+    axes.set_xticks(at, labels, rotation=90 if len(rows) > _LEVEL else 0, fontsize=7)
+    return at
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _said(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+def _methods(parts: Sequence[Mapping[str, float | None]]) -> list[str]:
+    """The methods, the paper's first, so that the answer lies over them."""
+    found = dict.fromkeys(method for part in parts for method in part)
+    return sorted(found, key=lambda method: method == _JOINT)
+
+
+def _looks(method: str) -> dict[str, Any]:
+    if method == _JOINT:
+        return {"color": "black", "lw": 1.8, "zorder": 5}
+    return {"color": colours.method(method), "lw": 1.0}
+
+
+def _numbers(parts: Sequence[Mapping[str, float | None]], method: str) -> NDArray[np.float64]:
+    return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
+
+
+def _masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+    masses, stds = [row.mass_kg for row in rows], [row.mass_std_kg for row in rows]
+    methods = _methods(masses)
+    steps = np.diff(np.unique(at))
+    # beside each other, or bars at one place would hide each other, but near their value
+    apart = (float(steps.min()) if steps.size else 1.0) * _APART
+    paper = [method for method in methods if method != _JOINT]
+    half = len(paper) // 2
+    answer = [method for method in methods if method == _JOINT]
+    places = {method: n - half for n, method in enumerate([*paper[:half], *answer, *paper[half:]])}
+    for method in methods:
+        values, std = _numbers(masses, method), _numbers(stds, method)
+        if np.isfinite(values).any():
+            shifted = at + apart * places[method]
+            axes.errorbar(shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_looks(method))
+    _say_if_empty(axes)
+
+
+def _say_if_empty(axes: "Axes") -> None:
+    if not axes.lines:
+        axes.text(0.5, 0.5, "no mass", ha="center", transform=axes.transAxes)
+        axes.set_yticks([])
+
+
+def _payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+    pairs = np.array([row.payload_kg or (np.nan, np.nan) for row in rows])
+    axes.errorbar(at, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_looks(_JOINT))
+    axes.set_ylabel("largest payload (kg)")
+
+
+def _by_method(
+    axes: "Axes", at: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
+) -> None:
+    for method in _methods(parts):
+        values = _numbers(parts, method)
+        if np.isfinite(values).any():
+            axes.plot(at, values, "o-", ms=3, label=method, **_looks(method))
+    _say_if_empty(axes)
+
+
+def _used(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+    share = 100.0 * np.array([row.accepted_share_1 for row in rows])
+    axes.plot(at, share, "o-", ms=3, lw=1.0, color="#2e9e5b", label="used")
+    refused = np.array([not row.can_weigh for row in rows])
+    if refused.any():
+        axes.plot(
+            at[refused], share[refused], "x", ms=8, mew=2, color="#c0392b", label="cannot weigh"
+        )
+    axes.set_ylim(-5.0, 105.0)
+    axes.set_ylabel("samples used (%)")
+    legend_beside(axes)

@@ -1,0 +1,241 @@
+"""Panels over time: lines or envelopes, bands, lanes of states, and the moment that is meant.
+
+A stretch of more samples than a picture has columns is drawn by bins: the envelope and the mean of
+a signal, the median of an estimate, the share of time of each state.
+"""
+
+from collections.abc import Mapping, Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.run_record import Run
+from recordings.report import colours
+from recordings.report.picture import legend_above
+from recordings.rrd.display_frames import (
+    LANES,
+    Drawn,
+    axis_range,
+    binned,
+    drawn_of,
+    span_ns,
+    stands_alone,
+)
+from recordings.rrd.recording_table import STATE, Kind, View
+from recordings.rrd.recording_texts import local_time
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+NS: Final = 1e9
+#: A stretch may have one sample.
+_SHORTEST_NS: Final = 10_000_000
+#: More points than this are drawn by bins, more changes of state as shares of time.
+_POINTS: Final = 4000
+_SPANS: Final = 300
+_BINS: Final = 800
+_SHARES: Final = 160
+_SMALL: Final = 8
+#: Characters of a line of an axis' name.
+_LABEL: Final = 22
+#: States of a lane that a legend has room for.
+_NAMED: Final = 7
+
+
+def draw_over_time(
+    part: "SubFigure",
+    views: Sequence[View],
+    run: Run,
+    shown: Mapping[str, pl.DataFrame],
+    at_s: float | None = None,
+) -> None:
+    """Draw views below each other over seconds since the start.
+
+    Args:
+        part: where to.
+        views: those that this run has numbers for are drawn.
+        run: the run.
+        shown: its `display_frames`, not decimated.
+        at_s: the moment that is meant.
+    """
+    span = span_ns(run)
+    found = [(view, drawn) for view in views if (drawn := drawn_of(view, run, shown))]
+    if not found or span is None:
+        part.suptitle("nothing in this run can be drawn over time")
+        return
+    heights = [panel_height(view, drawn) for view, drawn in found]
+    rows = part.subplots(len(found), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    for axes, (view, drawn) in zip(rows, found, strict=True):
+        axes.tick_params(labelsize=_SMALL)
+        if view.kind is Kind.STATES:
+            _draw_lanes(axes, drawn, shown, span)
+        else:
+            _draw_lines(axes, view, drawn, shown, span)
+            axes.set_ylim(axis_range(view, run))
+        if at_s is not None:
+            axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
+    rows[-1].set_xlim(span[0] / NS, max(span[1], span[0] + _SHORTEST_NS) / NS)
+    rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=_SMALL)
+
+
+def panel_height(view: View, drawn: Sequence[Drawn]) -> float:
+    """The height of a panel, where that of a plot is 1."""
+    return 0.35 * len(drawn) + 0.1 if view.kind is Kind.STATES else 1.0
+
+
+def _draw_lines(
+    axes: "Axes",
+    view: View,
+    drawn: Sequence[Drawn],
+    shown: Mapping[str, pl.DataFrame],
+    span: tuple[int, int],
+) -> None:
+    for each in drawn:
+        _draw(axes, each, shown[each.frame], span)
+    lane = "gate" if view.threshold else "phase"
+    _shade(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
+    unit = view.title.removeprefix(view.name).strip()
+    words = [*wrap(view.name, _LABEL), *([unit] if unit else [])]
+    axes.set_ylabel("\n".join(words), fontsize=_SMALL)
+    legend_above(axes)
+
+
+def _draw(axes: "Axes", drawn: Drawn, frame: pl.DataFrame, span: tuple[int, int]) -> None:
+    value = pl.col(drawn.column)
+    if frame.height > _POINTS:
+        # bins over the whole span: one without rows stays empty, so that no line crosses a gap
+        width_ns = max((span[1] - span[0]) // _BINS, 1)
+        if drawn.variance:
+            # of an estimate the median: a few may be wild
+            frame = binned(frame, [value.median(), pl.col(drawn.variance).median()], span, width_ns)
+        else:
+            ends = [value.min().alias("low"), value.max().alias("high")]
+            frame = binned(frame, [value.mean(), *ends], span, width_ns)
+            low, high = (_numbers(frame[end]) for end in ("low", "high"))
+            t_s = frame["t_ns"].to_numpy() / NS
+            axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.3, lw=0)
+    t_s = frame["t_ns"].to_numpy() / NS
+    numbers = _numbers(frame[drawn.column])
+    dots = "." if stands_alone(frame[drawn.column]) else ""
+    axes.plot(t_s, numbers, dots + "-", color=drawn.colour, lw=0.8, ms=3, label=drawn.label)
+    if drawn.variance:
+        std = np.sqrt(_numbers(frame[drawn.variance]))
+        axes.fill_between(t_s, numbers - std, numbers + std, color=drawn.colour, alpha=0.2, lw=0)
+
+
+def _numbers(series: pl.Series) -> np.ndarray:
+    return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
+
+
+def _spans(states: pl.DataFrame) -> pl.DataFrame:
+    """Stretches of one state: t_ns, until, the state."""
+    return states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
+
+
+def _draw_lanes(
+    axes: "Axes",
+    drawn: Sequence[Drawn],
+    shown: Mapping[str, pl.DataFrame],
+    span: tuple[int, int],
+) -> None:
+    """A lane a series, from top to bottom; of many changes the share of time of each state."""
+    seconds: dict[str, float] = {}
+    for number, each in enumerate(drawn):
+        spans = _spans(shown[each.frame])
+        bottom = float(len(drawn) - 1 - number)
+        totals = spans.group_by(STATE).agg((pl.col("until") - pl.col("t_ns")).sum())
+        for state, total in totals.rows():
+            seconds[state] = seconds.get(state, 0.0) + total
+        if spans.height > _SPANS:
+            _draw_shares(axes, spans, span, bottom)
+        else:
+            _draw_spans(axes, spans, bottom)
+    axes.set_ylim(0.0, float(len(drawn)))
+    labels = [each.label.replace("_", " ") for each in drawn]
+    axes.set_yticks([len(drawn) - 0.5 - n for n in range(len(drawn))], labels, fontsize=_SMALL)
+    for state in sorted(seconds, key=lambda state: -seconds[state])[:_NAMED]:
+        axes.plot([], [], "s", color=_colour(state), ms=5, label=state.replace("_", " "))
+    legend_above(axes)
+
+
+def _colour(state: str) -> str:
+    return colours.states().get(state, colours.OTHER)
+
+
+def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
+    for (state,), group in spans.group_by(STATE):
+        start_s = group["t_ns"].to_numpy() / NS
+        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS
+        pairs = list(zip(start_s, length_s, strict=True))
+        axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_colour(str(state)), lw=0)
+
+
+def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float) -> None:
+    """Of each bin the share of every state, stacked."""
+    edges = np.linspace(span[0], span[1], _SHARES + 1)
+    width = max(float(edges[1] - edges[0]), 1.0)
+    base = np.full(_SHARES, bottom + 0.08)
+    starts, ends = spans["t_ns"].to_numpy(), spans["until"].to_numpy()
+    names = spans[STATE].to_numpy()
+    for state in [name for name in colours.states() if name in set(names)]:
+        chosen = names == state
+        # time in the state before each edge, whose differences are the time in each bin
+        inside = _time_before(starts[chosen], ends[chosen], edges)
+        share = 0.84 * np.diff(inside) / width
+        axes.bar(
+            edges[:-1] / NS,
+            share,
+            width / NS,
+            bottom=base,
+            align="edge",
+            color=_colour(state),
+            lw=0,
+        )
+        base = base + share
+
+
+def _time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """How much of the stretches, in order and apart, lies before each edge."""
+    before = np.concatenate([[0], np.cumsum(ends - starts)])
+    number = np.searchsorted(starts, edges, side="right")
+    over = np.where(number > 0, np.maximum(ends[np.maximum(number - 1, 0)] - edges, 0), 0)
+    return before[number] - over
+
+
+def _shade(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
+    """Shade where a state holds, full height behind the lines; of many changes nothing."""
+    if states is None or states.height > _SPANS:
+        return
+    for (state,), group in _spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
+        start_s = group["t_ns"].to_numpy() / NS
+        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS
+        axes.broken_barh(
+            list(zip(start_s, length_s, strict=True)),
+            (0, 1),
+            transform=axes.get_xaxis_transform(),
+            color=_colour(str(state)),
+            alpha=0.15,
+            lw=0,
+            zorder=0,
+        )
+
+
+def draw_reasons(axes: "Axes", run: Run) -> None:
+    """How much of the time the gate gives each reason, the most frequent on top."""
+    gate = run.frames.get("gate")
+    if gate is None or not gate.height:
+        axes.axis("off")
+        return
+    column = "reason_x" if "reason_x" in gate.columns else "reason_z"
+    counts = gate[column].cast(pl.String).value_counts(sort=True).reverse()
+    names, shares = counts[column].to_list(), 100.0 * counts["count"].to_numpy() / gate.height
+    bars = axes.barh(
+        [name.replace("_", " ") for name in names], shares, color=[_colour(name) for name in names]
+    )
+    axes.bar_label(bars, [f" {share:.1f} %" for share in shares], fontsize=_SMALL)
+    axes.set_xlabel("share of the windows (%)", fontsize=_SMALL)
+    axes.set_xlim(0.0, 1.1 * float(shares.max()))
+    axes.tick_params(labelsize=_SMALL)

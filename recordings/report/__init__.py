@@ -1,0 +1,1 @@
+"""Words, numbers, colours and pages that more than one feature uses."""

@@ -1,0 +1,73 @@
+"""One colour a method, phase and reason, the same in the viewer and in the plots."""
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Final
+
+from analysis.model.methods import METHODS
+
+#: Okabe and Ito's palette: told apart by the colour-blind, on black and on white.
+_PALETTE: Final = ("#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#8c7ae6", "#b0a030")
+_METHODS: Final = tuple(METHODS)
+
+_GOOD: Final = "#2e9e5b"
+_QUIET: Final = "#7f8c8d"
+_BAD: Final = "#c0392b"
+_WARM: Final = "#e69f00"
+#: Of a state without a colour of its own.
+OTHER: Final = "#b8bfc6"
+#: The states of a lane that a plot shades behind its lines.
+SHADED: Final[dict[str, tuple[str, ...]]] = {
+    "gate": ("accepted",),
+    "phase": ("accelerating", "braking", "turning", "arc", "spinning"),
+}
+STATES: Final[dict[str, str]] = {
+    "standstill": _QUIET,
+    "accelerating": "#66bb6a",
+    "cruising": "#3d7ea6",
+    "braking": _BAD,
+    "spinning": "#8e44ad",
+    "arc": "#b38600",
+    "turning": "#d35400",
+    "accepted": _GOOD,
+    "warming_up": "#95a5a6",
+    "gap": "#5d4037",
+    "no_variance": "#607d8b",
+    "low_information": "#5c7cfa",
+    "negative_dependence": "#6c5ce7",
+    "translating": "#b38600",
+    "saturated": "#e84393",
+    "slip": "#ff7675",
+    "ill_conditioned": "#a0522d",
+    "noise_limited": "#00838f",
+    "digging": "#8d6e63",
+    "good": _GOOD,
+    "weak": "#b38600",
+    "not dumped": _QUIET,
+    "no mass": _BAD,
+}
+
+
+@cache
+def states() -> Mapping[str, str]:
+    """A colour for each state, and for each cause by what it leads to."""
+    # the causes bring all that looks for them
+    from analysis.findings import CAUSES
+
+    return {**STATES, **{each.key: _BAD if each.withholds else _WARM for each in CAUSES}}
+
+
+def line(number: int) -> str:
+    """The colour of the n-th line of a plot."""
+    return _PALETTE[number % len(_PALETTE)]
+
+
+def method(name: str) -> str:
+    """The colour of an estimator."""
+    return line(_METHODS.index(name)) if name in _METHODS else _QUIET
+
+
+def paler(colour: str) -> str:
+    """A colour halfway to white."""
+    parts = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
+    return "#" + "".join(f"{(part + 255) // 2:02x}" for part in parts)

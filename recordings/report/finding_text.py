@@ -1,0 +1,98 @@
+"""The causes that a log shows, in words: a line each, and as Markdown."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from analysis.explain import Finding
+from analysis.model.run_record import Run
+from recordings.report.number_text import number, plus_minus
+
+#: What a severity leads to.
+LEADS_TO: Final = {
+    "withhold": "invalidates the mass",
+    "widen": "moves the mass by more than its uncertainty",
+    "tell": "moves the mass by less than its uncertainty, or by an unknown amount",
+}
+
+
+def findings_of(run: Run) -> tuple[Finding, ...]:
+    """The findings of a run, the likeliest first; none of a run that was not looked at."""
+    frame = run.frames.get("findings")
+    return () if frame is None else findings_from(frame.iter_rows(named=True))
+
+
+def findings_from(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
+    """The findings of rows of the frame `findings`."""
+    return tuple(Finding.of(row) for row in rows)
+
+
+def name_of(cause: str) -> str:
+    """A cause as a person reads it."""
+    return cause.replace("_", " ")
+
+
+def affects_mass(finding: Finding) -> bool:
+    """Whether it matters to the mass, or may: what is told alone, without kilograms, does not."""
+    return finding.severity != "tell" or finding.mass_change_kg is not None
+
+
+def change_of(finding: Finding) -> str:
+    """What mending would do to the mass, or nothing where that is not known."""
+    change, u = finding.mass_change_kg, finding.mass_change_u_kg
+    if change is None:
+        return ""
+    text = plus_minus(change, u)
+    signed = f"+{text}" if change > 0 else text.replace("-", "−", 1)
+    return f"fixing it changes the mass by {signed} kg"
+
+
+def span_of(finding: Finding) -> str:
+    """Where it is, or nothing for the whole log."""
+    if finding.start_s is None or finding.end_s is None:
+        return ""
+    begin, end = f"{finding.start_s:,.1f}", f"{finding.end_s:,.1f}"
+    return f"{begin} s" if begin == end else f"{begin} to {end} s"
+
+
+def finding_line(finding: Finding) -> str:
+    """One line: the cause, where, what was measured, what mending it would do."""
+    where = ", ".join(filter(None, (finding.channel, span_of(finding))))
+    parts = [f"{name_of(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"]
+    parts += filter(None, [change_of(finding)])
+    return "; ".join(parts)
+
+
+def proposal_of(finding: Finding) -> str:
+    """What to write into the machine file, or nothing."""
+    if finding.setting is None or finding.value is None:
+        return ""
+    return f"set {finding.setting} = {finding.value}"
+
+
+def untold(finding: Finding) -> str:
+    """Which causes it cannot be told from, or nothing."""
+    if not finding.alternatives:
+        return ""
+    names = ", ".join(map(name_of, finding.alternatives))
+    return f"cannot be distinguished from: {names}"
+
+
+def findings_text(run: Run) -> str:
+    """Every finding in Markdown; a sentence where none shows, nothing where none was looked for."""
+    if "findings" not in run.frames:
+        return ""
+    found = findings_of(run)
+    if not found:
+        return "# Findings\n\nNone of the known causes of a wrong mass was detected in this log."
+    parts = ["# Findings"]
+    for each in found:
+        lines = [
+            each.evidence,
+            *filter(None, (change_of(each), proposal_of(each), untold(each))),
+            LEADS_TO[each.severity],
+        ]
+        where = ", ".join(filter(None, (each.channel, span_of(each))))
+        parts.append(f"## {each.rank}. {name_of(each.cause)}{f' ({where})' if where else ''}")
+        strength = f"{number(each.strength_1)} × the detection threshold"
+        parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
+    return "\n\n".join(parts)

@@ -1,0 +1,69 @@
+"""Pictures in files: the format by the suffix, whole or not at all."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+from warnings import catch_warnings, filterwarnings
+
+from estimators.errors import OutputError
+from recordings.report.atomic_output import check_output, whole_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SUFFIXES: Final = (".png", ".pdf", ".svg")
+_DPI: Final = 150
+
+
+def check_picture(path: Path, *, force: bool) -> None:
+    """Refuse the name of a picture before the work that it is for.
+
+    Raises:
+        OutputError: another suffix, the file exists, or its folder cannot be written to.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
+    check_output(path, force=force)
+
+
+def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
+    """Write a figure in the format that the suffix of its name says.
+
+    Raises:
+        OutputError: as `check_picture`; or it cannot be written.
+    """
+    check_picture(path, force=force)
+    with whole_file(path, force=force) as partial, catch_warnings():
+        filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
+        figure.savefig(partial, dpi=_DPI)
+    return path
+
+
+def legend_beside(axes: "Axes", size: float = 7.0) -> None:
+    """Name the lines of a panel to its right, where no data lie; none where there is one line."""
+    handles, labels = axes.get_legend_handles_labels()
+    if len(labels) > 1:
+        axes.legend(
+            handles,
+            labels,
+            fontsize=size,
+            loc="upper left",
+            bbox_to_anchor=(1.0, 1.0),
+            frameon=False,
+            borderaxespad=0.2,
+        )
+
+
+def legend_above(axes: "Axes", size: float = 6.0) -> None:
+    """Name the lines of a panel above it, where no data lie; none where there is one line."""
+    if len(axes.get_legend_handles_labels()[1]) > 1:
+        axes.legend(
+            fontsize=size,
+            loc="lower right",
+            bbox_to_anchor=(1, 1),
+            ncols=7,
+            frameon=False,
+            borderpad=0,
+            columnspacing=1.0,
+            handletextpad=0.4,
+        )

@@ -1,0 +1,143 @@
+"""The centre of mass in words: what arcs and joint motion told, and what they could not."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from analysis.model.run_record import Run
+from estimators.errors import counted
+from recordings.report.number_text import plus_minus, scale_unknown_line, table
+
+#: Of the variance.
+_SMALL = 0.005
+_OF = {"arcs": "all arcs together", "joint": "all motion together"}
+_NAMES = {
+    "mass": ("mass_kg", "mass_std_kg", "kg"),
+    "yaw inertia": ("inertia_z_kg_m2", "inertia_z_std_kg_m2", "kg·m²"),
+    "friction": ("friction_x_N_s_m", "friction_x_std_N_s_m", "N·s/m"),
+    "friction of turning": ("friction_z_N_m_s", "friction_z_std_N_m_s", "N·m·s"),
+}
+
+
+#: Of what the budget is said in a line each: quantity, words, factor and unit.
+_SAID = {
+    "inertia_z_kg_m2": ("the yaw inertia", 1.0, "kg·m²"),
+    "com_x_m": ("the centre of mass ahead", 1e3, "mm"),
+}
+
+
+def planar_lines(
+    rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
+) -> list[str]:
+    """A line for each fit over more than one arc, or for the arc where there is only one.
+
+    And what their uncertainty is made of, and lacks.
+    """
+    whole = [row for row in rows if row["kind"] in _OF] or list(rows)
+    return [_line(row) for row in whole] + _largest(budget) + _unknown(whole)
+
+
+def _largest(budget: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The largest part of what is known of each uncertainty."""
+    lines: list[str] = []
+    for quantity, (words, factor, unit) in _SAID.items():
+        known = [row for row in budget if row["quantity"] == quantity and row["u"]]
+        if known:
+            most = known[0]
+            lines.append(
+                f"the largest part of the ± of {words} is {most['cause']} "
+                f"({factor * most['u']:.2g} {unit}: {most['meaning']}); it would shrink with: "
+                f"{most['shrinks']}"
+            )
+    return lines
+
+
+def _unknown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What the machine file should state; a recording of an earlier version does not say."""
+    lines: list[str] = []
+    for column, of in (
+        ("scale_unknown", "yaw inertia and first moments"),
+        ("com_scale_unknown", "the centre of mass"),
+    ):
+        names = (n for row in rows for n in (row.get(column) or "").split(", ") if n)
+        if missing := ", ".join(dict.fromkeys(names)):
+            lines.append(scale_unknown_line(missing, of))
+    return lines
+
+
+def planar(run: Run) -> str:
+    """Every arc and joint fit; nothing where the machine did not turn."""
+    rows = planar_rows(run)
+    if not rows:
+        return ""
+    cells = [
+        (
+            row["kind"],
+            f"{row['start_t_ns'] / 1e9:.2f} – {row['end_t_ns'] / 1e9:.2f}",
+            row["speed_x_m_s"],
+            row["yaw_rate_rad_s"],
+            plus_minus(row["com_x_m"], row["com_x_std_m"]),
+            plus_minus(row["com_y_m"], row["com_y_std_m"]),
+            "withheld" if row["withheld"] else row["reason"].replace("_", " "),
+        )
+        for row in rows
+    ]
+    head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
+    parts = ["# Centre of mass", table(head, cells)]
+    whole = [row for row in rows if row["kind"] in _OF]
+    parts += [f"- {line}" for line in _unknown(rows)]
+    parts += [f"**{_OF[row['kind']].capitalize()}**: {_determined(row)}" for row in whole]
+    if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
+        sources = run.frames["planar_budget"].to_dicts()
+        heads = ("of", "uncertainty from", "kind", "u", "unit", "shrinks with")
+        cells = [
+            (
+                row["quantity"],
+                row["cause"],
+                row["kind"],
+                "not known" if row["u"] is None else row["u"],
+                row["unit"],
+                row["shrinks"],
+            )
+            for row in sources
+            # smaller shares of the variance are not listed
+            if row["share_1"] is None or row["share_1"] >= _SMALL
+        ]
+        parts += ["## Where their uncertainty comes from", table(heads, cells)]
+    return "\n\n".join(parts)
+
+
+def planar_rows(run: Run) -> list[dict[str, Any]]:
+    """The rows of the frame, none where a run lacks it."""
+    return run.frames["planar"].to_dicts() if "planar" in run.frames else []
+
+
+def _line(row: Mapping[str, Any]) -> str:
+    of = _OF.get(row["kind"], "one arc")
+    if row["withheld"]:
+        return f"centre of mass from {of}: withheld"
+    if row["com_x_m"] is None:
+        return f"centre of mass from {of}: none; {_determined(row)}"
+    along = f"{_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+    if row["com_y_m"] is None:
+        return f"centre of mass from {of}: {along}"
+    across = f"{_distance(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
+    return f"centre of mass from {of}: {along}, {across}"
+
+
+def _distance(row: Mapping[str, Any], axis: str) -> str:
+    return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
+
+
+def _determined(row: Mapping[str, Any]) -> str:
+    """Which numbers the motion determines, with those that may be told."""
+    told = [
+        f"{name} {plus_minus(row[value], row[std])} {unit}"
+        for name, (value, std, unit) in _NAMES.items()
+        if row[value] is not None
+    ]
+    said = [f"it determines {counted(row['rank'], 'number')}"]
+    if row["identifiable"]:
+        said.append(f"by themselves {row['identifiable']}")
+    if row["combinations"]:
+        said.append(f"together only {row['combinations']}")
+    return "; ".join(said) + "." + (f" {', '.join(told)}." if told else "")

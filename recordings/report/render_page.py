@@ -1,0 +1,58 @@
+"""Write a page: one file with its style and script in it, which asks nothing of anybody."""
+
+import base64
+import hashlib
+from importlib.metadata import version
+from importlib.resources import files
+from typing import Any, Final
+
+from estimators.errors import one_line
+from recordings.report.number_text import number
+from recordings.report.svg_shapes import WIDTH
+
+_HERE: Final = "recordings.report"
+_PAGE: Final = "page.html.j2"
+_MACROS: Final = "macros.html.j2"
+_SCRIPT: Final = "page.js"
+_PLACE: Final = "/* page.js */"
+
+
+def page_html(package: str, template: str, **values: Any) -> str:
+    """Render a page; every text in it is escaped.
+
+    Args:
+        package: where the template lies.
+        template: its name; it fills the block of `page.html.j2`.
+        values: that it shows.
+    """
+    from jinja2 import DictLoader, Environment, StrictUndefined
+
+    # our own files, so part of the template: no text of a log is in them
+    here = files(_HERE)
+    script = here.joinpath(_SCRIPT).read_text(encoding="utf-8")
+    page = here.joinpath(_PAGE).read_text(encoding="utf-8").replace(_PLACE, script)
+    macros = here.joinpath(_MACROS).read_text(encoding="utf-8")
+    own = files(package).joinpath(template).read_text(encoding="utf-8")
+    environment = Environment(
+        loader=DictLoader({_PAGE: page, _MACROS: macros, template: own}),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_shown,
+    )
+    environment.filters["number"] = number
+    environment.filters["percent"] = _percent
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return environment.get_template(template).render(
+        width=WIDTH, version=version("payscope"), script_hash=f"sha256-{digest}", **values
+    )
+
+
+def _shown(value: object) -> object:
+    """A text without what a browser obeys or hides: control characters, turned writing."""
+    return one_line(value) if type(value) is str else value
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{share:.2%}"

@@ -1,0 +1,270 @@
+"""What the answer is worth, in lines: loads and payloads, other priors, where uncertainty is."""
+
+from collections.abc import Mapping
+from math import ceil
+from typing import Any, Final
+
+from analysis.model.answer import Answer
+from estimators.errors import counted
+from recordings.report.number_text import SCALE_NOT_KNOWN, number, plus_minus, scale_unknown_line
+
+#: Characters of the longest bar.
+_BAR: Final = 24
+#: Smaller shares of the variance are not listed.
+_SMALL: Final = 0.005
+#: A normal distribution's 95 %.
+_COVERAGE: Final = 1.96
+_NS: Final = 1e9
+#: What driving unlike a campaign costs is told from this share of the whole uncertainty on.
+_TELLS: Final = 0.3
+
+_HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg")
+_CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
+
+
+def load_heads(said: Answer) -> tuple[str, ...]:
+    """Heads of `load_rows`."""
+    return (*_HEADS, *(_CALIBRATED if _is_calibrated(said) else ()), "")
+
+
+def _is_calibrated(said: Answer) -> bool:
+    return any("calibrated_kg" in load for load in said.loads)
+
+
+def load_rows(said: Answer) -> list[tuple[str, ...]]:
+    """A row a load: number, from, to, manoeuvres, mass, payload, remark.
+
+    Before the remark, where a calibration was given, its mass and the interval of that.
+    """
+    return [
+        (
+            str(load["load_id"]),
+            _seconds(load["start_t_ns"]),
+            _seconds(load["end_t_ns"]),
+            str(load["manoeuvres"]),
+            "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
+            _payload(load),
+            *(_calibrated(load) if _is_calibrated(said) else ()),
+            _remark(load),
+        )
+        for load in said.loads
+    ]
+
+
+def load_sentences(said: Answer, most: int) -> list[str]:
+    """A line a load, up to so many."""
+    lines: list[str] = []
+    rows = zip(load_rows(said)[:most], said.loads, strict=False)
+    for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
+        carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
+        told = ", ".join(filter(None, (f"{mass} kg", carried, _calibrated_line(row), remark)))
+        lines.append(f"load {load}: {begin} to {end} s, {manoeuvres} manoeuvres, {told}")
+    if len(said.loads) > most:
+        lines.append(f"and {len(said.loads) - most} more")
+    return lines
+
+
+def worth_lines(said: Answer, *, brief: bool = False) -> list[str]:
+    """Masses, payloads and what bears on them; or the reason why there is none."""
+    if len(said.loads) == 1:
+        return load_lines(said.loads[0], brief=brief)
+    lines = [f"{len(said.loads)} load states; masses are listed per load"] if said.loads else []
+    empty = [load for load in said.loads if load.get("empty")]
+    if len(empty) == 1:
+        mass = empty[0]["mass_kg"]
+        known = "" if mass is None else f" ({plus_minus(mass, empty[0]['u_kg'])} kg)"
+        lines.append(
+            f"payloads are differences to load {empty[0]['load_id']}, taken as empty{known}; "
+            "--empty FROM:TO says when it was"
+        )
+    elif empty:
+        lines.append(
+            f"payloads are differences to the mean of {len(empty)} loads taken as empty; "
+            "--empty FROM:TO says when it was"
+        )
+    known = [load for load in said.loads if load["mass_kg"] is not None]
+    return lines + (_notes(known[0]) if known else [])
+
+
+def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
+    """Mass, payload and, unless brief, the sensitivity to the priors; or why there is no mass."""
+    if load.get("mass_kg") is None:
+        return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
+    mass, u = load["mass_kg"], load["u_kg"]
+    low, high = mass - _COVERAGE * u, mass + _COVERAGE * u
+    lines = [
+        f"mass {plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
+        f"{number(low)} to {number(high)} kg, from {load['manoeuvres']} "
+        f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
+    ]
+    lines += filter(None, [_calibrated_line(load)])
+    if load["payload_kg"] is not None:
+        lines.append(f"payload {_payload(load)} kg")
+    if not brief:
+        lines.append(prior_line(load))
+    return lines + _notes(load)
+
+
+def prior_line(load: Mapping[str, Any]) -> str:
+    """The mass under priors half and twice as wide."""
+    return (
+        f"prior sensitivity: {number(load['mass_halved_priors_kg'])} kg (×½) … "
+        f"{number(load['mass_doubled_priors_kg'])} kg (×2)"
+    )
+
+
+def _notes(load: Mapping[str, Any]) -> list[str]:
+    """What holds for every load of the log."""
+    lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
+    told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
+    if load["scale_unknown"]:
+        of = "masses; payloads are on the scale of the stated empty mass" if told else ""
+        lines.append(scale_unknown_line(load["scale_unknown"], of))
+    if load["braking_left_out"]:
+        lines.append("braking and driving disagree about the mass, and braking was left out")
+    return lines
+
+
+def goal_lines(said: Answer, goal_kg: float) -> list[str]:
+    """How many manoeuvres would bring each load's number to ± `goal_kg`, by this log's figures."""
+    lines: list[str] = []
+    for load in said.loads:
+        if load["mass_kg"] is None or load.get("empty"):
+            continue
+        by_difference = load.get("payload_to") is not None
+        name = "payload" if by_difference else "mass"
+        u_kg = load["payload_u_kg" if by_difference else "u_kg"]
+        random_kg = load["payload_u_random_kg" if by_difference else "u_random_kg"]
+        common_kg = max(u_kg**2 - random_kg**2, 0.0) ** 0.5
+        begin = f"load {load['load_id']}: {name} ± {u_kg:.3g} kg from {load['manoeuvres']}"
+        if u_kg <= goal_kg:
+            lines.append(f"{begin}, already within ± {goal_kg:g} kg")
+        elif common_kg >= goal_kg:
+            causes = [
+                source
+                for source in said.budget
+                # what makes a mass uncertain cancels in a difference
+                if not by_difference
+                and source.get("load_id", 0) == load["load_id"]
+                and source["kind"] != "random"
+                and source["u_kg"]
+            ]
+            most = f": first {causes[0]['cause']}, by {causes[0]['shrinks']}" if causes else ""
+            lines.append(
+                f"{begin}; no number of starts like these reaches ± {goal_kg:g} kg, what is "
+                f"common to them is ± {common_kg:.3g} kg{most}"
+            )
+        else:
+            times = random_kg**2 / (goal_kg**2 - common_kg**2)
+            wanted = ceil(load["manoeuvres"] * times)
+            which = " (and as many empty)" if by_difference else ""
+            lines.append(f"{begin}; {wanted} like these{which} would give ± {goal_kg:g} kg")
+    return lines
+
+
+def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, str, str]]:
+    """Source, kind, u in kg, a bar of its share of the variance, and what would shrink it.
+
+    Of the load that is known from most manoeuvres.
+    """
+    shown = main_load(said)
+    rows: list[tuple[str, str, str, str, str]] = []
+    for source in said.budget:
+        if source.get("load_id", 0) != shown:
+            continue
+        share = source["share_1"]
+        if source["u_kg"] is None:
+            rows.append((source["cause"], source["kind"], "not known", "", source["shrinks"]))
+        elif share is not None and share >= _SMALL:
+            bar = mark * max(1, round(share * _BAR))
+            cells = (f"{bar} {share:.0%}", source["shrinks"])
+            rows.append((source["cause"], source["kind"], f"{source['u_kg']:.3g}", *cells))
+    return rows
+
+
+def main_load(said: Answer) -> int:
+    """The load that is known from most manoeuvres, the first of several."""
+    known = [load for load in said.loads if load["mass_kg"] is not None]
+    return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
+
+
+def advice(said: Answer) -> str | None:
+    """What would shrink the uncertainty most; None without an answer."""
+    shown = main_load(said)
+    known = [s for s in said.budget if s["u_kg"] and s.get("load_id", 0) == shown]
+    if not known or not any(load["mass_kg"] is not None for load in said.loads):
+        return None
+    most = known[0]
+    share = most["share_1"]
+    part = "" if share is None else f", {share:.0%} of the variance"
+    return (
+        f"largest contribution: {most['meaning']} ({most['cause']}{part}); "
+        f"to reduce: {most['shrinks']}"
+    )
+
+
+def _payload(load: Mapping[str, Any]) -> str:
+    if load["payload_kg"] is None:
+        return "–"
+    if load.get("empty"):
+        return "empty"
+    if load.get("calibrated_payload_kg") is not None:
+        names = ("payload_kg", "payload_low_kg", "payload_high_kg")
+        mass, low, high = (f"{load[f'calibrated_{name}']:,.1f}" for name in names)
+        return f"{mass} ({low} to {high})"
+    return plus_minus(load["payload_kg"], load["payload_u_kg"])
+
+
+def _calibrated(load: Mapping[str, Any]) -> tuple[str, ...]:
+    """Calibrated mass and the ends of its interval."""
+    names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
+    return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
+
+
+def _calibrated_line(load: Mapping[str, Any]) -> str:
+    """The same in words; nothing where no calibration was given."""
+    if "calibrated_kg" not in load:
+        return ""
+    if load["calibrated_kg"] is None:
+        return f"not calibrated: {load['calibrated_reason']}"
+    mass, low, high = _calibrated(load)
+    unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
+    # less is lost in the rounding of the whole
+    tells = unlike_kg > _TELLS * load["calibrated_u_kg"]
+    more = f"; ± {unlike_kg:,.1f} kg of that for driving unlike the campaign" if tells else ""
+    return f"calibrated {mass} kg, {low} to {high} kg{more}"
+
+
+def _remark(load: Mapping[str, Any]) -> str:
+    if load["mass_kg"] is None:
+        return load["withheld_for"]
+    if load.get("scatter_known") is False:
+        return "repeatability unknown"
+    if load.get("calibrated_reason"):
+        return f"not calibrated: {load['calibrated_reason']}"
+    return ""
+
+
+def _seconds(t_ns: int | None) -> str:
+    return "–" if t_ns is None else f"{t_ns / _NS:,.1f}"
+
+
+def shift_lines(answer: Answer) -> list[str]:
+    """What the cycles of a log add up to, in a line; none where nothing was dumped."""
+    shift = answer.shift
+    if not shift:
+        return []
+    u_kg = 2.0 * shift["payload_u_kg"]
+    total = ""
+    # a recording of an earlier version has no total
+    if shift.get("total_kg") is not None and shift["total_kg"] != shift["payload_kg"]:
+        total = (
+            f"; in the shift {shift['total_kg'] / 1e3:,.3f} ± {2.0 * shift['total_u_kg'] / 1e3:.3f}"
+            " t with what is not counted"
+        )
+    scale = f", {SCALE_NOT_KNOWN}" if shift.get("scale_unknown") else ""
+    return [
+        f"{counted(shift['cycles_counted'], 'cycle')}, {shift['payload_kg'] / 1e3:,.3f} ± "
+        f"{u_kg / 1e3:.3f} t (k = 2), {2.0 * shift['payload_u_common_kg'] / 1e3:.3f} t of that "
+        f"common to all{total}{scale}; `payscope review` lists them"
+    ]

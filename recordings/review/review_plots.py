@@ -1,0 +1,179 @@
+"""Figures of a review: payloads in time and against the target, the gate's reasons, the track."""
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.payload_target import TargetCheck
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shortened
+from recordings.review.review_state import ReviewState
+
+_BOX: Final = (48.0, 22.0, WIDTH - 8.0, 190.0)
+_HEIGHT: Final = 226
+_ROW: Final = 20.0
+_MINUTE_S: Final = 60.0
+#: Bars of a distribution.
+_BINS: Final = 12
+_MOST_REASONS: Final = 9
+#: A scale of fewer loads would have fractions of them.
+_FEWEST_LOADS: Final = 5
+
+
+def pictures(
+    ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None, track: pl.DataFrame | None
+) -> list[Drawing]:
+    """Every figure that there is something to draw for.
+
+    Args:
+        ledger: the ledger.
+        state: gaps and reasons.
+        target: of a load.
+        track: `latitude_deg` and `longitude_deg`.
+    """
+    found: list[Drawing] = []
+    counted = ledger.filter("counted")
+    if counted.height:
+        found += [_timeline(ledger, state), _distribution(counted, target)]
+    if len(state.friction_parts) > 1:
+        found.append(_friction(state))
+    if state.gate_shares:
+        found.append(_reasons(state))
+    if track is not None and track.height > 1:
+        found.append(_track(track))
+    return found
+
+
+def _timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
+    shown = ledger.filter(pl.col("payload_kg").is_not_null())
+    seconds = ((shown["end_unix_ns"] - state.t0_unix_ns) / 1e9).to_list()
+    picture = Drawing(
+        "timeline",
+        "Payloads in time",
+        f"{shown.height} payloads in kg over minutes since the start, from "
+        f"{shown['payload_kg'].min():,.0f} to {shown['payload_kg'].max():,.0f} kg; bars reach two "
+        "standard uncertainties either way; shaded: nothing was recorded.",
+        _HEIGHT,
+    )
+    payload, u = shown["payload_kg"].to_list(), shown["payload_u_kg"].to_list()
+    tops = [p + 2.0 * w for p, w in zip(payload, u, strict=True)]
+    axes = Axes.around([0.0, *(s / _MINUTE_S for s in seconds)], [0.0, *tops], _BOX, 0.03)
+    for start, end in state.gaps_s:
+        (x0, _), (x1, _) = (axes.place(t / _MINUTE_S, 0.0) for t in (start, end))
+        picture.bar(x0, _BOX[1], max(x1 - x0, 1.0), _BOX[3] - _BOX[1], "band")
+    axes.draw(picture, "minutes since the start", "payload in kg")
+    rows = zip(seconds, payload, u, shown["cycle"], shown["counted"], strict=True)
+    for at_s, kg, u_kg, number, counts in rows:
+        x, low = axes.place(at_s / _MINUTE_S, kg - 2.0 * u_kg)
+        _, high = axes.place(at_s / _MINUTE_S, kg + 2.0 * u_kg)
+        picture.line(x, low, x, high, "axis")
+        tip = f"cycle {number}: {kg:,.0f} ± {2.0 * u_kg:,.0f} kg"
+        picture.dot(*axes.place(at_s / _MINUTE_S, kg), "point" if counts else "rejected", tip)
+    return picture
+
+
+def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
+    payload = counted["payload_kg"].to_numpy()
+    marks = [] if target is None else [target.target_kg * share for share in (1.0, 1.1, 1.2)]
+    low, high = float(min(payload.min(), *marks, payload.max())), float(payload.max())
+    high = max([high, *marks])
+    count, edges = np.histogram(payload, bins=_BINS, range=(low, high if high > low else low + 1.0))
+    against = (
+        "" if target is None else f" Dashed: the target, {target.target_kg:,.0f} kg, 110 and 120 %."
+    )
+    # of the sample, as in the frame `shift`; one load has none
+    std = float(payload.std(ddof=1)) if payload.size > 1 else 0.0
+    picture = Drawing(
+        "distribution",
+        "Distribution of payloads",
+        f"{payload.size} payloads, mean {payload.mean():,.0f} kg, standard deviation "
+        f"{std:,.0f} kg.{against}",
+        _HEIGHT,
+    )
+    axes = Axes.around([low, high], [0.0, float(max(count.max(), _FEWEST_LOADS))], _BOX, 0.05)
+    axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
+    axes.draw(picture, "payload in kg", "loads")
+    for number, first, last in zip(count.tolist(), edges[:-1], edges[1:], strict=True):
+        x0, y0 = axes.place(float(first), number)
+        x1, y1 = axes.place(float(last), 0.0)
+        picture.bar(x0 + 0.5, y0, max(x1 - x0 - 1.0, 0.5), y1 - y0, "bar")
+    for mark in marks:
+        x, _ = axes.place(mark, 0.0)
+        picture.line(x, _BOX[1], x, _BOX[3], "ideal")
+    return picture
+
+
+def _friction(state: ReviewState) -> Drawing:
+    parts = state.friction_parts
+    value = [part.friction_N_s_m for part in parts]
+    std = [part.std_N_s_m for part in parts]
+    minutes = [(part.start_s + part.end_s) / 2.0 / _MINUTE_S for part in parts]
+    low = min(v - 2.0 * s for v, s in zip(value, std, strict=True))
+    high = max(v + 2.0 * s for v, s in zip(value, std, strict=True))
+    first, last = parts[0], parts[-1]
+    picture = Drawing(
+        "friction",
+        "Friction over the shift",
+        f"Viscous friction in N·s/m in {len(parts)} parts of the shift, from "
+        f"{first.friction_N_s_m:,.0f} ± {2.0 * first.std_N_s_m:,.0f} in the first to "
+        f"{last.friction_N_s_m:,.0f} ± {2.0 * last.std_N_s_m:,.0f} in the last, with loads as "
+        "weighed; bars reach two standard deviations either way, by how starts of a part differ.",
+        _HEIGHT,
+    )
+    # what changes by less than a tenth is to look like it
+    room = max(0.05 * abs(float(np.mean(value))), 1e-9)
+    axes = Axes.around([0.0, last.end_s / _MINUTE_S], [low - room, high + room], _BOX, 0.03)
+    axes.draw(picture, "minutes since the start", "friction in N·s/m")
+    for at, friction, u, part in zip(minutes, value, std, parts, strict=True):
+        x, bottom = axes.place(at, friction - 2.0 * u)
+        _, top = axes.place(at, friction + 2.0 * u)
+        picture.line(x, bottom, x, top, "axis")
+        tip = (
+            f"{part.start_s / _MINUTE_S:.0f} to {part.end_s / _MINUTE_S:.0f} min: {friction:,.0f} "
+            f"± {2.0 * u:,.0f} N·s/m by {part.manoeuvres} starts"
+        )
+        picture.dot(*axes.place(at, friction), "point", tip)
+    return picture
+
+
+def _reasons(state: ReviewState) -> Drawing:
+    rows = sorted(state.gate_shares.items(), key=lambda row: -row[1])[:_MOST_REASONS]
+    words = ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in rows)
+    picture = Drawing(
+        "reasons",
+        "Share of time by the gate's reason",
+        f"What the gate says of the recorded time: {words}.",
+        int(20 + _ROW * len(rows)),
+    )
+    begin, room = 140.0, WIDTH - 140.0 - 44.0
+    largest = max(share for _, share in rows)
+    for number, (name, share) in enumerate(rows):
+        y = 8.0 + _ROW * number
+        picture.write(begin - 6, y + 10, shortened(name.replace("_", " "), begin - 8), "end")
+        length = max(room * share / largest, 0.5)
+        picture.bar(begin, y, length, 12, "bar" if name == "accepted" else "band")
+        picture.write(begin + length + 5, y + 10, f"{share:.1%}", "start")
+    return picture
+
+
+def _track(track: pl.DataFrame) -> Drawing:
+    """The way on a plane that touches the earth at its middle, in m."""
+    latitude, longitude = (track[n].to_numpy() for n in ("latitude_deg", "longitude_deg"))
+    middle = float(np.median(latitude))
+    metre = 6_371_008.8 * np.pi / 180.0
+    north = (latitude - latitude.min()) * metre
+    east = (longitude - longitude.min()) * metre * np.cos(np.radians(middle))
+    picture = Drawing(
+        "track",
+        "Track",
+        f"Where the machine was, {np.ptp(east):,.0f} m from west to east and "
+        f"{np.ptp(north):,.0f} m from south to north, by its positions.",
+        _HEIGHT,
+    )
+    axes = Axes.around(east.tolist(), north.tolist(), _BOX)
+    axes.draw(picture, "m east", "m north")
+    places = [axes.place(float(x), float(y)) for x, y in zip(east, north, strict=True)]
+    for (x0, y0), (x1, y1) in pairwise(places):
+        picture.line(x0, y0, x1, y1, "axis")
+    return picture

@@ -1,0 +1,203 @@
+"""What a review keeps beside the ledger: what it was made of, and what the page says besides."""
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from analysis.cycles.friction_trend import FrictionPart, friction_parts
+from analysis.cycles.lost_cycles import holes
+from analysis.model.run_record import InputFile, Run
+from analysis.model.verdict import Verdict
+from estimators.errors import counted
+from recordings.report.finding_text import finding_line, findings_of
+from recordings.rrd.recording_texts import local_time, machine_name
+
+STATE: Final = "review.json"
+RECORDING: Final = "shift.rrd"
+#: Raised whenever a review that is there has to be made anew.
+FORMAT: Final = 5
+_NS: Final = 10**9
+#: A message is late when it comes after so many periods.
+_LATE: Final = 1.5
+
+
+class TopicSampling(BaseModel):
+    """How regularly a topic was recorded."""
+
+    model_config = ConfigDict(frozen=True)
+
+    topic: str
+    messages: int
+    rate_hz: float | None
+    longest_s: float | None
+    late_1: float | None
+
+
+class FailedCheck(BaseModel):
+    """A check that failed, and what it led to."""
+
+    model_config = ConfigDict(frozen=True)
+
+    check: str
+    value: float | None
+    limit: str
+    consequence: str
+    meaning: str
+    remedy: str
+
+
+class ReviewState(BaseModel):
+    """Everything of a review that its recording and ledger do not hold.
+
+    Attributes:
+        key: of all that the replay depends on.
+        recording_sha256: of `shift.rrd`, which this belongs to.
+        resolved: machine, settings and options by name, as plain values.
+        gate_shares: share of the recorded time by the gate's reason.
+        friction: viscous friction of the fit in N·s/m, and its standard deviation.
+        friction_parts: the same over the shift.
+        no_cycle: why no cycle was found; empty where one was.
+        gaps_s: stretches without a recording, from the first sample.
+        findings: causes of a wrong mass that these logs show and that matter, a line each.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    format: int = FORMAT
+    key: str
+    recording_sha256: str
+    inputs: tuple[InputFile, ...]
+    resolved: dict[str, Any]
+    t0_unix_ns: int
+    machine: str
+    begins: str
+    can_weigh: bool
+    failed: tuple[FailedCheck, ...]
+    losses: tuple[str, ...]
+    notes: tuple[str, ...]
+    gate_shares: dict[str, float]
+    gaps_s: tuple[tuple[float, float], ...]
+    sampling: tuple[TopicSampling, ...]
+    friction: tuple[float | None, float | None]
+    friction_parts: tuple[FrictionPart, ...] = ()
+    digs: int
+    findings: tuple[str, ...] = ()
+    no_cycle: str = ""
+
+
+def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]) -> ReviewState:
+    """Take from a replay what the page needs.
+
+    Args:
+        run: of all logs of the shift.
+        key: of what it depends on.
+        recording_sha256: of the recording.
+        resolved: see `ReviewState`.
+    """
+    about, frames = run.provenance, run.frames
+    verdict = Verdict.of(frames["verdict"])
+    gate = frames["gate"]
+    shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
+    gaps = holes(frames["excitation"], frames["aligned"])
+    load = frames["loads"].row(0, named=True)
+    return ReviewState(
+        key=key,
+        recording_sha256=recording_sha256,
+        inputs=about.inputs,
+        resolved=resolved,
+        t0_unix_ns=about.t0_unix_ns,
+        machine=machine_name(about),
+        begins=local_time(about),
+        can_weigh=verdict.can_weigh,
+        failed=tuple(
+            FailedCheck(
+                check=check.check,
+                value=check.value,
+                limit=check.limit,
+                consequence=check.consequence,
+                meaning=check.meaning,
+                remedy=check.remedy,
+            )
+            for check in verdict.checks
+            if check.passed is False and check.about == "mass"
+        ),
+        losses=tuple(map(str, about.losses)),
+        notes=about.notes,
+        gate_shares={name: share for name, share in shares.iter_rows() if name is not None},
+        gaps_s=tuple((start / _NS, end / _NS) for start, end in gaps),
+        sampling=tuple(
+            _sampling(name.removeprefix("raw/"), frame)
+            for name, frame in frames.items()
+            if name.startswith("raw/")
+        ),
+        friction=(load["friction_x_N_s_m"], load["friction_x_std_N_s_m"]),
+        friction_parts=friction_parts(
+            frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
+        ),
+        digs=frames["digging"].height,
+        findings=tuple(finding_line(e) for e in findings_of(run) if e.severity != "tell"),
+        no_cycle=_no_cycle(frames["cycles"], frames["loads"]),
+    )
+
+
+def read_state(folder: Path) -> ReviewState | None:
+    """The state of an earlier review, None where there is none that this payscope understands."""
+    try:
+        state = ReviewState.model_validate_json((folder / STATE).read_bytes())
+    except (OSError, ValidationError):
+        return None
+    return state if state.format == FORMAT else None
+
+
+def changed(before: ReviewState | None, resolved: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """What differs from the review before: name, was, is.
+
+    Args:
+        before: the review before.
+        resolved: of this one.
+    """
+    if before is None:
+        return []
+    old, new = flat(before.resolved), flat(resolved)
+    return [
+        (name, old.get(name, "–"), new.get(name, "–"))
+        for name in sorted(old.keys() | new.keys())
+        if old.get(name) != new.get(name)
+    ]
+
+
+def flat(values: Any, name: str = "") -> dict[str, str]:
+    """Nested values by dotted names, as texts."""
+    if isinstance(values, dict):
+        found: dict[str, str] = {}
+        for key, value in values.items():  # pyright: ignore[reportUnknownVariableType]
+            found |= flat(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
+        return found
+    return {name: str(values)}
+
+
+def _no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
+    """Why there is no cycle; nothing where there is one."""
+    if cycles.height:
+        return ""
+    if loads["withheld"].all():
+        return str(loads["withheld_for"][0])
+    if loads.height == 1:
+        return f"{counted(int(loads['manoeuvres'][0]), 'usable start')}, one load throughout"
+    return f"of {loads.height} load states none can be told to be loaded or empty"
+
+
+def _sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
+    steps = np.diff(frame["log_time_ns"].to_numpy()) / _NS
+    middle = float(np.median(steps)) if steps.size else 0.0
+    known = middle > 0.0
+    return TopicSampling(
+        topic=topic,
+        messages=frame.height,
+        rate_hz=1.0 / middle if known else None,
+        longest_s=float(steps.max()) if steps.size else None,
+        late_1=float((steps > _LATE * middle).mean()) if known else None,
+    )

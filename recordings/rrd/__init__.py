@@ -1,0 +1,1 @@
+"""The Rerun recording: written, read back, laid out and viewed."""

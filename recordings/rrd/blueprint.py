@@ -1,0 +1,273 @@
+"""The layout that a recording opens in: the tabs of the table, without what this run lacks."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import polars as pl
+
+from analysis.model.run_record import Run
+from recordings.report import colours
+from recordings.report.finding_text import findings_of
+from recordings.rrd.display_frames import ROOT, Drawn, axis_range, drawn_of, span_ns
+from recordings.rrd.recording_table import TABS, TIME, Kind, component
+from recordings.rrd.recording_texts import texts
+from recordings.rrd.stored_frames import entity_path
+
+if TYPE_CHECKING:
+    from rerun import blueprint as rrb
+    from rerun.blueprint import Visualizer
+    from rerun.blueprint.encodings import VisualizerComponentMapping
+    from rerun.encodings import EntityPathLike
+
+#: The height of a page in points of a laptop's screen, and what lanes need of it: title and times,
+#: and each.
+_PAGE: Final = 860.0
+_AROUND_LANES: Final = 70.0
+_LANE: Final = 40.0
+#: What a plot needs: title and times, and each name of its legend, which the viewer gives four
+#: fifths of the height.
+_AROUND_PLOT: Final = 55.0
+_NAME: Final = 23.0 / 0.8
+#: Lanes take no more of a page than this.
+_MOST_LANES: Final = 0.6
+#: Room for legends behind the log, as a share of it; a panel beside a text is narrower.
+_ROOM: Final = 0.18
+_BESIDE: Final = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One view as it is drawn: its series, and where the bulk of its numbers lies."""
+
+    title: str
+    kind: Kind
+    drawn: tuple[Drawn, ...]
+    bulk: tuple[float, float] | None = None
+    named_above: bool = False
+    """Whether the panel above names its lines as well."""
+
+    @property
+    def has_legend(self) -> bool:
+        """Whether its lines need names; extremes of one line do not."""
+        lines = sum(not each.faint for each in self.drawn)
+        return self.kind is not Kind.STATES and lines > 1 and not self.named_above
+
+    @property
+    def plot_share(self) -> float:
+        """What a plot needs of the height of a page so that its legend is not cut."""
+        # lines of one name have one entry
+        names = len({each.label for each in self.drawn}) if self.has_legend else 1
+        return (_AROUND_PLOT + _NAME * names) / _PAGE
+
+    @property
+    def lanes_share(self) -> float:
+        """What its lanes need of the height of a page; 0 of a plot."""
+        if self.kind is not Kind.STATES:
+            return 0.0
+        return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One tab as it is drawn: panels from top to bottom, texts beside them."""
+
+    name: str
+    panels: tuple[Panel, ...] = ()
+    texts: tuple[str, ...] = ()
+    events: bool = False
+
+
+def blueprint(run: Run, shown: Mapping[str, pl.DataFrame], under: str = "") -> "rrb.Blueprint":
+    """Lay out a run in tabs, the overview first, with the whole log in view and time paused.
+
+    Args:
+        run: the run.
+        shown: its `display_frames`.
+        under: the entity that all of it lies under; empty: none.
+    """
+    written = texts(run)
+    pages = [
+        Page(
+            tab.name,
+            tuple(
+                Panel(view.title, view.kind, drawn, axis_range(view, run))
+                for view in tab.views
+                if (drawn := drawn_of(view, run, shown))
+            ),
+            tuple(name for name in tab.texts if name in written),
+            events=tab.events and bool(findings_of(run)),
+        )
+        for tab in TABS
+        # what is not there needs no signals beside it
+        if not tab.events or findings_of(run)
+    ]
+    return laid_out(pages, unix_span_ns(run), under)
+
+
+def unix_span_ns(run: Run) -> tuple[int, int] | None:
+    """The first and last unix time of a run's grid; None where it has none."""
+    span, t0_ns = span_ns(run), run.provenance.t0_unix_ns
+    return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
+
+
+def laid_out(
+    pages: Sequence[Page], span: tuple[int, int] | None, under: str = ""
+) -> "rrb.Blueprint":
+    """Lay out pages as tabs, the first one open; an empty one is left out.
+
+    Args:
+        pages: the pages.
+        span: unix times in ns that are in view; None: all there is.
+        under: the entity that all of it lies under; empty: none.
+    """
+    import rerun.blueprint as rrb
+
+    tabs = [tab for page in pages if (tab := _tab(page, span, under)) is not None]
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0, name="payscope"),
+        rrb.TimePanel(state="collapsed", timeline=TIME, play_state="paused"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def text_entity(name: str, under: str = "") -> str:
+    """Where a text lies."""
+    return entity_path(f"{ROOT}/text/{name}", under)
+
+
+def events_entity(under: str = "") -> str:
+    """Where events lie."""
+    return entity_path(f"{ROOT}/events", under)
+
+
+def _tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container | None":
+    import rerun.blueprint as rrb
+
+    beside = bool(page.texts)
+    room = (_BESIDE if beside else _ROOM) if any(p.has_legend for p in page.panels) else 0.0
+    plots: list[rrb.View] = [_view(panel, _axis(span, room), under) for panel in page.panels]
+    shares = _shares(page)
+    documents = [
+        rrb.TextDocumentView(origin=text_entity(name, under), name=name.capitalize())
+        for name in page.texts
+    ]
+    if page.events:
+        plots.append(rrb.TextLogView(origin=events_entity(under), name="Events"))
+    if plots and documents:
+        column = rrb.Vertical(*plots, row_shares=shares)
+        return rrb.Horizontal(*documents, column, column_shares=[2, 3], name=page.name)
+    if plots:
+        return rrb.Vertical(*plots, row_shares=shares, name=page.name)
+    return rrb.Horizontal(*documents, name=page.name) if documents else None
+
+
+def _shares(page: Page) -> list[float]:
+    """Heights of a page's panels, and of its events.
+
+    Lanes have what they need, the others are alike but for those whose legend needs more.
+    """
+    lanes = [panel.lanes_share for panel in page.panels] + [0.0] * page.events
+    shrunk = min(1.0, _MOST_LANES / (sum(lanes) or 1.0))
+    least = [panel.plot_share for panel in page.panels] + [_AROUND_PLOT / _PAGE] * page.events
+    plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
+    heights = iter(_levelled(plots, 1.0 - shrunk * sum(lanes)))
+    return [shrunk * lane or next(heights) for lane in lanes]
+
+
+def _levelled(least: Sequence[float], room: float) -> list[float]:
+    """Share out room alike, but give each its least; where that is too much, less of it each."""
+    if sum(least) >= room:
+        return [room * each / sum(least) for each in least]
+    level, higher = room / max(len(least), 1), 0
+    while (count := sum(each > level for each in least)) > higher:
+        higher = count
+        taken = sum(each for each in least if each > level)
+        level = (room - taken) / (len(least) - higher)
+    return [max(each, level) for each in least]
+
+
+def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
+    """The whole log, with room behind it, as a share of it, for legends that would cover data."""
+    import rerun.blueprint as rrb
+    from rerun.encodings import TimeRange, TimeRangeBoundary
+
+    if span is None or not room:
+        ends = TimeRangeBoundary.infinite(), TimeRangeBoundary.infinite()
+    else:
+        begin, end = span
+        ends = (
+            TimeRangeBoundary.absolute(nanos=begin),
+            TimeRangeBoundary.absolute(nanos=end + round(room * (end - begin))),
+        )
+    return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
+
+
+def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
+    import rerun.blueprint as rrb
+
+    overrides: dict[EntityPathLike, list[Visualizer]] = {}
+    for each in panel.drawn:
+        overrides.setdefault(entity_path(each.frame, under), []).extend(
+            _visualizers(panel.kind, each)
+        )
+    contents = [str(entity) for entity in overrides]
+    if panel.kind is Kind.STATES:
+        return rrb.StateTimelineView(
+            name=panel.title, contents=contents, overrides=overrides, time_view=axis
+        )
+    return rrb.TimeSeriesView(
+        name=panel.title,
+        contents=contents,
+        overrides=overrides,
+        axis_x=axis,
+        axis_y=rrb.ScalarAxis(range=panel.bulk) if panel.bulk is not None else None,
+        plot_legend=rrb.PlotLegend("RightTop", visible=panel.has_legend),
+    )
+
+
+def _visualizers(kind: Kind, drawn: Drawn) -> "Iterator[Visualizer]":
+    import rerun as rr
+
+    if kind is Kind.STATES:
+        looks = rr.StateConfiguration(
+            values=list(colours.states()),
+            labels=[state.replace("_", " ") for state in colours.states()],
+            colors=[_rgba(colour) for colour in colours.states().values()],
+        )
+        yield looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
+        return
+    colour = _rgba(drawn.colour, "60" if drawn.faint else "ff")
+    scalars = _mapping("Scalars:scalars", drawn.column)
+    if drawn.variance is not None:
+        band = rr.Measurements.from_fields(names=drawn.label, colors=colour)
+        values = _mapping("Measurements:values", drawn.column)
+        variances = _mapping("Measurements:variances", drawn.variance)
+        yield band.visualizer(mappings=[values, variances])
+    else:
+        width = 0.7 if drawn.faint else 3.5 if drawn.wide else 1.5
+        line = rr.SeriesLines(
+            names=drawn.label,
+            colors=colour,
+            widths=width,
+            aggregation_policy="MinMax",  # zoomed out, a mean would hide what it averages
+        )
+        yield line.visualizer(mappings=[scalars])
+    if drawn.dotted:
+        dots = rr.SeriesPoints(names=drawn.label, colors=colour, marker_sizes=3.0)
+        yield dots.visualizer(mappings=[scalars])
+
+
+def _rgba(colour: str, alpha: str = "ff") -> int:
+    return int(colour[1:] + alpha, 16)
+
+
+def _mapping(target: str, column: str) -> "VisualizerComponentMapping":
+    from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
+
+    return VisualizerComponentMapping(
+        target, ComponentSourceKind.SourceComponent, source_component=component(column)
+    )

@@ -1,0 +1,313 @@
+"""What a view draws of a run: frames that exist only to be drawn.
+
+A line must not cross a gap, so sparse rows get an empty row after each stretch; a manoeuvre is
+held over its span; a state is kept where it changes; of a long log there are the mean and the
+extremes of every few seconds. These frames lie under `display/` and are never read back.
+"""
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import polars as pl
+
+from analysis.model.run_record import Run
+from recordings.report import colours
+from recordings.rrd.recording_table import STATE, TABS, Kind, Series, View, entity_parts, frames_of
+
+ROOT: Final = "display"
+LANES: Final = f"{ROOT}/states"
+_NS: Final = 10**9
+#: A log longer than this is drawn decimated, in bins of 1 to 10 s.
+LONG_NS: Final = 600 * _NS
+_BINS: Final = 3000
+_ENDS: Final = ("min", "max")
+#: A row of these lasts from its start to its end; they are too few to be decimated.
+_HELD: Final = ("segments", "planar", "loads", "manoeuvres", "cycles")
+#: One may be a short start of a shift: too short for a line.
+_SHORT: Final = ("loads", "manoeuvres", "cycles")
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """One line, band or lane on the screen: a column of a displayed frame and its looks."""
+
+    frame: str
+    column: str
+    label: str
+    colour: str = ""
+    variance: str | None = None
+    faint: bool = False
+    dotted: bool = False
+    """Whether its numbers stand alone, too far apart for a line."""
+    wide: bool = False
+    """Whether another line lies over it."""
+
+
+def span_ns(run: Run) -> tuple[int, int] | None:
+    """The first and last `t_ns` of a run's grid, or None when no frame has rows in time."""
+    for name in ("aligned", "excitation", "gate"):
+        if name in run.frames and run.frames[name].height:
+            times = run.frames[name]["t_ns"]
+            return times[0], times[-1]
+    return None
+
+
+def is_long(run: Run) -> bool:
+    """Whether this run is drawn decimated."""
+    span = span_ns(run)
+    return span is not None and span[1] - span[0] > LONG_NS
+
+
+def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
+    """The series of a view that this run has numbers for, each with the name of its frame."""
+    for series in view.series:
+        for name in frames_of(series, run.frames):
+            frame = run.frames[name]
+            if series.column in frame.columns and frame[series.column].is_not_null().any():
+                yield series, name
+
+
+def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Drawn, ...]:
+    """What a view draws of this run.
+
+    Args:
+        view: the view.
+        run: the run.
+        shown: its `display_frames`.
+    """
+    drawn: list[Drawn] = []
+    for number, (series, name) in enumerate(series_of(view, run)):
+        if view.kind is Kind.STATES:
+            drawn.append(Drawn(_lane(series), STATE, series.label))
+            continue
+        method = entity_parts(name)[1] if series.frame == "estimates" else None
+        label = " ".join(filter(None, (method, series.label)))
+        colour = colours.method(method) if method else colours.line(number)
+        frame = _shown(name)
+        variance = _variance(series.std) if series.std else None
+        dotted = series.frame in _SHORT or stands_alone(shown[frame][series.column])
+        extremes = (
+            view.kind is Kind.LINES and _extreme(series.column, "min") in shown[frame].columns
+        )
+        # lines of one name have one entry in a legend, in the colour of the first
+        label += ", binned" if extremes else ""
+        drawn.append(Drawn(frame, series.column, label, colour, variance, dotted=dotted))
+        ends = [_extreme(series.column, end) for end in _ENDS if extremes]
+        drawn += [Drawn(frame, end, label, colour, faint=True) for end in ends]
+    if drawn and view.threshold is not None:
+        unit = "" if view.unit == "1" else f" {view.unit}"
+        label = f"threshold {_threshold(run, view):g}{unit}"
+        drawn.append(Drawn(_threshold_frame(view), "threshold", label, "#d55e00"))
+    return tuple(drawn)
+
+
+def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame]:
+    """Every frame that exists only to be drawn, by its name under `display/`, with `t_ns`.
+
+    Args:
+        run: the run.
+        decimate: whether a long run has means and extremes of bins instead of every row.
+    """
+    frames: dict[str, pl.DataFrame] = {}
+    asked: dict[str, dict[str, pl.Expr]] = {}
+    for view in dict.fromkeys(view for tab in TABS for view in tab.views):
+        for series, name in series_of(view, run):
+            frame = _one_at_a_time(run.frames[name])
+            if series.frame == "findings":
+                frame = _foremost(frame, span_ns(run))
+            if view.kind is Kind.STATES:
+                frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
+            elif series.frame in _HELD:
+                frames[_shown(name)] = _held(_numbers(name, frame), frame["end_t_ns"])
+            else:
+                asked.setdefault(name, {}).update(_of_bin(view.kind, series))
+            if view.threshold is not None and (span := span_ns(run)) is not None:
+                level = [_threshold(run, view)] * 2
+                frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
+    for name, wanted in asked.items():
+        if decimate and is_long(run):
+            frames[_shown(name)] = _decimated(run, name, list(wanted.values()))
+        else:
+            numbers = _numbers(name, run.frames[name])
+            sparse = entity_parts(name)[0] == "estimates"
+            frames[_shown(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
+    return frames
+
+
+def axis_range(view: View, run: Run) -> tuple[float, float] | None:
+    """Where the bulk of a wild view's numbers lies, or None to show them all."""
+    if not view.wild:
+        return None
+    drawn = list(series_of(view, run))
+    if not drawn:
+        return None
+    values = pl.concat([run.frames[name][series.column] for series, name in drawn])
+    values = values.filter(values.is_finite())
+    stds = [run.frames[name][series.std] for series, name in drawn if series.std]
+    std = pl.concat(stds).filter(pl.concat(stds).is_finite()).median() if stds else None
+    if values.is_empty():
+        return None
+    low, high = values.quantile(0.05), values.quantile(0.95)
+    if low is None or high is None:
+        return None
+    margin = 0.25 * (high - low) + 2 * (float(std) if isinstance(std, float) else 0.0)
+    margin = margin or 0.05 * abs(high) or 1.0
+    return low - margin, high + margin
+
+
+def _shown(name: str) -> str:
+    return f"{ROOT}/{name}"
+
+
+def _lane(series: Series) -> str:
+    return f"{LANES}/{series.label}"
+
+
+def _threshold_frame(view: View) -> str:
+    return f"{ROOT}/threshold/{view.threshold}"
+
+
+def _variance(std: str) -> str:
+    return f"{std}_squared"
+
+
+def _extreme(column: str, end: str) -> str:
+    return f"{column}_{end}"
+
+
+def _threshold(run: Run, view: View) -> float:
+    return float(run.provenance.settings.value(str(view.threshold)))
+
+
+#: So many lines of so few points are too short to be seen.
+_MANY_LINES: Final = 12
+_SHORT_LINE: Final = 3
+
+
+def stands_alone(numbers: pl.Series) -> bool:
+    """Whether most numbers have no neighbour to draw a line to, or few, in many short lines."""
+    there = numbers.is_not_null()
+    begins = (there & ~there.shift(1, fill_value=False)).sum()
+    alone = (there & ~there.shift(1, fill_value=False) & ~there.shift(-1, fill_value=False)).sum()
+    short = begins > _MANY_LINES and there.sum() <= _SHORT_LINE * begins
+    return 2 * alone > there.sum() or short
+
+
+def _period_ns(run: Run) -> int:
+    """The period of the grid."""
+    return round(_NS / run.provenance.settings.align.rate_hz)
+
+
+def _numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+    """The numbers of a frame that some view draws, by time or start time, with variances."""
+    family = entity_parts(name)[0]
+    shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
+    columns = dict.fromkeys(s.column for s in shown if s.column in frame.columns)
+    numeric = [c for c in columns if frame.schema[c].is_float()]
+    stds = dict.fromkeys(s.std for s in shown if s.std and s.std in frame.columns)
+    time = "start_t_ns" if "start_t_ns" in frame.columns else "t_ns"
+    return frame.select(
+        pl.col(time).alias("t_ns"),
+        *numeric,
+        *((pl.col(std) ** 2).alias(_variance(std)) for std in stds),
+    )
+
+
+def _broken(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+    """An empty row after each stretch of rows that follow each other at the grid's period."""
+    step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
+    ends = numbers.filter((step > 1.5 * period_ns).fill_null(True)).select(pl.col("t_ns") + 1)
+    return pl.concat([numbers, ends], how="diagonal").sort("t_ns")
+
+
+def _one_at_a_time(frame: pl.DataFrame) -> pl.DataFrame:
+    """Of planar fits the arcs, which follow each other; without an arc, the fit of all motion."""
+    if "kind" not in frame.columns:
+        return frame
+    arcs = frame.filter(pl.col("kind") == "arc")
+    return frame.tail(1) if arcs.is_empty() else arcs
+
+
+def _held(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
+    """Each row twice, at its start and its end, and then an empty row."""
+    ends = numbers.with_columns(end_ns.alias("t_ns"))
+    breaks = ends.select(pl.col("t_ns") + 1)
+    return pl.concat([numbers, ends, breaks], how="diagonal").sort("t_ns", maintain_order=True)
+
+
+def _foremost(findings: pl.DataFrame, span: tuple[int, int] | None) -> pl.DataFrame:
+    """Findings one after the other: where several hold, the one of the shortest stretch.
+
+    What is of the whole log is seen where nothing else is.
+    """
+    begin, end = span or (0, 0)
+    rows = [
+        (row["start_t_ns"], row["end_t_ns"], row["cause"])
+        if row["start_t_ns"] is not None and row["end_t_ns"] is not None
+        else (begin, end, row["cause"])
+        for row in findings.sort("rank").iter_rows(named=True)
+    ]
+    edges = sorted({edge for start, stop, _ in rows for edge in (start, stop)})
+    parts: list[tuple[int, int, str]] = []
+    for start, stop in itertools.pairwise(edges):
+        holding = [row for row in rows if row[0] <= start and stop <= row[1]]
+        if holding:
+            parts.append((start, stop - 1, min(holding, key=lambda row: row[1] - row[0])[2]))
+    names = ("start_t_ns", "end_t_ns", "cause")
+    types = (pl.Int64, pl.Int64, pl.String)
+    return pl.DataFrame(parts, schema=dict(zip(names, types, strict=True)), orient="row")
+
+
+def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+    """The rows where a state begins; no state (null) after the last one."""
+    column = pl.col(series.column)
+    if frame.schema[series.column] == pl.Boolean:
+        column = pl.when(column).then(pl.lit(series.column))
+    column = column.cast(pl.String).alias(STATE)
+    if "end_t_ns" in frame.columns:
+        starts = frame.select(pl.col("start_t_ns").alias("t_ns"), column)
+        ends = frame.select((pl.col("end_t_ns") + 1).alias("t_ns"))
+    else:
+        starts = frame.select("t_ns", column)
+        ends = frame.tail(1).select(pl.col("t_ns") + period_ns)
+    # where one manoeuvre ends as the next begins, the beginning is the later of the two rows
+    states = pl.concat([ends, starts], how="diagonal").sort("t_ns", maintain_order=True)
+    changed = pl.col(STATE).ne_missing(pl.col(STATE).shift(1))
+    return states.filter(changed | (pl.int_range(pl.len()) == 0))
+
+
+def _decimated(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
+    span = span_ns(run)
+    assert span is not None
+    width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS
+    # narrower than the grid's step most bins were empty, and no line would be drawn
+    width_ns = max(width_ns, _period_ns(run))
+    return binned(run.frames[name], wanted, span, width_ns)
+
+
+def _of_bin(kind: Kind, series: Series) -> dict[str, pl.Expr]:
+    """What a bin has of a series, by column."""
+    numbers = pl.col(series.column)
+    if kind is Kind.BANDS:
+        mean = {series.column: numbers.mean()}
+        if series.std is None:
+            return mean
+        name = _variance(series.std)
+        return mean | {name: (pl.col(series.std) ** 2).mean().alias(name)}
+    ends = {"min": numbers.min(), "max": numbers.max()}
+    named = {(name := _extreme(series.column, end)): ends[end].alias(name) for end in _ENDS}
+    return {series.column: numbers.mean()} | named
+
+
+def binned(
+    frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
+) -> pl.DataFrame:
+    """A row a bin, at its middle; a bin without rows stays empty, so that no line crosses it."""
+    start, end = span
+    number = ((pl.col("t_ns") - start) // width_ns).alias("bin")
+    bins = pl.select(pl.int_range((end - start) // width_ns + 1, dtype=pl.Int64).alias("bin"))
+    binned = bins.join(frame.group_by(number).agg(wanted), on="bin", how="left").sort("bin")
+    middle = (start + pl.col("bin") * width_ns + width_ns // 2).alias("t_ns")
+    return binned.select(middle, pl.exclude("bin"))

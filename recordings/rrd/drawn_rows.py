@@ -1,0 +1,58 @@
+"""How a frame that is drawn lies in a recording: a row a sample, on two timelines."""
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import polars as pl
+
+from recordings.rrd.recording_table import SINCE_START, TIME, component
+from recordings.rrd.stored_frames import entity_path
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_ROWS: Final = 16_384
+
+
+def drawn_rows(
+    name: str,
+    frame: pl.DataFrame,
+    t0_unix_ns: int,
+    under: str = "",
+    at: "Mapping[str, pa.Scalar]" = MappingProxyType({}),
+) -> "Iterator[pa.RecordBatch]":
+    """Make record batches of a frame, with the timelines as their first columns.
+
+    Args:
+        name: of the frame.
+        frame: `t_ns`, and floats or texts.
+        t0_unix_ns: where `t_ns` is 0.
+        under: the entity that it lies under; empty: none.
+        at: further timelines, each with the one time that all rows have there.
+    """
+    import pyarrow as pa
+
+    entity = entity_path(name, under)
+    for part in frame.iter_slices(_ROWS):
+        since_start = part["t_ns"]
+        arrays: dict[str, pa.Array] = {
+            TIME: (since_start + t0_unix_ns).to_arrow().cast(pa.timestamp("ns")),
+            SINCE_START: since_start.to_arrow().cast(pa.duration("ns")),
+            **{timeline: pa.repeat(time, part.height) for timeline, time in at.items()},
+        }
+        fields = [pa.field(name, array.type) for name, array in arrays.items()]
+        # a list of one value a row: a bare null would become a row without any value
+        starts = pa.array(np.arange(part.height + 1, dtype=np.int32))
+        for column in part.drop("t_ns").get_columns():
+            # Rerun draws a line across a null, and none across a NaN
+            drawn = column.fill_null(float("nan")) if column.dtype.is_float() else column
+            values = drawn.to_arrow()
+            if pa.types.is_large_string(values.type):
+                values = values.cast(pa.string())
+            stored = component(column.name)
+            arrays[stored] = pa.ListArray.from_arrays(starts, values)
+            metadata = {"rerun:entity_path": entity, "rerun:component": stored}
+            fields.append(pa.field(stored, arrays[stored].type, metadata=metadata))
+        yield pa.record_batch(list(arrays.values()), schema=pa.schema(fields))

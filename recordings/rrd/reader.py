@@ -1,0 +1,218 @@
+"""Read a recording back: exactly the run that was written."""
+
+import json
+import warnings
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+from pydantic import ValidationError
+
+from analysis.model.run_record import Loss, Provenance, Run
+from estimators.errors import RecordingError, nearest
+from recordings.rrd.recording_table import component
+from recordings.rrd.stored_frames import Manifest, StoredColumn, StoredFrame
+
+if TYPE_CHECKING:
+    from rerun.chunk import LazyStore
+
+#: The property of a recording that says what payscope wrote into it.
+PROPERTY = "payscope"
+#: Raised whenever what is stored changes its meaning: 2 has settings by stage, 3 frames in
+#: blocks.
+FORMAT = 3
+
+
+def read_recording(path: str | Path) -> Run:
+    """Read a whole recording.
+
+    Returns:
+        A run equal to the one written. Of a recording that was recovered after damage, what there
+        is, with a loss in the provenance for each frame that misses rows.
+
+    Raises:
+        RecordingError: no such file, not a recording of payscope, or a damaged one.
+    """
+    with opened(path) as held:
+        manifest, provenance = held.manifest, held.provenance
+        frames = {frame.name: held.read(frame.name) for frame in manifest.frames}
+    heights = {name: frame.height for name, frame in frames.items()}
+    return Run(frames, with_missing_rows(path, manifest, provenance, heights))
+
+
+def with_missing_rows(
+    path: str | Path, manifest: Manifest, provenance: Provenance, heights: Mapping[str, int]
+) -> Provenance:
+    """The provenance with a loss for each frame of which the recording has not every row.
+
+    Args:
+        path: the recording.
+        manifest: its own.
+        provenance: its own.
+        heights: rows that it has, by frame.
+    """
+    lost = tuple(
+        Loss(
+            source=Path(path).name,
+            topic=stored.name,
+            what=f"the recording has {heights[stored.name]} of {stored.rows} rows",
+        )
+        for stored in manifest.frames
+        if heights[stored.name] != stored.rows
+    )
+    return provenance.model_copy(update={"losses": (*provenance.losses, *lost)})
+
+
+def read_frame(path: str | Path, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
+    """Read one frame, or some of its columns, without reading the others.
+
+    Raises:
+        RecordingError: as `read_recording`; and no such frame or column, with the choices.
+    """
+    with opened(path) as held:
+        return held.read(name, columns)
+
+
+def read_provenance(path: str | Path) -> Provenance:
+    """Read where a recording came from, without its frames.
+
+    Raises:
+        RecordingError: as `read_recording`.
+    """
+    with opened(path) as held:
+        return held.provenance
+
+
+def stages(path: str | Path) -> dict[str, tuple[str, ...]]:
+    """The names of a recording's frames, in pipeline order, with their columns.
+
+    Raises:
+        RecordingError: as `read_recording`.
+    """
+    with opened(path) as held:
+        return held.stages
+
+
+@dataclass(frozen=True)
+class OpenRecording:
+    """A recording that is open: its description is read, its frames when they are asked for."""
+
+    path: Path
+    manifest: Manifest
+    provenance: Provenance
+    store: "LazyStore"
+
+    @property
+    def stages(self) -> dict[str, tuple[str, ...]]:
+        """The columns of each frame, by its name, in pipeline order."""
+        return {each.name: tuple(c.name for c in each.columns) for each in self.manifest.frames}
+
+    def refuse_without_stages(self) -> None:
+        """Refuse a recording that only shows something, such as two others over each other.
+
+        Raises:
+            RecordingError: it keeps no frames.
+        """
+        if not self.manifest.frames:
+            notes = "; ".join(self.provenance.notes) or "it was written to be looked at"
+            raise RecordingError(
+                f"{self.path}: keeps no stages ({notes}); name a recording of `payscope run`"
+            )
+
+    def read(self, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
+        """Read a frame, or some of its columns.
+
+        Raises:
+            RecordingError: no such frame or column, with the choices; or it is damaged.
+        """
+        stored = self.manifest.frame(name)
+        if stored is None:
+            raise RecordingError(f"{self.path}: no stage '{name}'; {nearest(name, self.stages)}")
+        known = self.stages[name]
+        for column in columns or ():
+            if column not in known:
+                raise RecordingError(
+                    f"{self.path}: '{name}' has no '{column}'; {nearest(column, known)}"
+                )
+        wanted = stored.columns if columns is None else stored.select(columns)
+        with _in_one_line(self.path):
+            return _read(self.store, stored, wanted)
+
+
+@contextmanager
+def opened(path: str | Path) -> "Generator[OpenRecording]":
+    """Open a recording; whatever Rerun says of a bad one becomes one line.
+
+    Raises:
+        RecordingError: as `read_recording`.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise RecordingError(f"{path}: no such recording; `payscope run` writes one")
+    if not path.is_file():
+        raise RecordingError(f"{path}: not a recording but a folder or device; name the .rrd file")
+    with path.open("rb") as file:
+        if file.read(3) != b"RRF":
+            raise RecordingError(f"{path}: not a Rerun recording (.rrd)")
+    import rerun as rr
+    from rerun.error_utils import RerunWarning
+
+    with _in_one_line(path):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
+            store = rr.chunk.RrdReader(path).store()
+        held = OpenRecording(path, *_described(path, store), store)
+    yield held  # a fault of whoever reads is not the recording's
+
+
+@contextmanager
+def _in_one_line(path: Path) -> Generator[None]:
+    try:
+        yield
+    except (RuntimeError, ValueError) as error:
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        reason = said.removeprefix(f"Failed to read RRD file at {path}: ")
+        raise RecordingError(
+            f"{path}: damaged or not finished ({reason}); recover its complete rows with "
+            f"`rerun rrd optimize {path} -o recovered.rrd`"
+        ) from error
+
+
+def _described(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
+    found: dict[str, Any] = {}
+    for chunk in store.stream().filter(content=f"/__properties/{PROPERTY}"):
+        batch = chunk.to_record_batch()
+        found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
+    if "manifest" not in found or "provenance" not in found:
+        raise RecordingError(f"{path}: a Rerun recording, but not one that payscope wrote")
+    if found.get("format") != FORMAT:
+        raise RecordingError(
+            f"{path}: written in format {found.get('format')}, this payscope reads {FORMAT}; "
+            "use the payscope that wrote it, or replay the log"
+        )
+    try:
+        return (
+            Manifest.model_validate_json(found["manifest"]),
+            Provenance.model_validate(json.loads(found["provenance"])),
+        )
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise RecordingError(
+            f"{path}: this payscope cannot read its description ({where}: {first['msg']}); "
+            "use the payscope that wrote it, or replay the log"
+        ) from error
+    except json.JSONDecodeError as error:
+        raise RecordingError(f"{path}: its description is damaged; replay the log") from error
+
+
+def _read(store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]) -> pl.DataFrame:
+    """Read columns of a frame, rows in the order they were written."""
+    wanted = [component(column.name) for column in columns]
+    # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well
+    below = store.stream().filter(content=f"{stored.entity}/**", components=wanted)
+    chunks = (chunk for chunk in below if chunk.entity_path == stored.entity)
+    return stored.from_batches([chunk.to_record_batch() for chunk in chunks], columns)

@@ -1,0 +1,475 @@
+"""Which column of which frame is kept where in a recording, and which view of which tab draws it.
+
+The one table that the writer, the reader, the blueprint and the plots loop over. A frame `name` is
+one wide entity (`entity_parts`), a column one component of it (`component`). What a tab draws is
+listed in `TABS`; every other declared column is in `KEPT`: stored, readable, not drawn.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from analysis.model.schema import frame_schema
+
+TIME: Final = "time"
+SINCE_START: Final = "t"
+ROW: Final = "row"
+COMPONENT_PREFIX: Final = "payscope:"
+#: The text of a lane of states: Rerun's own name, or the viewer adds ours to the lane's title.
+STATE: Final = "StateChange:state"
+
+
+class Kind(Enum):
+    """How a view draws its series."""
+
+    LINES = "lines"
+    BANDS = "a line with ±1σ around it"
+    STATES = "a lane a series, coloured by state"
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`.
+
+    The label of a lane of states is also the last part of its entity path, which the viewer shows.
+    """
+
+    frame: str
+    column: str
+    label: str
+    std: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One plot: its series share a unit, which the title gets from the schema."""
+
+    name: str
+    kind: Kind
+    series: tuple[Series, ...]
+    threshold: str | None = None
+    """The setting that is drawn as a constant line."""
+    wild: bool = False
+    """Whether a few estimates may be off by orders of magnitude: the axis then shows the bulk."""
+
+    @property
+    def unit(self) -> str:
+        """The unit of all its series (1 for states)."""
+        first = self.series[0]
+        declared = frame_schema(first.frame).column(first.column)
+        return "1" if declared is None else declared.unit
+
+    @property
+    def title(self) -> str:
+        """Its name, with the unit where there is one."""
+        return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
+
+
+@dataclass(frozen=True, slots=True)
+class Tab:
+    """One tab: its views from top to bottom, and the texts beside them."""
+
+    name: str
+    views: tuple[View, ...] = ()
+    texts: tuple[str, ...] = ()
+    events: bool = False
+    """Whether it lists the findings as events in time."""
+
+
+def _lines(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
+    drawn = tuple(Series(frame, column, label) for column, label in series.items())
+    return View(name, Kind.LINES, drawn, threshold)
+
+
+def _wild(name: str, frame: str, column: str, label: str = "") -> View:
+    return View(name, Kind.LINES, (Series(frame, column, label),), wild=True)
+
+
+def _band(name: str, frame: str, column: str, std: str, label: str = "") -> View:
+    return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
+
+
+def _states(name: str, *series: tuple[str, str, str]) -> View:
+    return View(name, Kind.STATES, tuple(Series(*each) for each in series))
+
+
+_FORCE = _lines("Force", "excitation", force_x_N="driving force")
+_ACCELERATION = _lines(
+    "Acceleration",
+    "excitation",
+    regressor_acc_x_m_s2="regressor, multiplies the mass",
+    specific_force_x_m_s2="accelerometer, gravity included",
+    acc_x_m_s2="kinematic",
+    speed_rate_x_m_s2="speed rate, decides the phase",
+)
+_SPEED = _lines("Speed", "excitation", speed_x_m_s="speed")
+_YAW_TORQUE = _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque")
+_INDEX = _lines(
+    "Information index",
+    "gate",
+    "gate.threshold_nat",
+    mi_x_nat="index of the window",
+    ksg_x_nat="mutual information by nearest neighbours",
+    mi_z_nat="index of the window, yaw",
+    ksg_z_nat="mutual information by nearest neighbours, yaw",
+)
+_LOADS = View(
+    "Mass of each load",
+    Kind.BANDS,
+    (
+        Series("loads", "mass_kg", "load ± u", "u_kg"),
+        Series("manoeuvres", "mass_kg", "a manoeuvre by itself", "mass_std_kg"),
+    ),
+    wild=True,
+)
+_MASS = _band("Mass", "estimates", "mass_kg", "mass_std_kg")
+_FRICTION = _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
+_INERTIA = _band("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
+_COM = View(
+    "Centre of mass",
+    Kind.BANDS,
+    (
+        Series("planar", "com_x_m", "ahead", "com_x_std_m"),
+        Series("planar", "com_y_m", "to the left", "com_y_std_m"),
+    ),
+)
+_DECISIONS = _states(
+    "Gate and phase",
+    ("gate", "reason_x", "gate"),
+    ("gate", "reason_z", "yaw_gate"),
+    ("excitation", "phase", "phase"),
+)
+
+TABS: Final = (
+    Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _LOADS, _MASS, _INERTIA), ("answer",)),
+    Tab(
+        "Findings",
+        (_states("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
+        ("findings",),
+        events=True,
+    ),
+    Tab(
+        "Loads",
+        (
+            _LOADS,
+            _band("Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"),
+            _SPEED,
+        ),
+    ),
+    Tab(
+        "Cycles",
+        (
+            _band("Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"),
+            _states("Cycle", ("cycles", "quality", "cycle")),
+            _SPEED,
+        ),
+    ),
+    Tab(
+        "Motion",
+        (
+            _FORCE,
+            _ACCELERATION,
+            _SPEED,
+            _YAW_TORQUE,
+            _states("Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")),
+        ),
+    ),
+    Tab(
+        "Gate",
+        (
+            _INDEX,
+            _lines(
+                "Correlation of acceleration and force",
+                "gate",
+                corr_x_1="along",
+                corr_z_1="yaw",
+            ),
+            _lines(
+                "Share of noise in what the acceleration explains",
+                "gate",
+                "gate.noise_share_max",
+                noise_share_x_1="along",
+                noise_share_z_1="yaw",
+            ),
+            _wild(
+                "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
+            ),
+            _wild(
+                "Predicted standard deviation of the inertia",
+                "gate",
+                "predicted_std_z",
+                "predicted",
+            ),
+            _DECISIONS,
+        ),
+    ),
+    Tab(
+        "Estimates",
+        (
+            _MASS,
+            _FRICTION,
+            _band("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
+        ),
+    ),
+    Tab(
+        "Residuals",
+        (
+            _wild("Residual r.m.s.", "estimates", "residual_rms_N"),
+            _wild("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
+            _wild("Condition number", "estimates", "condition_1"),
+        ),
+    ),
+    Tab(
+        "Manoeuvres",
+        (
+            _band("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
+            _band(
+                "Viscous friction a manoeuvre",
+                "segments",
+                "friction_x_N_s_m",
+                "friction_x_std_N_s_m",
+                "viscous friction",
+            ),
+            _band(
+                "Coulomb friction a manoeuvre",
+                "segments",
+                "coulomb_x_N",
+                "coulomb_x_std_N",
+                "Coulomb friction",
+            ),
+            _lines("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
+            _band(
+                "Yaw inertia a manoeuvre",
+                "segments",
+                "inertia_z_kg_m2",
+                "inertia_z_std_kg_m2",
+                "yaw inertia",
+            ),
+            _states(
+                "Phase and outcome",
+                ("segments", "phase", "manoeuvre_phase"),
+                ("segments", "reason", "manoeuvre_outcome"),
+            ),
+        ),
+    ),
+    Tab(
+        "Planar",
+        (
+            _YAW_TORQUE,
+            _lines("Yaw rate", "excitation", yaw_rate_rad_s="yaw rate"),
+            _lines("Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"),
+            _lines(
+                "Lateral force a mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
+            ),
+            _DECISIONS,
+            _INERTIA,
+            _band(
+                "Viscous friction of turning",
+                "estimates",
+                "friction_z_N_m_s",
+                "friction_z_std_N_m_s",
+            ),
+            _COM,
+            _states("Outcome of arcs", ("planar", "reason", "arcs")),
+        ),
+        ("planar",),
+    ),
+    Tab(
+        "Channels",
+        (
+            _lines(
+                "Wheel torque",
+                "aligned",
+                torque_left_N_m="left",
+                torque_right_N_m="right",
+                torque_z_N_m="yaw",
+            ),
+            _lines("Force as aligned", "aligned", force_x_N="driving force"),
+            _lines(
+                "Speed as aligned",
+                "aligned",
+                speed_x_m_s="machine",
+                speed_left_m_s="left wheels",
+                speed_right_m_s="right wheels",
+            ),
+            _lines(
+                "Acceleration as aligned",
+                "aligned",
+                acc_x_m_s2="kinematic",
+                specific_force_x_m_s2="accelerometer x",
+                specific_force_y_m_s2="accelerometer y",
+            ),
+            _lines(
+                "Vertical specific force as aligned",
+                "aligned",
+                specific_force_z_m_s2="accelerometer z",
+            ),
+            _lines("Position", "aligned", position_x_m="travelled"),
+        ),
+    ),
+    Tab(
+        "Attitude",
+        (
+            _lines(
+                "Angular rate",
+                "aligned",
+                roll_rate_rad_s="roll",
+                pitch_rate_rad_s="pitch",
+                yaw_rate_rad_s="yaw",
+            ),
+            _lines("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
+            _lines(
+                "Angle",
+                "aligned",
+                pitch_rad="pitch, nose-up",
+                roll_rad="roll",
+                boom_rad="boom",
+                bucket_rad="bucket",
+            ),
+        ),
+    ),
+    Tab("Calibration", texts=("calibration",)),
+    Tab("Provenance", texts=("settings", "provenance")),
+)
+
+#: What the one page of `plot` shows, from top to bottom.
+PAGE: Final = (
+    _FORCE,
+    _ACCELERATION,
+    _SPEED,
+    _INDEX,
+    _DECISIONS,
+    _LOADS,
+    _MASS,
+    _FRICTION,
+    _INERTIA,
+    _COM,
+)
+#: What an explanation shows around a moment.
+MOMENT: Final = (_FORCE, _ACCELERATION, _SPEED, _INDEX, _DECISIONS)
+#: Declared columns that no view draws, by frame: time, tables that are shown as text, and the
+#: smoothed copy of channels that "Channels" and "Attitude" draw as aligned.
+KEPT: Final[dict[str, tuple[str, ...]]] = {
+    frame: tuple(names.split())
+    for frame, names in {
+        "aligned": "t_ns latitude_deg longitude_deg direction_x_1",
+        "excitation": (
+            "t_ns direction_x_1 speed_left_m_s speed_right_m_s "
+            "specific_force_y_m_s2 specific_force_z_m_s2 "
+            "roll_rate_rad_s pitch_rate_rad_s pitch_rad roll_rad"
+        ),
+        "noise": "first second lag covariance source",
+        "gate": "t_ns accepted_x accepted_z",
+        "digging": "start_t_ns end_t_ns growth_N growth_std_N",
+        "estimates": "t_ns axis",
+        "segments": (
+            "segment_id start_t_ns end_t_ns samples samples_accepted condition_1 "
+            "friction_z_N_m_s friction_z_std_N_m_s residual_rms_N_m"
+        ),
+        "planar": (
+            "kind start_t_ns end_t_ns samples speed_x_m_s yaw_rate_rad_s predicted_std_com_m "
+            "mass_kg mass_std_kg friction_x_N_s_m friction_x_std_N_s_m "
+            "inertia_z_kg_m2 inertia_z_std_kg_m2 friction_z_N_m_s friction_z_std_N_m_s "
+            "first_moment_x_kg_m first_moment_x_std_kg_m "
+            "first_moment_y_kg_m first_moment_y_std_kg_m residual_rms_N residual_rms_N_m "
+            "condition_1 r_squared_x_1 r_squared_z_1 rank identifiable combinations "
+            "scale_unknown com_scale_unknown withheld"
+        ),
+        "masses": (
+            "method mass_kg mass_std_kg friction_x_N_s_m friction_x_std_N_s_m "
+            "coulomb_x_N coulomb_x_std_N payload_kg inertia_z_kg_m2 inertia_z_std_kg_m2 "
+            "friction_z_N_m_s friction_z_std_N_m_s rows rows_z withheld withheld_z"
+        ),
+        "loads": (
+            "load_id start_t_ns end_t_ns manoeuvres u_random_kg u_common_kg "
+            "payload_u_random_kg own_payload_kg own_payload_u_kg own_payload_u_random_kg "
+            "payload_to empty scatter_kg scatter_known "
+            "friction_x_N_s_m friction_x_std_N_s_m "
+            "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
+            "scale_unknown payload_scale_unknown withheld withheld_for said "
+            "calibrated_kg calibrated_u_kg calibrated_low_kg calibrated_high_kg calibrated_reason "
+            "calibrated_unlike_u_kg calibrated_said calibrated_payload_kg calibrated_payload_u_kg "
+            "calibrated_payload_low_kg calibrated_payload_high_kg"
+        ),
+        "manoeuvres": "load_id start_t_ns end_t_ns",
+        "nuisances": (
+            "term unit prior_mean prior_std posterior posterior_std u_kg meaning "
+            "prior_mean_u alone alone_std alone_prior_mean alone_prior_std"
+        ),
+        "responses": "of number term response_kg",
+        "learnt_errors": "term other error_1 covariance_1 told",
+        "cycles": (
+            "cycle start_t_ns end_t_ns dig_t_ns dump_t_ns return_s load_s haul_s dump_s manoeuvres "
+            "loaded_id loaded_kg loaded_u_kg empty_before_id empty_before_kg empty_before_u_kg "
+            "empty_after_id empty_after_kg empty_after_u_kg tare_before_1 "
+            "carry_back_kg carry_back_u_kg "
+            "payload_u_random_kg payload_u_common_kg payload_u_shared_kg counted withheld_for "
+            "scale_1 scale_from own_u_common_kg own_u_shared_kg"
+        ),
+        "shift": (
+            "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "
+            "payload_kg payload_u_random_kg payload_u_common_kg payload_u_kg payload_mean_kg "
+            "payload_std_kg carry_back_mean_kg carry_back_u_kg "
+            "lost_cycles lost_cycles_u lost_kg lost_u_kg digs boom_dumps uncounted_cycles "
+            "uncounted_cycles_u uncounted_kg uncounted_u_kg on_board_kg on_board_u_kg "
+            "total_kg total_u_kg scale_from scale_unknown gain_1 gain_u_1 duration_s gap_s idle_s "
+            "utilisation_1"
+        ),
+        "budget": "load_id cause kind u_kg share_1 meaning shrinks",
+        "planar_budget": "quantity cause kind u unit share_1 meaning shrinks",
+        "verdict": "check about value minimum maximum passed consequence remedy meaning",
+        "findings": (
+            "rank severity channel start_t_ns end_t_ns strength_1 evidence "
+            "mass_change_kg mass_change_u_kg setting value alternatives"
+        ),
+        "calibration": (
+            "method load_kg reference_kg runs estimate_kg estimate_std_kg "
+            "alpha_1 beta_kg calibrated_kg error_kg error_left_out_kg"
+        ),
+        "line": "alpha_1 beta_kg valid_from_kg valid_to_kg line_u_kg coverage_k_1",
+        "points": (
+            "run_id load day reference_kg readings rejected mean_kg std_kg calibrated_kg "
+            "error_kg error_left_out_kg studentised_1"
+        ),
+        "readings": (
+            "run_id load day log reading start_s end_s mass_kg std_kg common_u_kg used left_out_for"
+        ),
+        "runs": "run_id log log_sha256 recording",
+    }.items()
+}
+
+
+def entity_parts(frame: str) -> tuple[str, ...]:
+    """The parts of the entity path of a frame; a topic is one part, with its slashes."""
+    family, _, rest = frame.partition("/")
+    return (family, rest) if family == "raw" else tuple(frame.split("/"))
+
+
+def component(column: str) -> str:
+    """The component that holds a column."""
+    return column if column == STATE else COMPONENT_PREFIX + column
+
+
+def frames_of(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
+    """The frames of a run that a series is drawn from, in the run's order."""
+    return tuple(name for name in frames if entity_parts(name)[0] == series.frame)
+
+
+def drawn_columns(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
+    """The columns of a frame that a view draws, with those that place and order its rows."""
+    family = entity_parts(frame)[0]
+    wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind", "rank"} | {
+        name
+        for tab in TABS
+        for view in tab.views
+        for series in view.series
+        if series.frame == family
+        for name in (series.column, series.std)
+    }
+    if family not in _DRAWN_FRAMES:
+        return ()
+    return tuple(name for name in columns if name in wanted)
+
+
+_DRAWN_FRAMES: Final = {s.frame for tab in TABS for view in tab.views for s in view.series}

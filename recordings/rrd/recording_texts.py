@@ -1,0 +1,335 @@
+"""The texts of a recording, in Markdown: the answer first, then where it came from."""
+
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any, Final
+from zoneinfo import ZoneInfo
+
+import polars as pl
+
+from analysis.model.answer import Answer, AnswerRow, answer
+from analysis.model.run_record import Provenance, Run
+from analysis.model.verdict import Verdict
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.finding_text import finding_line, findings_of, findings_text
+from recordings.report.number_text import SCALE_NOT_KNOWN, number, outcome, plus_minus, table
+from recordings.report.planar_text import planar, planar_lines
+from recordings.report.worth_text import (
+    budget_rows,
+    load_heads,
+    load_rows,
+    load_sentences,
+    main_load,
+    worth_lines,
+)
+from recordings.rrd.display_frames import span_ns
+
+_NS: Final = 10**9
+#: The viewer's font has no block, and the viewer ends where a glyph is missing.
+_MARK: Final = "="
+_MASS: Final = ("mass_kg", "mass_std_kg")
+_INERTIA: Final = ("inertia_z_kg_m2", "inertia_z_std_kg_m2")
+#: Columns of the table of masses: heading, value, standard deviation. A payload's is that of its
+#: load, not of a method.
+_MASS_COLUMNS: Final = (
+    ("mass (kg)", "mass_kg", "mass_std_kg"),
+    ("payload (kg)", "payload_kg", None),
+    ("friction (N·s/m)", "friction_x_N_s_m", "friction_x_std_N_s_m"),
+    ("Coulomb friction (N)", "coulomb_x_N", "coulomb_x_std_N"),
+    ("yaw inertia (kg·m²)", "inertia_z_kg_m2", "inertia_z_std_kg_m2"),
+    ("friction of turning (N·m·s)", "friction_z_N_m_s", "friction_z_std_N_m_s"),
+)
+
+
+def texts(run: Run) -> dict[str, str]:
+    """Every text that this run has something to say in, by name."""
+    written: dict[str, Callable[[Run], str]] = {
+        "answer": answer_text,
+        "findings": findings_text,
+        "planar": planar,
+        "calibration": calibration,
+        "settings": settings,
+        "provenance": provenance,
+    }
+    return {name: text for name, write in written.items() if (text := write(run))}
+
+
+def recording_name(about: Provenance) -> str:
+    """What the viewer lists a recording as: its machine, and its logs."""
+    logs = ", ".join(each.name for each in about.inputs)
+    return ": ".join(filter(None, (machine_name(about), logs))) or "payscope"
+
+
+def machine_name(about: Provenance) -> str:
+    """The name that the machine file gives, or nothing."""
+    return str(_body(about).get("name", ""))
+
+
+#: Findings beside the answer; their own text has all.
+_FOUND: Final = 3
+#: Of a page's loads.
+_MOST_LINES: Final = 12
+
+
+def local_time(about: Provenance, t_ns: int = 0) -> str:
+    """A time since the start as the people at the machine read it; no date where there is none."""
+    stamp_ns = about.t0_unix_ns + t_ns
+    if stamp_ns < FIRST_DATE_NS:
+        return f"{stamp_ns / _NS:.3f} s of the log's own clock"
+    zone = ZoneInfo(str(_body(about).get("timezone", "UTC")))
+    utc = datetime.fromtimestamp(stamp_ns // _NS, UTC)
+    return f"{utc.astimezone(zone):%Y-%m-%d %H:%M:%S} {zone.key}"
+
+
+def headline(said: Answer) -> str:
+    """The answer in one sentence, without Markdown."""
+    failed = said.verdict.failed("mass")
+    if failed:
+        return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
+    if len(said.loads) > 1:
+        return _several(said)
+    for load in said.loads:
+        if load["mass_kg"] is not None:
+            scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
+            return f"{plus_minus(load['mass_kg'], load['u_kg'])} kg (standard uncertainty{scale})"
+    # a recording of an earlier version has no loads
+    for row in said.rows if not said.loads else ():
+        known = [method for method in row.methods if row.value("mass_kg", method) is not None]
+        if known:
+            best = "pooled" if "pooled" in known else known[0]
+            return f"{_of(row, best, *_MASS)} kg ({best}, statistical standard deviation)"
+    if not said.verdict.checks:
+        return "This recording holds no answer."
+    return "No window of this log was accepted: there is no mass."
+
+
+def _several(said: Answer) -> str:
+    """The loads of a log in one sentence."""
+    known = [load for load in said.loads if load["payload_kg"] is not None]
+    count = f"{len(said.loads)} loads"
+    if not known:
+        return f"{count}: no one mass of the log"
+    most = max(known, key=lambda load: load["payload_kg"])
+    return f"{count}, payloads up to {plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
+
+
+def summary(run: Run) -> str:
+    """The answer in plain lines, the headline first."""
+    about, said = run.provenance, answer(run)
+    lines = [headline(said), f"{recording_name(about)} · {local_time(about)}"]
+    lines += worth_lines(said)[1:]
+    if len(said.loads) > 1:
+        lines += load_sentences(said, _MOST_LINES)
+    lines += [""]
+    for row in said.rows if len(said.loads) <= 1 else ():
+        for method in row.methods:
+            mass = "withheld" if row.withheld else f"{_of(row, method, *_MASS)} kg"
+            inertia = row.value(_INERTIA[0], method)
+            turns = f", yaw inertia {_of(row, method, *_INERTIA)} kg·m²" if inertia else ""
+            lines.append(f"{method:<8} {mass}{turns}")
+    lines += planar_lines(said.planar, said.planar_budget)
+    for each in findings_of(run)[:_FOUND]:
+        lines.append(f"finding  {each.rank}. {finding_line(each)}")
+    quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
+    for check in said.verdict.checks:
+        came_out = outcome(check, passed="passed", failed="FAILED", absent="n/a")
+        if came_out in quiet:
+            value = "" if check.value is None else f" {number(check.value)}"
+            quiet[came_out].append(f"{check.check}{value}")
+        else:
+            lines.append(f"{came_out:<8} {check.check} {number(check.value)} ({check.limit})")
+    lines += [f"{name:<8} {', '.join(checks)}" for name, checks in quiet.items() if checks]
+    return "\n".join(lines)
+
+
+def answer_text(run: Run) -> str:
+    """The masses, the verdict with every check, and what a reader should know."""
+    if "points" in run.frames:
+        return ""  # of evidence, which is about many logs
+    about, span, said = run.provenance, span_ns(run), answer(run)
+    duration = f", {(span[1] - span[0]) / _NS:,.1f} s" if span else ""
+    parts = [
+        f"# {headline(said)}",
+        f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
+    ]
+    if failed := said.verdict.failed("mass"):
+        parts.append("**The mass is withheld**, because:")
+        parts.append(
+            "\n".join(
+                f"- **{check.check}** is {number(check.value)}, must be {check.limit}: "
+                f"{check.meaning}"
+                for check in failed
+            )
+        )
+    if found := findings_of(run):
+        parts.append("## What this log shows")
+        parts.append(
+            "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
+        )
+    parts += _worth(said)
+    if len(said.loads) > 1:
+        parts.append("The paper's methods give one mass a log, and are not shown.")
+    else:
+        parts += [each for row in said.rows for each in _masses(row)]
+    if lines := planar_lines(said.planar, said.planar_budget):
+        parts.append("\n".join(f"- {line}" for line in lines))
+    parts += _verdict(said.verdict) + _accepted(run)
+    parts += [f"- {note}" for note in said.notes]
+    parts += [f"- lost: {each}" for each in said.losses]
+    return "\n\n".join(parts)
+
+
+def calibration(run: Run) -> str:
+    """The points and the line of each method, and of evidence; nothing without a calibration."""
+    parts = ["# Calibration", *_evidence(run)]
+    points = run.frames.get("calibration")
+    if points is None or points.is_empty():
+        return "\n\n".join(parts) if len(parts) > 1 else ""
+    for (method,), group in points.group_by("method", maintain_order=True):
+        fit = group.row(0, named=True)
+        if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
+            parts.append(
+                f"**{method}**: reference = {number(fit['alpha_1'])} · estimate "
+                f"{fit['beta_kg']:+.4g} kg"
+            )
+    columns = [name for name in points.columns if name not in ("alpha_1", "beta_kg")]
+    return "\n\n".join([*parts, table(columns, points.select(columns).rows())])
+
+
+def _evidence(run: Run) -> list[str]:
+    """The line of evidence, its points, and where each run is recorded."""
+    if "points" not in run.frames:
+        return []
+    parts = [f"- {note}" for note in run.provenance.notes]
+    for name, title in (("line", "Line"), ("points", "Points"), ("runs", "Recordings of the runs")):
+        frame = run.frames[name]
+        parts += [f"## {title}", table(frame.columns, frame.rows())]
+    return parts
+
+
+def settings(run: Run) -> str:
+    """Every setting, and the machine file as resolved."""
+    about = run.provenance
+    rows = [(name, json.dumps(value)) for name, value in sorted(about.settings.flat().items())]
+    machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
+    return "\n\n".join(
+        ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]
+    )
+
+
+def provenance(run: Run) -> str:
+    """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
+    about = run.provenance
+    inputs = [(each.name, number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs]
+    frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
+    return "\n\n".join(
+        [
+            "# Inputs",
+            table(("file", "bytes", "SHA-256"), inputs),
+            f"First aligned sample: {local_time(about)} "
+            f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
+            "# Fingerprint",
+            _fingerprint(about),
+            "# Stamps",
+            table(("topic", "placed by"), about.stamps.items()),
+            "# Losses",
+            table(("source", "topic", "what"), [tuple(each) for each in _losses(about)]),
+            "# Notes",
+            "\n".join(f"- {note}" for note in about.notes) or "none",
+            "# Versions",
+            table(("what", "version"), about.versions.items()),
+            "# Stages",
+            "\n".join(frames),
+        ]
+    )
+
+
+def _fingerprint(about: Provenance) -> str:
+    """The digests in full, those of the frames as well."""
+    taken = about.fingerprint
+    if taken is None:
+        return "none"
+    whole = {"inputs": taken.inputs, "settings": taken.settings, "results": taken.results}
+    digests = [(name, f"`{digest}`") for name, digest in (whole | taken.frames).items()]
+    return table(("SHA-256 of", "digest"), digests)
+
+
+def _body(about: Provenance) -> dict[str, Any]:
+    body = about.machine.get("machine", {})
+    return body if isinstance(body, dict) else {}
+
+
+def _losses(about: Provenance) -> list[tuple[str, str, str]]:
+    return [(each.source, each.topic, each.what) for each in about.losses]
+
+
+def _of(row: AnswerRow, method: str, value: str, std: str | None) -> str:
+    return plus_minus(row.value(value, method), row.value(std, method) if std else None)
+
+
+def _masses(row: AnswerRow) -> list[str]:
+    if not row.methods:
+        return []
+    shown = [each for each in _MASS_COLUMNS if row.has(each[1])]
+    rows = [
+        (
+            method,
+            *(_of(row, method, value, std) for _, value, std in shown),
+            row.estimates[method],
+        )
+        for method in row.methods
+    ]
+    heads = ("method", *(head for head, _, _ in shown), "estimates")
+    return [
+        "## By method over the whole log",
+        "joint is the answer; the others are the paper's, and their ± is statistical only",
+        table(heads, rows),
+    ]
+
+
+def _worth(said: Answer) -> list[str]:
+    """What the answer is worth: other priors, budget, priors and posteriors."""
+    if not any(load["mass_kg"] is not None for load in said.loads):
+        return []
+    parts = ["\n".join(f"- {line}" for line in worth_lines(said))]
+    which = ""
+    if len(said.loads) > 1:
+        parts += ["## Loads", table(load_heads(said), load_rows(said))]
+        which = f" (mass of load {main_load(said)})"
+    heads = ("uncertainty from", "kind", "u (kg)", "share of the variance", "shrinks with")
+    title = f"## Where the uncertainty comes from{which}"
+    parts += [title, table(heads, budget_rows(said, _MARK))]
+    columns = ("term", "prior_std", "posterior", "posterior_std", "unit", "u_kg", "meaning")
+    rows = [tuple(row[name] for name in columns) for row in said.nuisances]
+    heads = ("term", "prior ±", "posterior", "±", "unit", "u of the mass (kg)", "what it is")
+    return [*parts, "## What the fit allows besides mass and friction", table(heads, rows)]
+
+
+def _verdict(verdict: Verdict) -> list[str]:
+    if not verdict.checks:
+        return []
+    words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
+    checks = [
+        f"- {outcome(check, **words)}: **{check.check}** {number(check.value)} "
+        f"({check.limit}), {check.meaning}"
+        for check in verdict.checks
+    ]
+    parts = ["## Can this log weigh?", "\n".join(checks)]
+    if verdict.judges_spins and not verdict.tells_inertia:
+        parts.append(
+            "**The yaw inertia is withheld**: its spins, or the signs of the force, failed."
+        )
+    return parts
+
+
+def _accepted(run: Run) -> list[str]:
+    gate = run.frames.get("gate")
+    if gate is None or gate.is_empty() or "accepted_x" not in gate.columns:
+        return []
+    parts = [f"## Gate\n\n{gate['accepted_x'].mean():.1%} of the windows accepted."]
+    if "reason_x" in gate.columns:
+        counts = gate["reason_x"].cast(pl.String).value_counts(sort=True)
+        shares = [(reason, f"{n / gate.height:.1%}") for reason, n in counts.rows()]
+        parts.append(table(("reason", "share of windows"), shares))
+    return parts

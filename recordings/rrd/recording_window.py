@@ -1,0 +1,112 @@
+"""A stretch of a recording: what a long one shows decimated is drawn whole in it."""
+
+import math
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.model.run_record import Run
+from estimators.errors import RecordingError
+from recordings.rrd.reader import opened, read_recording, with_missing_rows
+
+_NS: Final = 1_000_000_000
+#: Later than any recording, and still whole nanoseconds.
+LATEST_S: Final = 1e9
+
+
+def read_window(
+    path: str | Path, from_s: float | None, to_s: float | None, *, raw: bool = True
+) -> Run:
+    """Read the rows of a recording that lie in a stretch of time, and frames that have none whole.
+
+    Of manoeuvres, loads and cycles those that reach into it.
+
+    Args:
+        path: the recording.
+        from_s: seconds since the start; None from the beginning.
+        to_s: likewise; None to the end.
+        raw: whether to read the channels of the log as well.
+
+    Raises:
+        RecordingError: as `read_recording`; the stretch is none; nothing of the recording lies
+            there; and it keeps no frames.
+    """
+    whole_run = from_s is None and to_s is None
+    if whole_run and raw:
+        return read_recording(path)
+    check_stretch(path, from_s, to_s)
+    stretch = _words(from_s, to_s)
+    begin, end = (
+        None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * _NS)
+        for each in (from_s, to_s)
+    )
+    frames: dict[str, pl.DataFrame] = {}
+    heights: dict[str, int] = {}
+    with opened(path) as held:
+        held.refuse_without_stages()
+        for stored in held.manifest.frames:
+            if not raw and stored.name.startswith("raw/"):
+                heights[stored.name] = stored.rows
+                continue
+            whole = held.read(stored.name)
+            heights[stored.name] = whole.height
+            frames[stored.name] = _inside(whole, begin, end, held.provenance.t0_unix_ns)
+            if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
+                raise RecordingError(f"{path}: nothing {stretch}; it has {_span(whole)}")
+    about = with_missing_rows(path, held.manifest, held.provenance, heights)
+    if whole_run:
+        return Run(frames, about)
+    note = f"a stretch of {Path(path).name}, {stretch}"
+    return Run(frames, about.model_copy(update={"notes": (*about.notes, note)}))
+
+
+def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) -> None:
+    """Refuse a stretch that is none.
+
+    Args:
+        path: of what it is a stretch.
+        from_s: seconds since the start; None from the beginning.
+        to_s: likewise; None to the end.
+
+    Raises:
+        RecordingError: an end is no number, or the first is after the last.
+    """
+    ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
+    if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
+        raise RecordingError(
+            f"{path}: {_words(from_s, to_s)} is not a time span; use seconds since the start, the "
+            "earlier first"
+        )
+
+
+def _span(aligned: pl.DataFrame) -> str:
+    if aligned.is_empty():
+        return "no samples"
+    first, last = (round(float(aligned["t_ns"][place]) / _NS, 1) for place in (0, -1))
+    return f"{first:g} to {last:g} s"
+
+
+def _inside(frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int) -> pl.DataFrame:
+    has = frame.columns
+    # a log may call its own fields anything
+    if "log_time_ns" in has:
+        first, last, shift = "log_time_ns", "log_time_ns", t0_ns
+    elif "start_t_ns" in has:
+        first, last, shift = "start_t_ns", "end_t_ns", 0
+    elif "t_ns" in has:
+        first, last, shift = "t_ns", "t_ns", 0
+    else:
+        return frame
+    wanted = [pl.lit(value=True)]
+    # a row without times is of the whole run
+    if begin is not None:
+        wanted.append((pl.col(last) >= begin + shift).fill_null(value=True))
+    if end is not None:
+        wanted.append((pl.col(first) <= end + shift).fill_null(value=True))
+    return frame.filter(pl.all_horizontal(wanted))
+
+
+def _words(from_s: float | None, to_s: float | None) -> str:
+    begin = "the start" if from_s is None else f"{from_s:g} s"
+    return f"from {begin} to {'the end' if to_s is None else f'{to_s:g} s'}"

@@ -1,0 +1,187 @@
+"""How a frame is kept in a recording: blocks of rows, a column's block as one list.
+
+Rerun repeats row id and times in every row and an offset in every cell, which for a shift is more
+than the numbers themselves. So a frame that is kept, and not drawn, lies in rows of many values
+each. It forgets empty frames, the order of columns and their dtypes: a manifest goes with them.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Final, Self
+
+import numpy as np
+import polars as pl
+from pydantic import BaseModel, ConfigDict
+
+from estimators.errors import OutputError
+from recordings.rrd.recording_table import ROW, component, entity_parts
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+#: Larger ones are slower to write and to read, smaller ones larger.
+BLOCK_ROWS: Final = 65_536
+_DTYPES: Final = {
+    str(dtype): dtype
+    for dtype in (
+        pl.Boolean,
+        pl.String,
+        pl.Float32,
+        pl.Float64,
+        *(pl.Int8, pl.Int16, pl.Int32, pl.Int64),
+        *(pl.UInt8, pl.UInt16, pl.UInt32, pl.UInt64),
+    )
+}
+_ENUM: Final = "Enum"
+
+
+class StoredColumn(BaseModel):
+    """What a column was before it was stored."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    dtype: str
+    categories: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, series: pl.Series) -> Self:
+        """Describe `series`.
+
+        Raises:
+            OutputError: its dtype cannot be stored, or it has no name.
+        """
+        dtype = series.dtype
+        if not series.name:
+            raise OutputError("a column without a name cannot be stored; name it in the log")
+        if isinstance(dtype, pl.Enum):
+            categories = tuple(dtype.categories.to_list())
+            return cls(name=series.name, dtype=_ENUM, categories=categories)
+        if str(dtype) not in _DTYPES:
+            known = ", ".join((*_DTYPES, _ENUM))
+            raise OutputError(f"column '{series.name}': cannot store {dtype}; known: {known}")
+        return cls(name=series.name, dtype=str(dtype))
+
+    @property
+    def polars_dtype(self) -> pl.DataType:
+        """The dtype as polars has it."""
+        return pl.Enum(self.categories) if self.dtype == _ENUM else _DTYPES[self.dtype]()
+
+    def encode(self, series: pl.Series) -> pl.Series:
+        """Make `series` what is stored: an enum as the numbers of its categories."""
+        return series.to_physical() if self.dtype == _ENUM else series
+
+    def decode(self, series: pl.Series) -> pl.Series:
+        """Undo `encode`."""
+        if self.dtype != _ENUM:
+            return series.cast(self.polars_dtype)
+        categories = pl.Series(series.name, self.categories, dtype=self.polars_dtype)
+        return categories.gather(series)
+
+
+class StoredFrame(BaseModel):
+    """What a frame was before it was stored."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    rows: int
+    columns: tuple[StoredColumn, ...]
+
+    @classmethod
+    def of(cls, name: str, frame: pl.DataFrame) -> Self:
+        """Describe `frame`.
+
+        Raises:
+            OutputError: a column's dtype cannot be stored.
+        """
+        columns = tuple(StoredColumn.of(series) for series in frame.get_columns())
+        return cls(name=name, rows=frame.height, columns=columns)
+
+    @property
+    def entity(self) -> str:
+        """Its entity path."""
+        return entity_path(self.name)
+
+    def select(self, columns: Sequence[str]) -> tuple[StoredColumn, ...]:
+        """Some of its columns, in the order asked for."""
+        by_name = {column.name: column for column in self.columns}
+        return tuple(by_name[name] for name in columns)
+
+    def batches(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
+        """Make blocks of the frame, each a record batch of one row, placed by its first row."""
+        import pyarrow as pa
+
+        for number, part in enumerate(frame.iter_slices(BLOCK_ROWS)):
+            arrays: list[pa.Array] = [pa.array(np.array([number * BLOCK_ROWS]))]
+            fields = [pa.field(ROW, arrays[0].type)]
+            whole = pa.array(np.array([0, part.height], dtype=np.int32))
+            for column in self.columns:
+                values = column.encode(part[column.name]).to_arrow()
+                if pa.types.is_large_string(values.type):
+                    values = values.cast(pa.string())
+                name = component(column.name)
+                arrays.append(pa.ListArray.from_arrays(whole, values))
+                metadata = {"rerun:entity_path": self.entity, "rerun:component": name}
+                fields.append(pa.field(name, arrays[-1].type, metadata=metadata))
+            yield pa.record_batch(arrays, schema=pa.schema(fields))
+
+    def from_batches(
+        self, batches: "Sequence[pa.RecordBatch]", columns: Sequence[StoredColumn]
+    ) -> pl.DataFrame:
+        """Put columns of the frame together again, in whatever order its blocks come.
+
+        Args:
+            batches: with a row a block.
+            columns: which of its columns.
+        """
+        import pyarrow as pa
+
+        found = [_blocks(batches, component(column.name)) for column in columns]
+        # of a damaged recording some blocks may have lost a column: only whole rows are rows
+        whole = sorted(set.intersection(*(set(each) for each in found))) if found else []
+        series: list[pl.Series] = []
+        for column, blocks in zip(columns, found, strict=True):
+            if whole:
+                parts = pa.chunked_array([blocks[first] for first in whole])
+                series.append(column.decode(pl.Series(column.name, pl.from_arrow(parts))))
+            else:
+                series.append(pl.Series(column.name, dtype=column.polars_dtype))
+        return pl.DataFrame(series)
+
+
+def _blocks(batches: "Sequence[pa.RecordBatch]", name: str) -> "dict[int, pa.Array]":
+    """The values of a column by the first row of their block, from the batches that have it.
+
+    `rerun rrd optimize` keeps thin columns apart from thick ones.
+    """
+    found: dict[int, pa.Array] = {}
+    for batch in batches:
+        if name not in batch.schema.names:
+            continue
+        values = batch.column(name)
+        there = values.is_valid().to_pylist()
+        for row, first in enumerate(batch.column(ROW).to_pylist()):
+            if there[row]:
+                found[first] = values.slice(row, 1).flatten()
+    return found
+
+
+class Manifest(BaseModel):
+    """Everything that Rerun would forget of a run's frames, in their order."""
+
+    model_config = ConfigDict(frozen=True)
+
+    frames: tuple[StoredFrame, ...]
+
+    def frame(self, name: str) -> StoredFrame | None:
+        """The frame of that name, if there is one."""
+        return next((frame for frame in self.frames if frame.name == name), None)
+
+
+def entity_path(frame: str, under: str = "") -> str:
+    """The entity path of a frame, as Rerun spells it, under one that is spelt so already."""
+    import rerun as rr
+
+    prefix = under.strip("/")
+    path = rr.new_entity_path(list(entity_parts(frame)))
+    return f"/{prefix}{path}" if prefix else path

@@ -1,0 +1,311 @@
+"""The Rerun viewer: open a recording in it, or photograph every tab without a screen.
+
+The viewer is started here and not by Rerun's own `spawn`, which listens on every interface.
+"""
+
+import os
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from estimators.errors import OutputError, RecordingError, nearest
+from recordings.rrd.reader import read_provenance
+from recordings.rrd.recording_table import TIME
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
+
+_HOST: Final = "127.0.0.1"
+_START_S: Final = 60.0
+_SETTLE_S: Final = 0.5
+_POLL_S: Final = 0.1
+_WINDOW: Final = "1600x1000"
+
+
+@dataclass(frozen=True, slots=True)
+class Screenshot:
+    """One tab as the viewer drew it, and what its views complained of."""
+
+    tab: str
+    png: Path
+    errors: tuple[str, ...]
+
+
+def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen[bytes]:
+    """Open a recording in the viewer, which stays open when this process ends.
+
+    Args:
+        path: the recording.
+        at_s: where to put the time cursor, in seconds since the start.
+
+    Raises:
+        RecordingError: the recording cannot be read, or no viewer starts.
+    """
+    t0_ns = read_provenance(path).t0_unix_ns
+    with tempfile.TemporaryFile() as log:
+        process, port = _start(Path(path), log)
+        client = _connected(process, port, log, "a screen; without one, use `payscope plot`")
+    if at_s is not None:
+        _set_time(client, t0_ns + round(at_s * 1e9))
+    return process
+
+
+def start_viewer() -> str:
+    """Start a viewer that waits for a recording, and stays open when this process ends.
+
+    Returns:
+        The address that `write_recording` streams to.
+
+    Raises:
+        RecordingError: no viewer starts.
+    """
+    with tempfile.TemporaryFile() as log:
+        process, port = _start(None, log)
+        _connected(process, port, log, "a screen; leave out --live without one", waiting=True)
+    return _address(port)
+
+
+def recordings_shown(address: str) -> tuple[str, ...]:
+    """The recordings that a viewer holds, by their ids; none where no viewer answers."""
+    from rerun.experimental import ViewerClient
+
+    try:
+        state = ViewerClient.connect(address).get_state()
+    except (ConnectionError, RuntimeError):
+        return ()
+    return tuple(each.store_id for each in state.recordings)
+
+
+def follow(address: str, before: Sequence[str]) -> None:
+    """Put the newest recording where the one before it stood, and close those older than that.
+
+    A viewer that went away is none of our business.
+
+    Args:
+        address: of the viewer.
+        before: what it held before the newest came (`recordings_shown`).
+    """
+    from rerun.experimental import ViewerClient
+
+    try:
+        client = ViewerClient.connect(address)
+        held = {each.store_id: each for each in client.get_state().recordings}
+        new = [each for each in held if each not in before]
+        old = [each for each in before if each in held]
+        if not (new and old):
+            return
+        now_ns = held[old[-1]].current_time
+        if now_ns is not None and held[old[-1]].current_timeline == TIME:
+            at = np.datetime64(int(now_ns), "ns")
+            client.set_time(TIME, timestamp=at, play_state="paused", recording=new[-1])
+        if old[:-1]:
+            client.close(store_ids=old[:-1])
+    except (ConnectionError, RuntimeError):
+        return
+
+
+def screenshots(
+    path: str | Path, folder: str | Path, tab: str | None = None, at_s: float | None = None
+) -> list[Screenshot]:
+    """Draw the tabs of a recording in the real viewer, without a screen.
+
+    Hidden tabs are never evaluated, so each is activated in turn.
+
+    Args:
+        path: the recording.
+        folder: where `NN-tab.png` are written; it must exist.
+        tab: the one that is wanted, all where None.
+        at_s: where to put the time cursor, in seconds since the start.
+
+    Raises:
+        RecordingError: the recording cannot be read, it has no such tab, or no viewer starts (it
+            needs a Vulkan driver; on Debian `mesa-vulkan-drivers` is a software one).
+        OutputError: the folder is missing.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise OutputError(f"{folder}: no such folder; create it first")
+    t0_ns = read_provenance(path).t0_unix_ns
+    return photographs(path, folder, tab, None if at_s is None else t0_ns + round(at_s * 1e9))
+
+
+def photographs(
+    path: str | Path, folder: Path, tab: str | None = None, at_unix_ns: int | None = None
+) -> list[Screenshot]:
+    """Draw the tabs of whatever the viewer opens, without a screen: `screenshots` of any file.
+
+    Args:
+        path: a recording, or a log that an importer opens.
+        folder: where `NN-tab.png` are written; it must exist.
+        tab: the one that is wanted, all where None.
+        at_unix_ns: where to put the time cursor.
+
+    Raises:
+        RecordingError: the viewer opens no such file, it has no such tab, or no viewer starts.
+    """
+    with headless_viewer(Path(path)) as (client, _):
+        if at_unix_ns is not None:
+            _set_time(client, at_unix_ns)
+        whole = client.get_blueprint("recording").blueprint
+        tabs = _tabs(whole)
+        names = [_name(whole, entity) for entity in _children(tabs)]
+        if tab is not None and tab.casefold() not in map(str.casefold, names):
+            raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
+        return list(_photographed(client, folder, whole, tabs, tab))
+
+
+def _tabs(whole: dict[str, Any]) -> dict[str, Any]:
+    """The container of the tabs, of a whole blueprint."""
+    return next(
+        layout["ContainerBlueprint"]
+        for layout in whole.values()
+        if layout.get("ContainerBlueprint", {}).get("container_kind") == "Tabs"
+    )
+
+
+def _name(whole: dict[str, Any], entity: str) -> str:
+    return whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
+
+
+def _set_time(client: "ViewerClient", at_unix_ns: int) -> None:
+    client.set_time(TIME, timestamp=np.datetime64(at_unix_ns, "ns"), play_state="paused")
+
+
+def _photographed(
+    client: "ViewerClient",
+    folder: Path,
+    whole: dict[str, Any],
+    tabs: dict[str, Any],
+    tab: str | None,
+) -> Iterator[Screenshot]:
+    for number, entity in enumerate(_children(tabs)):
+        name = _name(whole, entity)
+        if tab is not None and tab.casefold() != name.casefold():
+            continue
+        tabs["active_tab"] = entity
+        client.set_blueprint(whole, "recording")
+        # a tab of an imported log is called like its topic
+        png = folder / f"{number:02}-{name.lower().strip('/').replace('/', '-')}.png"
+        png.write_bytes(_settled(client))
+        shown = set(_views(whole, entity))
+        errors = tuple(
+            f"{view.name}: {report.summary}"
+            for view in client.get_state().views
+            if view.view_id in shown
+            for report in view.reports
+        )
+        yield Screenshot(name, png, errors)
+
+
+def _settled(client: "ViewerClient") -> bytes:
+    """Photograph until two pictures are alike: the first ones still miss what is being loaded."""
+    before, deadline = b"", time.monotonic() + _START_S
+    while time.monotonic() < deadline:
+        time.sleep(_SETTLE_S)
+        picture = client.take_screenshot()
+        if picture == before:
+            break
+        before = picture
+    return before
+
+
+def _children(container: dict[str, Any]) -> list[str]:
+    contents = container["contents"]
+    return [contents] if isinstance(contents, str) else contents
+
+
+def _views(whole: dict[str, Any], entity: str) -> Iterator[str]:
+    """The ids of the views in a container, at any depth."""
+    kind, _, identifier = entity.partition("/")
+    if kind == "view":
+        yield identifier
+        return
+    for child in _children(whole[f"/{entity}"]["ContainerBlueprint"]):
+        yield from _views(whole, child)
+
+
+@contextmanager
+def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
+    """A viewer without a screen, with a recording or waiting for one: its client and address."""
+    # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
+    with tempfile.TemporaryFile() as log:
+        process, port = _start(path, log, "--headless", "--window-size", _WINDOW, CI="1")
+        needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
+        try:
+            client = _connected(process, port, log, needs, waiting=path is None)
+            yield client, _address(port)
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def _start(
+    path: Path | None, log: IO[bytes], *options: str, **environment: str
+) -> tuple[subprocess.Popen[bytes], int]:
+    """Start the viewer with a recording or empty, listening on this machine only."""
+    with socket.socket() as free:
+        free.bind((_HOST, 0))
+        port = int(free.getsockname()[1])
+    command = [executable(), "--bind", _HOST, "--port", str(port), *options]
+    if path is not None:
+        command.append(path.resolve())
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=log,
+        env={**os.environ, **environment},
+        start_new_session=True,
+    )
+    return process, port
+
+
+def _address(port: int) -> str:
+    return f"rerun+http://{_HOST}:{port}/proxy"
+
+
+def executable() -> Path:
+    """The viewer that came with the Rerun package, wherever the environment lies."""
+    found = find_spec("rerun_cli")
+    assert found is not None
+    assert found.origin is not None
+    folder = Path(found.origin).parent
+    bundled = folder / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
+    return bundled if bundled.exists() else folder / ("rerun.exe" if os.name == "nt" else "rerun")
+
+
+def _connected(
+    process: subprocess.Popen[bytes],
+    port: int,
+    log: IO[bytes],
+    needs: str,
+    *,
+    waiting: bool = False,
+) -> "ViewerClient":
+    """Wait until the viewer has loaded its recording, or, `waiting` for one, listens."""
+    from rerun.experimental import ViewerClient
+
+    deadline = time.monotonic() + _START_S
+    while time.monotonic() < deadline and process.poll() is None:
+        time.sleep(_POLL_S)
+        try:
+            client = ViewerClient.connect(_address(port))
+            state = client.get_state()
+        except (ConnectionError, RuntimeError):
+            continue  # it does not listen yet
+        if waiting or (state.recordings and not state.loading):
+            return client
+    process.terminate()
+    process.wait()
+    log.seek(0)
+    said = log.read().decode(errors="replace").strip().splitlines() or ["it said nothing"]
+    raise RecordingError(f"the viewer did not start; it needs {needs} ({said[-1]})")

@@ -1,0 +1,174 @@
+"""A log as the Rerun viewer asks for it: drawn columns, as a stream that the viewer reads.
+
+The viewer starts an importer for a file that is opened in it and reads a recording from its
+standard output. Nothing is kept: frames are only drawn.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+import polars as pl
+
+from analysis.model.run_record import Run
+from recordings.report import colours
+from recordings.rrd.blueprint import Page, Panel, laid_out, text_entity
+from recordings.rrd.display_frames import Drawn, binned, stands_alone
+from recordings.rrd.drawn_rows import drawn_rows
+from recordings.rrd.recording_table import SINCE_START, TIME, Kind
+from recordings.rrd.writer import Scene, scene_of, send_events
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+#: A topic of more rows is drawn by the mean and the extremes of bins.
+_ROWS: Final = 200_000
+_BINS: Final = 20_000
+#: Tabs that fit beside each other, panels below each other.
+_TABS: Final = 14
+_PANELS: Final = 8
+_TEXT: Final = "log"
+#: Timelines that Rerun fills by itself.
+_OF_RERUN: Final = ("log_time", "log_tick")
+
+
+class TimelineKind(StrEnum):
+    """How a timeline counts."""
+
+    SEQUENCE = "sequence"
+    DURATION = "duration"
+    TIMESTAMP = "timestamp"
+
+
+@dataclass(frozen=True, slots=True)
+class ViewerAsks:
+    """What whoever opens a log asks of the recording that it waits for.
+
+    Attributes:
+        application: its id.
+        recording: likewise.
+        under: the entity that everything is to lie under, as Rerun spells it; empty: none.
+        at: where everything is to lie on further timelines: name, kind, and number or ns.
+    """
+
+    application: str
+    recording: str | None = None
+    under: str = ""
+    at: tuple[tuple[str, TimelineKind, int], ...] = ()
+
+
+def stream_run(run: Run, asks: ViewerAsks) -> None:
+    """Write what `write_recording` draws of a run to standard output, for the viewer."""
+    _stream(scene_of(run, asks.under), asks, run.provenance.t0_unix_ns)
+
+
+def stream_topics(
+    topics: Mapping[str, pl.DataFrame], text: str, name: str, asks: ViewerAsks
+) -> None:
+    """Write the columns of a log as they are to standard output, a tab a topic.
+
+    Args:
+        topics: by name: unix_ns and fields; those that are no numbers are left out.
+        text: what the viewer should say of the log, in Markdown.
+        name: of the log.
+        asks: of the viewer.
+    """
+    stamps = [frame["unix_ns"] for frame in topics.values() if frame.height]
+    t0_ns = min((int(each[0]) for each in stamps), default=0)
+    end_ns = max((int(each[-1]) for each in stamps), default=0)
+    shown: dict[str, pl.DataFrame] = {}
+    pages = [Page("Log", texts=(_TEXT,))]
+    for topic, frame in topics.items():
+        columns = [c for c, kind in frame.schema.items() if kind.is_numeric() or kind == pl.Boolean]
+        fields = [column for column in columns if column != "unix_ns"]
+        if not (fields and frame.height):
+            continue
+        entity = topic.strip("/") or "log"
+        shown[entity] = _thinned(frame, fields, t0_ns)
+        if len(pages) <= _TABS:
+            pages.append(Page(topic, tuple(_panels(entity, fields, shown[entity]))))
+    span = (t0_ns, end_ns) if stamps else None
+    _stream(Scene(name, shown, laid_out(pages, span, asks.under), {_TEXT: text}), asks, t0_ns)
+
+
+def _thinned(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
+    numbers = [pl.col(field).cast(pl.Float64) for field in fields]
+    placed = frame.select((pl.col("unix_ns") - t0_ns).alias("t_ns"), *numbers)
+    if placed.height <= _ROWS:
+        return placed
+    ends = (int(placed["t_ns"][0]), int(placed["t_ns"][-1]))
+    wanted = [
+        each
+        for field in fields
+        for each in (
+            pl.col(field).mean(),
+            pl.col(field).min().alias(f"{field} min"),
+            pl.col(field).max().alias(f"{field} max"),
+        )
+    ]
+    return binned(placed, wanted, ends, max((ends[1] - ends[0]) // _BINS, 1))
+
+
+def _panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Panel]:
+    """A panel for the fields of one message part: `linear_acceleration.x`, `.y`, `.z` together."""
+    parts: dict[str, list[str]] = {}
+    for field in fields:
+        cut = max(field.rfind("."), field.rfind("["))
+        parts.setdefault(field[:cut] if cut > 0 else field, []).append(field)
+    panels: list[Panel] = []
+    for name, members in list(parts.items())[:_PANELS]:
+        drawn: list[Drawn] = []
+        for number, field in enumerate(members):
+            colour = colours.line(number)
+            label = field.removeprefix(name).strip(".[]") or field
+            drawn += [
+                Drawn(entity, f"{field} {end}", f"{label}, {end}", colour, faint=True)
+                for end in ("min", "max")
+                if f"{field} {end}" in shown.columns
+            ]
+            alone = stands_alone(shown[field])
+            drawn.append(Drawn(entity, field, label, colour, dotted=alone))
+        panels.append(Panel(name, Kind.LINES, tuple(drawn)))
+    return panels
+
+
+def _stream(scene: Scene, asks: ViewerAsks, t0_unix_ns: int) -> None:
+    # whatever Rerun would log stays out of the viewer's own log
+    os.environ.setdefault("RUST_LOG", "off")
+    import rerun as rr
+
+    recording = rr.RecordingStream(asks.application, recording_id=asks.recording)
+    recording.stdout()
+    # what is put under an entity joins a scene of somebody else
+    recording.send_blueprint(scene.layout, make_active=not asks.under, make_default=True)
+    if not asks.under:
+        recording.send_recording_name(scene.name)
+        recording.send_recording_start_time_nanos(t0_unix_ns)
+    for name, text in scene.texts.items():
+        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+        recording.log(text_entity(name, asks.under), document, static=True)
+    at = _times(asks)
+    send_events(recording, scene, t0_unix_ns, asks.under, at)
+    for name, frame in scene.shown.items():
+        for batch in drawn_rows(name, frame, t0_unix_ns, asks.under, at):
+            recording.send_record_batch(batch, index=[TIME, SINCE_START, *at])
+    recording.flush()
+    recording.disconnect()
+
+
+def _times(asks: ViewerAsks) -> "dict[str, pa.Scalar]":
+    """Further timelines of every row, without those that rows have by themselves."""
+    import pyarrow as pa
+
+    types = {
+        TimelineKind.SEQUENCE: pa.int64(),
+        TimelineKind.DURATION: pa.duration("ns"),
+        TimelineKind.TIMESTAMP: pa.timestamp("ns"),
+    }
+    return {
+        name: pa.scalar(number, types[kind])
+        for name, kind, number in asks.at
+        if name not in (TIME, SINCE_START, *_OF_RERUN)
+    }

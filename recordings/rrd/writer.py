@@ -1,0 +1,279 @@
+"""Write a run as a Rerun recording: whole, verified, or not at all."""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+from uuid import uuid4
+
+import polars as pl
+
+from analysis.model.run_record import Run
+from estimators.errors import OutputError, RecordingError
+from recordings.report.atomic_output import check_output, whole_file
+from recordings.report.finding_text import finding_line, findings_of
+from recordings.rrd.blueprint import blueprint, events_entity, text_entity
+from recordings.rrd.display_frames import display_frames, span_ns
+from recordings.rrd.drawn_rows import drawn_rows
+from recordings.rrd.piped_file import PipedFile, piped_file
+from recordings.rrd.reader import FORMAT, PROPERTY, opened
+from recordings.rrd.recording_table import ROW, SINCE_START, TIME
+from recordings.rrd.recording_texts import recording_name, texts
+from recordings.rrd.stored_frames import Manifest, StoredFrame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pyarrow as pa
+    from rerun import RecordingStream, TimeColumn
+    from rerun.blueprint import Blueprint
+
+_MOST_WAITING: Final = 1 << 26
+#: So long may nothing move before the disk or the viewer counts as stuck.
+_PATIENCE_S: Final = 10.0
+APPLICATION: Final = "payscope"
+SUFFIX: Final = ".rrd"
+
+
+@dataclass(frozen=True, slots=True)
+class LiveView:
+    """A viewer that shows a recording while it is written.
+
+    Attributes:
+        address: of the viewer (`start_viewer`).
+        laid_out: whether it has our layout from an earlier recording, and keeps what a person
+            made of it.
+    """
+
+    address: str
+    laid_out: bool = False
+
+
+def write_recording(
+    run: Run, path: str | Path, *, force: bool = False, viewer: str | LiveView | None = None
+) -> Path:
+    """Write every frame of `run` and its provenance, with a blueprint that lays it out.
+
+    The file gets its name only after everything in it was read back and found equal.
+
+    Args:
+        run: what to write. Floats outside `raw` hold no NaN (missing is null).
+        path: the `.rrd` file to write; its folder must exist.
+        force: whether to replace a file that is there already.
+        viewer: a viewer that shows it while it is written, or its address (`start_viewer`).
+
+    Returns:
+        The path of the recording.
+
+    Raises:
+        OutputError: it does not end in .rrd, the file exists, its folder is missing or refuses the
+            file, the disk is full, a column cannot be stored, or what was read back differs.
+    """
+    return write_scene(run, scene_of, path, force=force, viewer=viewer)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a viewer shows of a recording.
+
+    Attributes:
+        name: that the viewer lists it by.
+        shown: frames that exist only to be drawn, with `t_ns`.
+        layout: the blueprint.
+        texts: in Markdown, by name.
+    """
+
+    name: str
+    shown: Mapping[str, pl.DataFrame]
+    layout: "Blueprint"
+    texts: Mapping[str, str]
+    events: tuple[tuple[int, str, bool], ...] = ()
+    """`t_ns`, a line, and whether it is a warning."""
+
+
+def scene_of(run: Run, under: str = "") -> Scene:
+    """A run by the table of views, laid out under an entity."""
+    shown = display_frames(run)
+    name = recording_name(run.provenance)
+    begin = (span_ns(run) or (0, 0))[0]
+    events = sorted(
+        (
+            begin if each.start_s is None else round(each.start_s * 1e9),
+            finding_line(each),
+            each.severity != "tell",
+        )
+        for each in findings_of(run)
+    )
+    return Scene(name, shown, blueprint(run, shown, under), texts(run), tuple(events))
+
+
+def write_scene(
+    run: Run,
+    scene_of: Callable[[Run], Scene],
+    path: str | Path,
+    *,
+    force: bool = False,
+    viewer: str | LiveView | None = None,
+) -> Path:
+    """Write a run as `write_recording` does, drawn in a way of its own.
+
+    Args:
+        run: what is kept.
+        scene_of: what is drawn; called once the output is known to be writable.
+        path: the `.rrd` file to write.
+        force: whether to replace a file that is there already.
+        viewer: a viewer that shows it while it is written, or its address.
+
+    Raises:
+        OutputError: as `write_recording`.
+    """
+    path = Path(path)
+    viewer = LiveView(viewer) if isinstance(viewer, str) else viewer
+    check_recording(path, force=force)
+    with whole_file(path, force=force) as partial:
+        with piped_file(partial) as piped:
+            _write(run, scene_of, piped, path, viewer)
+        _verify(run, partial, path)
+    return path
+
+
+def check_recording(path: Path, *, force: bool) -> None:
+    """Refuse the name of a recording before the work that it is for.
+
+    Raises:
+        OutputError: as `write_recording`.
+    """
+    if path.suffix != SUFFIX:
+        raise OutputError(f"{path}: a recording ends in {SUFFIX}, or no viewer opens it")
+    check_output(path, force=force)
+
+
+def _write(
+    run: Run,
+    scene_of: Callable[[Run], Scene],
+    piped: PipedFile,
+    path: Path,
+    viewer: LiveView | None,
+) -> None:
+    # what Rerun would log of a viewer that went away is said in our own line
+    os.environ.setdefault("RUST_LOG", "off")
+    import rerun as rr
+
+    stored = tuple(StoredFrame.of(name, frame) for name, frame in run.frames.items())
+    scene = scene_of(run)
+    description = rr.AnyValues(
+        format=FORMAT,
+        manifest=Manifest(frames=stored).model_dump_json(),
+        provenance=json.dumps(run.provenance.model_dump(mode="json")),
+    )
+    recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
+    watching = [rr.GrpcSink(viewer.address)] if viewer else []
+    recording.set_sinks(rr.FileSink(piped.name), *watching)
+    piped.opened()
+    first = viewer is None or not viewer.laid_out
+    recording.send_blueprint(scene.layout, make_active=first, make_default=True)
+    recording.send_property(PROPERTY, description)
+    recording.send_recording_name(scene.name)
+    recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
+    for name, text in scene.texts.items():
+        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+        recording.log(text_entity(name), document, static=True)
+    send_events(recording, scene, run.provenance.t0_unix_ns)
+    _settle(recording, piped, path)  # what describes the frames first, or a cut file is past help
+    waiting = 0
+    for index, batch in _batches(run, scene.shown):
+        recording.send_record_batch(batch, index=index)
+        waiting += batch.nbytes
+        if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run
+            _settle(recording, piped, path)
+            waiting = 0
+    _settle(recording, piped, path)
+    recording.disconnect()
+
+
+def send_events(
+    recording: "RecordingStream",
+    scene: Scene,
+    t0_unix_ns: int,
+    under: str = "",
+    at: "Mapping[str, pa.Scalar] | None" = None,
+) -> None:
+    """Send the events of a scene, on both timelines and at further times, under an entity."""
+    import numpy as np
+    import rerun as rr
+
+    if not scene.events:
+        return
+    t_ns, lines, warn = zip(*scene.events, strict=True)
+    since_start = np.array(t_ns, np.int64)
+    levels = [rr.TextLogLevel.WARN if each else rr.TextLogLevel.INFO for each in warn]
+    recording.send_columns(
+        events_entity(under),
+        indexes=[
+            rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
+            rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
+            *(_always(name, time, len(t_ns)) for name, time in (at or {}).items()),
+        ],
+        columns=rr.TextLog.columns(text=list(lines), level=levels),
+    )
+
+
+def _always(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
+    """A timeline on which all rows lie at one time."""
+    import numpy as np
+    import pyarrow as pa
+    import rerun as rr
+
+    values = np.full(rows, time.cast(pa.int64()).as_py(), np.int64)
+    if pa.types.is_duration(time.type):
+        return rr.TimeColumn(name, duration=values.view("timedelta64[ns]"))
+    if pa.types.is_timestamp(time.type):
+        return rr.TimeColumn(name, timestamp=values.view("datetime64[ns]"))
+    return rr.TimeColumn(name, sequence=values)
+
+
+def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
+    """Wait until what was sent is in the file, as long as the file grows."""
+    size = -1
+    while True:
+        piped.check()
+        try:
+            recording.flush(timeout_sec=_PATIENCE_S)
+        except RuntimeError as error:
+            if piped.size == size:
+                raise OutputError(
+                    f"{path}: nothing is written beyond {size} bytes; is the disk or viewer stuck?"
+                ) from error
+            size = piped.size
+        else:
+            return
+
+
+def _batches(
+    run: Run, shown: Mapping[str, pl.DataFrame]
+) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
+    """What is drawn, so that a live viewer has it first, then every frame; each with its index."""
+    for name, frame in shown.items():
+        for batch in drawn_rows(name, frame, run.provenance.t0_unix_ns):
+            yield [TIME, SINCE_START], batch
+    for name, frame in run.frames.items():
+        for batch in StoredFrame.of(name, frame).batches(frame):
+            yield [ROW], batch
+
+
+def _verify(run: Run, partial: Path, path: Path) -> None:
+    """Read everything back, a frame at a time, and compare."""
+    try:
+        with opened(partial) as held:
+            if held.provenance != run.provenance:
+                raise OutputError(
+                    f"{path}: the provenance read back differs; it takes plain JSON only"
+                )
+            for name, frame in run.frames.items():
+                back = held.read(name)
+                if back.schema != frame.schema or not back.equals(frame):
+                    raise OutputError(f"{path}: '{name}' read back differs, so nothing was kept")
+    except RecordingError as error:
+        raise OutputError(f"{path}: cannot be read back; is the disk full?") from error

@@ -1,0 +1,1 @@
+"""The commands `calibrate` and `verify`, and evidence put to use."""

@@ -1,0 +1,279 @@
+"""A calibration's evidence put to use: whose masses it calibrates, and which it refuses."""
+
+import datetime as dt
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.calibration.line.calibration import Calibration
+from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrated_loads
+from analysis.calibration.use.later_log import later_log
+from analysis.calibration.use.learnt_priors import as_later, with_learnt
+from analysis.model.machine import Machine
+from analysis.model.run_record import Provenance, Run
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from estimators.errors import EvidenceError
+from recordings.calibration.bundle_checks import check_bundle
+from recordings.calibration.canonical_json import canonical
+from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.derived_values import definition
+from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.calibration.keyring import Keyring, KnownKey, add_key, load_keyring
+from recordings.calibration.signed_by import SignedBy
+from recordings.calibration.signing import public_key
+from replay.calibration.campaign_file import weighed_in
+from replay.logs import Log
+
+#: Of settings that differ, so many are named.
+_MOST_NAMED: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class AskedCalibration:
+    """What a command is asked for.
+
+    Attributes:
+        folder: the evidence.
+        key_file: the public key of whose signature is asked for.
+        signed: whether a signature by a key that the user gives or keeps is asked for.
+        ask: on a terminal, asks whether an unknown key is to be trusted and kept; None elsewhere.
+    """
+
+    folder: Path
+    key_file: Path | None = None
+    signed: bool = False
+    ask: Callable[[SignedBy], str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MachineCalibration:
+    """Evidence that was checked and has a line.
+
+    Attributes:
+        folder: where it is.
+        document: its contents.
+        calibration: the line.
+        signed_by: whose signature it has.
+    """
+
+    folder: Path
+    document: EvidenceDocument
+    calibration: Calibration
+    signed_by: SignedBy
+
+    @property
+    def says(self) -> str:
+        """What it is, in a sentence."""
+        document = self.document
+        return (
+            f"calibrated: {document.estimator.name} by evidence {document.id} of machine "
+            f"{document.campaign.machine.id}, {self.signed_by}, valid to {document.expires}; "
+            f"intervals of {self.calibration.confidence_1:.0%}"
+        )
+
+    def weighing(self, machine: Machine) -> Machine:
+        """The machine with the empty mass and the priors that the calibration has."""
+        document = self.document
+        machine = weighed_in(document.campaign, machine)
+        terms = {} if document.learnt is None else document.learnt.terms
+        weighing = with_learnt(machine, terms)
+        if self.calibration.responses:
+            weighing = as_later(weighing)
+        # as evidence keeps it, its keys in another order: a replay of that gives the same frames
+        return Machine.model_validate_json(canonical(weighing.model_dump(mode="json")))
+
+    def other(self, weighing: Machine) -> str:
+        """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
+
+        Name, channels, settings, priors: all that defines its mass.
+        """
+        kept = dict(_flat(definition(self.weighing(self.document.machine))))
+        mine = dict(_flat(definition(weighing)))
+        name = "machine.name"
+        if kept[name] != mine[name]:
+            return f"is of machine '{kept[name]}', not of '{mine[name]}'"
+        differ = [each for each in sorted({*kept, *mine}) if kept.get(each) != mine.get(each)]
+        named = ", ".join(
+            f"{each} = {_text(kept.get(each))} there and {_text(mine.get(each))} here"
+            for each in differ[:_MOST_NAMED]
+        )
+        more = f" and {len(differ) - _MOST_NAMED} more" if len(differ) > _MOST_NAMED else ""
+        return f"is of other settings: {named}{more}" if differ else ""
+
+    def checked(self, weighing: Machine, what: object) -> Machine:
+        """The machine, if it is the one that was calibrated.
+
+        Args:
+            weighing: as `weighing` gives it, or as a recording has it.
+            what: which file it is of.
+
+        Raises:
+            EvidenceError: it is another one, or weighs otherwise.
+        """
+        other = self.other(weighing)
+        if other:
+            raise EvidenceError(
+                f"{self.folder}: {other} ({what}); calibrate with these, or weigh with those"
+            )
+        return weighing
+
+    def check_day(self, start_ns: int | None, what: object) -> None:
+        """Refuse a log of a day after the last of the evidence; without a date, today counts.
+
+        Args:
+            start_ns: unix time of the log's beginning, if it is known.
+            what: which log.
+
+        Raises:
+            EvidenceError: expired.
+        """
+        zone = self.document.machine.machine.zone
+        if start_ns is not None and start_ns >= FIRST_DATE_NS:
+            day = dt.datetime.fromtimestamp(start_ns // 10**9, zone).date()
+            of = f"{what} is of {day}"
+        else:
+            day = dt.datetime.now(zone).date()
+            of = f"{what} has no date, and today is {day}"
+        if day > self.document.expires:
+            raise EvidenceError(
+                f"{self.folder}: expired on {self.document.expires}, {of}; calibrate again"
+            )
+
+    def check_days(self, logs: Sequence[Log]) -> None:
+        """Refuse logs of a day after the last of the evidence.
+
+        Raises:
+            EvidenceError: expired.
+        """
+        starts = [log.topics()["start_ns"].min() for log in logs]
+        known = [start for start in starts if isinstance(start, int)]
+        self.check_day(max(known) if known else None, ", ".join(str(log.path) for log in logs))
+
+    def of_loads(self, frames: Mapping[str, pl.DataFrame], other: str = "") -> pl.DataFrame:
+        """The frame `loads` with its calibrated masses; none where the log contradicts it.
+
+        Args:
+            frames: `FRAMES`, of a replay by the machine that `weighing` gives.
+            other: what that machine has otherwise than the calibration.
+        """
+        body = self.weighing(self.document.machine).machine
+        log = later_log(frames, body, f"the calibration {other}" if other else "")
+        return calibrated_loads(frames["loads"], self.calibration, log)
+
+    def of_run(self, run: Run, other: str = "") -> Run:
+        """A run with its calibrated masses, and a note of the evidence.
+
+        Args:
+            run: a replay by the machine that `weighing` gives.
+            other: what that machine has otherwise than the calibration.
+        """
+        loads = self.of_loads(run.frames, other)
+        about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, self.says)})
+        frames = {**run.frames, "loads": loads}
+        return replace(run, frames=frames, provenance=about).fingerprinted()
+
+
+def load_calibration(asked: AskedCalibration) -> MachineCalibration:
+    """Read evidence, and check it as a stranger would.
+
+    Raises:
+        EvidenceError: no evidence, something wrong with it, unsigned or by an unknown key where a
+            signature is asked for, no calibration, or one of a mass that `loads` does not have.
+    """
+    folder = asked.folder
+    key = None if asked.key_file is None else public_key(asked.key_file)
+    keyring = load_keyring()
+    found = check_bundle(folder, key, None, keyring)
+    document = found.document
+    wrong = [each for each in found.findings if each.outcome is not BundleOutcome.OTHER_VERSION]
+    if wrong or document is None:
+        first = str(next(iter(wrong or found.findings), "no evidence"))
+        more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+        raise EvidenceError(
+            f"{folder}: calibrates nothing: {first}{more}; `payscope verify` lists all"
+        )
+    by = _required(asked, found.signed_by, keyring) if asked.signed else found.signed_by
+    if document.kind != "calibration":
+        raise EvidenceError(
+            f"{folder}: is a check against one known mass; name the calibration that it checked"
+        )
+    if document.calibration is None:
+        raise EvidenceError(f"{folder}: is no calibration: {document.no_fit}")
+    if document.estimator.name not in ESTIMATORS:
+        raise EvidenceError(
+            f"{folder}: calibrates '{document.estimator.name}', which is no mass of a load; "
+            f"calibrate {' or '.join(ESTIMATORS)}"
+        )
+    return MachineCalibration(folder, document, document.calibration, by)
+
+
+def _required(asked: AskedCalibration, by: SignedBy, keyring: Keyring) -> SignedBy:
+    """A signature by a key that the user knows; one that is trusted at first use is kept.
+
+    Raises:
+        EvidenceError: unsigned, or by an unknown key that is not accepted.
+    """
+    if by.trusted:
+        return by
+    if by.how == "unsigned":
+        raise EvidenceError(
+            f"{asked.folder}: is unsigned; calibrate with --key, or leave out --require-signed"
+        )
+    owner = "" if asked.ask is None else asked.ask(by).strip()
+    if not owner:
+        raise EvidenceError(
+            f"{asked.folder}: is {by}; get the key from the signer, and give it with --key KEY or "
+            f"keep it: {by.add_line}"
+        )
+    add_key(keyring, KnownKey(key=by.public_key, owner=owner))
+    return replace(by, how="known", owner=owner)
+
+
+def calibrated_frame(
+    frames: Mapping[str, pl.DataFrame],
+    about: Provenance,
+    asked: AskedCalibration,
+    recording: Path,
+) -> pl.DataFrame:
+    """The frame `loads` of a recording with its calibrated masses.
+
+    Args:
+        frames: `FRAMES`, as far as the recording has them.
+        about: how it was recorded.
+        asked: the evidence.
+        recording: where it is.
+
+    Raises:
+        EvidenceError: as `load_calibration`; also where it was recorded with other settings or
+            priors than those of the calibration, or is of a later day.
+    """
+    by = load_calibration(asked)
+    other = by.other(recorded_machine(about))
+    if other:
+        raise EvidenceError(
+            f"{by.folder}: {other} ({recording}); record it with `payscope run --calibration "
+            f"{by.folder}`"
+        )
+    by.check_day(about.t0_unix_ns, recording)
+    return by.of_loads(frames)
+
+
+def recorded_machine(about: Provenance) -> Machine:
+    """The machine that a recording was made with."""
+    content = {**about.machine, "settings": about.settings.model_dump()}
+    return Machine.model_validate(content)
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping) and value:
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def _text(value: Any) -> str:
+    return "nothing" if value is None else f"{value}"

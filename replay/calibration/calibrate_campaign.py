@@ -1,0 +1,364 @@
+"""The command `calibrate`: a campaign file in, a bundle of evidence out."""
+
+import datetime as dt
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import polars as pl
+
+from analysis.calibration.campaign.campaign_fit import (
+    CampaignFit,
+    fit_campaign,
+    options_of,
+    stated_scale,
+)
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
+from analysis.calibration.line.calibration import CalibrationOptions
+from analysis.calibration.use.calibration_drift import DriftCheck
+from analysis.calibration.use.error_limits import WITHIN
+from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt
+from analysis.model.machine import Machine
+from estimators.errors import CampaignError, EvidenceError, OutputError
+from recordings.calibration.as_found_line import as_found
+from recordings.calibration.bundle_checks import check_bundle
+from recordings.calibration.bundle_folder import STATEMENT
+from recordings.calibration.calibration_recording import write_calibration
+from recordings.calibration.canonical_json import canonical
+from recordings.calibration.checked_bundle import CheckedBundle
+from recordings.calibration.days import day_faults
+from recordings.calibration.derived_values import estimator_of, reference_loads
+from recordings.calibration.evidence_document import (
+    FORMAT,
+    NOTICE,
+    Chain,
+    EvidenceDocument,
+    EvidenceTables,
+    Link,
+    Signer,
+)
+from recordings.calibration.keyring import load_keyring
+from recordings.calibration.signing import SigningKey, signing_key
+from recordings.calibration.timestamp import refuse_without_library, timestamp_request
+from recordings.calibration.write_bundle import tables_of, write_bundle
+from recordings.report.atomic_output import check_folder, check_output, staged, whole_file
+from replay.calibration.campaign_file import load_campaign
+from replay.calibration.campaign_runs import Replayed, new_id, now, replay_runs, software
+
+#: How far a replay elsewhere may be off, in kg: other processors have other last bits.
+TOLERANCE_KG: Final = 1e-6
+_MOST_LINES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """What `calibrate` found and wrote.
+
+    Attributes:
+        folder: the bundle.
+        document: its evidence.
+        readings: frame `readings`.
+        points: a row a run.
+        remarks: for whoever made it, a line each.
+    """
+
+    folder: Path
+    document: EvidenceDocument
+    readings: pl.DataFrame
+    points: pl.DataFrame
+    remarks: tuple[str, ...]
+
+    @property
+    def rejected(self) -> pl.DataFrame:
+        """Readings that count for nothing, with their reasons."""
+        return self.readings.filter(~pl.col("used"))
+
+    @property
+    def good(self) -> bool:
+        """Whether there is a line, within its limits, and no drift."""
+        said = self.document
+        limits = said.limits is None or said.limits.verdict == WITHIN
+        return said.calibration is not None and limits and not _drifted(said.drift)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain values."""
+        return {
+            "folder": str(self.folder),
+            "evidence": self.document.model_dump(mode="json"),
+            "points": self.points.to_dicts(),
+            "rejected": self.rejected.to_dicts(),
+            "signed": self.document.signer is not None,
+            "remarks": list(self.remarks),
+        }
+
+
+def _drifted(drift: DriftCheck | None) -> bool:
+    """Whether a check found drift, or could not tell."""
+    return drift is not None and drift.drifted is not False
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceParts:
+    """What evidence is made of, before it is written.
+
+    Attributes:
+        kind: "calibration" or "check".
+        campaign: masses and runs.
+        machine: with its settings.
+        learnt: what narrowed its priors.
+        replayed: readings and logs.
+        options: of the fit.
+        fitted: line, points, limits.
+        drift: of a check.
+    """
+
+    kind: Literal["calibration", "check"]
+    campaign: CalibrationCampaign
+    machine: Machine
+    learnt: LearntPriors | None
+    replayed: Replayed
+    options: CalibrationOptions
+    fitted: CampaignFit
+    drift: DriftCheck | None = None
+
+
+def calibrate(
+    campaign_file: Path,
+    folder: Path,
+    *,
+    key_file: Path | None = None,
+    previous: Path | None = None,
+    recordings: bool = False,
+    force: bool = False,
+    timestamp_request_file: Path | None = None,
+    on_log: Callable[[str], None] = lambda _: None,
+) -> Calibrated:
+    """Replay a campaign's runs, fit the line, and write the evidence.
+
+    Args:
+        campaign_file: the campaign.
+        folder: the bundle to write.
+        key_file: private key; without it the environment may hold one.
+        previous: the machine's evidence before this.
+        recordings: whether each replay's recording is part of the bundle.
+        force: whether evidence in `folder` may be replaced.
+        timestamp_request_file: where to write the query for a time-stamp authority, if at all.
+        on_log: told each log's name as its replay begins.
+
+    Raises:
+        PayscopeError: whatever is wrong with the input, before anything is written.
+    """
+    campaign, machine = load_campaign(campaign_file)
+    # as evidence keeps it, its keys in another order: a replay of that gives the same frames
+    machine = Machine.model_validate_json(canonical(machine.model_dump(mode="json")))
+    key = signing_key(key_file)
+    before = None if previous is None else before_of(previous, campaign.machine.id, key)
+    check_folder(folder, force=force)
+    if timestamp_request_file is not None:
+        check_timestamp_request(timestamp_request_file, key, force=force)
+    with staged([folder], force=force) as stage:
+        made = stage / folder.name
+        made.mkdir()
+
+        def path_of(log: str) -> Path:
+            return campaign_file.parent / log
+
+        learnt = None
+        if campaign.learns and len(campaign.logs) >= LOGS_MIN:
+            # under the machine's own priors: what they say of the nuisances together
+            first = replay_runs(campaign, machine, path_of, None, on_log)
+            refuse_days(campaign_file, campaign, first, machine)
+            learnt = first.learnt
+        weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
+        replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
+        refuse_days(campaign_file, campaign, replayed, machine)
+        if learnt is not None:
+            learnt = learnt.model_copy(update={"responses": replayed.responses})
+        on_log("evidence")
+        options = options_of(campaign, stated_scale(campaign, replayed.budgets))
+        fitted = fit_campaign(
+            campaign, machine.machine, replayed.readings, options, replayed.responses
+        )
+        evidence = EvidenceParts(
+            "calibration", campaign, machine, learnt, replayed, options, fitted
+        )
+        calibrated = finish(evidence, made, folder, key, before, previous)
+    if timestamp_request_file is not None:
+        write_timestamp_request(folder, timestamp_request_file, force=force)
+    return calibrated
+
+
+def check_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
+    """Refuse a query to a time-stamp authority before the work that it is for.
+
+    Raises:
+        EvidenceError: there is no signature to stamp, or rfc3161-client is not installed.
+        OutputError: the file cannot be written.
+    """
+    if key is None:
+        raise EvidenceError("--timestamp-request: a time stamp is of a signature; give --key")
+    refuse_without_library()
+    check_output(file, force=force)
+
+
+def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
+    """Write the query for the signature of a bundle."""
+    query = timestamp_request((folder / STATEMENT).read_bytes())
+    with whole_file(file, force=force) as partial:
+        partial.write_bytes(query)
+
+
+def refuse_days(
+    source: Path, campaign: CalibrationCampaign, replayed: Replayed, machine: Machine
+) -> None:
+    """Refuse days of runs that their logs contradict.
+
+    Args:
+        source: what gives the days, for the error.
+        campaign: its runs.
+        replayed: their logs.
+        machine: of them; its zone is that of the days.
+
+    Raises:
+        CampaignError: a run is of another day than its log.
+    """
+    faults = day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
+    fault = next(faults, None)
+    if fault is not None:
+        raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
+
+
+def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) -> CheckedBundle:
+    """The machine's evidence before this, checked.
+
+    Args:
+        previous: its folder.
+        machine_id: of the machine that it has to be of, if that is known.
+        key: that signs what follows; None where that is unsigned.
+
+    Raises:
+        EvidenceError: it is of another machine, something is wrong with it, or it is signed by a
+            key that is neither this one nor in the user's keyring.
+    """
+    checked = check_bundle(previous, None, None, load_keyring())
+    wrong = checked.faults
+    if wrong or checked.document is None:
+        first = str(wrong[0]) if wrong else "no evidence"
+        raise EvidenceError(f"{previous}: nothing can be chained to it: {first}")
+    machine = checked.document.campaign.machine.id
+    if machine_id not in (None, machine):
+        raise EvidenceError(
+            f"{previous}: is evidence of machine '{machine}', this campaign of '{machine_id}'; "
+            "name that of the same machine"
+        )
+    by = checked.signed_by
+    own = key is not None and by.key_id == key.public.key_id
+    if by.how == "unknown" and not own:
+        raise EvidenceError(
+            f"{previous}: is {by}: nothing is chained to what cannot be verified; keep the key, if "
+            f"the signer gave it to you by another way: {by.add_line}"
+        )
+    return checked
+
+
+def finish(
+    evidence: EvidenceParts,
+    made: Path,
+    folder: Path,
+    key: SigningKey | None,
+    before: CheckedBundle | None,
+    previous: Path | None,
+) -> Calibrated:
+    """Write the evidence, and check it as a stranger would before it gets its name.
+
+    Args:
+        evidence: what it is made of.
+        made: where it is written; recordings of the replays are there already.
+        folder: the name that it will get.
+        key: signs; None leaves it unsigned.
+        before: the machine's evidence before it.
+        previous: where that is.
+
+    Raises:
+        CampaignError: no run gave a reading.
+        OutputError: what was written does not pass the check.
+    """
+    readings, points = evidence.replayed.readings, evidence.fitted.frame
+    if readings["mass_kg"].null_count() == readings.height:
+        raise CampaignError(
+            f"{', '.join(evidence.campaign.logs)}: no run gave a reading; `payscope run` says of "
+            "each log why"
+        )
+    tables, digests = tables_of(readings, points)
+    document = _document(evidence, digests, key, before)
+    write_calibration(made, document, readings, points)
+    remarks = write_bundle(made, document, readings, points, tables, key)
+    checked = check_bundle(made, None if key is None else key.public, previous)
+    wrong = [str(each) for each in checked.faults]
+    if wrong:
+        raise OutputError(
+            f"{folder}: what was written does not pass its own check, so nothing was kept: "
+            + "; ".join(wrong[:_MOST_LINES])
+        )
+    return Calibrated(folder, document, readings, points, tuple(remarks))
+
+
+def _document(
+    evidence: EvidenceParts,
+    digests: EvidenceTables,
+    key: SigningKey | None,
+    before: CheckedBundle | None,
+) -> EvidenceDocument:
+    campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
+    loads, covariance = reference_loads(campaign, machine)
+    learnt = evidence.learnt
+    weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
+    estimator = estimator_of(campaign, weighing)
+    last = None if before is None else before.document
+    document = EvidenceDocument(
+        format=FORMAT,
+        kind=evidence.kind,
+        id=new_id(),
+        made=now(),
+        notice=NOTICE,
+        campaign=campaign,
+        # a check does not prolong what it checks
+        expires=last.expires if last and evidence.kind == "check" else campaign.expires,
+        machine=machine,
+        learnt=learnt,
+        estimator=estimator,
+        logs=evidence.replayed.logs,
+        references=loads,
+        reference_covariance_kg2=covariance,
+        tables=digests,
+        options=evidence.options,
+        calibration=fitted.calibration,
+        no_fit=fitted.no_fit,
+        limits=fitted.limits,
+        drift=evidence.drift,
+        as_found=as_found(last, estimator, fitted.frame),
+        replay_tolerance_kg=TOLERANCE_KG,
+        chain=_chain(before),
+        signer=None if key is None else _signer(campaign, key),
+        software=software(),
+    )
+    return document.completed
+
+
+def _signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
+    name = campaign.campaign.signer
+    return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
+
+
+def _chain(before: CheckedBundle | None) -> Chain:
+    if before is None or before.document is None:
+        return Chain(counter=1, previous=None)
+    last = before.document
+    link = Link(
+        id=last.id,
+        counter=last.chain.counter,
+        sums_sha256=hashlib.sha256(before.sums).hexdigest(),
+    )
+    return Chain(counter=last.chain.counter + 1, previous=link)

@@ -1,0 +1,192 @@
+"""The runs of a campaign replayed, and what evidence keeps of them."""
+
+import datetime as dt
+import platform
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution, version
+from pathlib import Path
+from typing import Final
+from uuid import uuid4
+
+import polars as pl
+
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
+from analysis.calibration.campaign.campaign_readings import readings, run_responses
+from analysis.calibration.line.unlike_driving import RunResponse
+from analysis.calibration.use.learnt_priors import LearntPriors, TermOfLog, learnt_terms, terms_of
+from analysis.model.answer import answer
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from estimators.errors import DataError
+from recordings import write_recording
+from recordings.calibration.bundle_folder import RUNS
+from recordings.calibration.evidence_document import (
+    EvidenceFile,
+    EvidenceLog,
+    LoggedTopic,
+    Software,
+)
+from replay.logs import open_log
+from replay.machines.machine_file import time_axis
+from replay.pipeline import run
+
+_LONGEST: Final = 2000
+#: What ends the name of a distribution in a requirement.
+_NAME: Final = re.compile(r"[^A-Za-z0-9._-]")
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What the logs of a campaign gave.
+
+    Attributes:
+        readings: frame `readings` of all runs, in the campaign's order of logs.
+        logs: what is kept of each log.
+        budgets: frame `budget` of each.
+        terms: what each that can weigh says of the nuisances.
+        responses: of the runs to the errors of learnt means.
+    """
+
+    readings: pl.DataFrame
+    logs: tuple[EvidenceLog, ...]
+    budgets: tuple[pl.DataFrame, ...]
+    terms: tuple[TermOfLog, ...]
+    responses: tuple[RunResponse, ...]
+
+    @property
+    def learnt(self) -> LearntPriors | None:
+        """What they say of the nuisances together; None where they are too few."""
+        terms = learnt_terms(self.terms)
+        return LearntPriors(terms=terms, logs=self.terms) if terms else None
+
+
+def replay_runs(
+    campaign: CalibrationCampaign,
+    machine: Machine,
+    path_of: Callable[[str], Path],
+    recordings: Path | None = None,
+    on_log: Callable[[str], None] = lambda _: None,
+) -> Replayed:
+    """Replay every log of a campaign once.
+
+    Args:
+        campaign: its runs.
+        machine: channels and settings.
+        path_of: where a log of the campaign is.
+        recordings: the folder to record each replay in, if any.
+        on_log: told each log's name as its replay begins.
+
+    Raises:
+        PayscopeError: a log cannot be read or worked with.
+    """
+    frames: list[pl.DataFrame] = []
+    logs: list[EvidenceLog] = []
+    budgets: list[pl.DataFrame] = []
+    terms: list[TermOfLog] = []
+    responses: list[RunResponse] = []
+    for number, name in enumerate(campaign.logs, start=1):
+        on_log(name)
+        with open_log(path_of(name), time=time_axis(machine)) as log:
+            try:
+                replayed = run(log, machine)
+            except DataError as error:
+                raise DataError(f"{path_of(name)}: {error}") from None
+            topics = log.topics()
+        recording = ""
+        if recordings is not None:
+            stem = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in name)
+            recording = f"{RUNS}/{number:02}-{stem[-60:]}.rrd"
+            (recordings / RUNS).mkdir(exist_ok=True)
+            write_recording(replayed, recordings / recording)
+        runs = [each for each in campaign.runs if each.log == name]
+        frames.append(readings(replayed, runs, campaign.method.estimator))
+        responses += run_responses(replayed, runs, campaign.method.estimator)
+        logs.append(_kept(name, replayed, topics, recording))
+        budgets.append(replayed.frames["budget"])
+        terms += terms_of(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+    return Replayed(pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses))
+
+
+@cache
+def software() -> Software:
+    """Which payscope, libraries and platform this is."""
+    return Software(
+        payscope=version("payscope"),
+        distributions=_needed(),
+        python=platform.python_version(),
+        platform=platform.platform(),
+    )
+
+
+def _needed() -> dict[str, str]:
+    """Versions of what is installed of all that payscope needs, directly or not."""
+    found: dict[str, str] = {}
+    waiting = ["payscope"]
+    while waiting:
+        name = waiting.pop()
+        try:
+            about = distribution(name)
+        except PackageNotFoundError:
+            continue
+        if about.name not in found:
+            found[about.name] = about.version
+            waiting += [_NAME.split(each, maxsplit=1)[0] for each in about.requires or ()]
+    return dict(sorted(found.items()))
+
+
+def now() -> str:
+    """The time as evidence has it."""
+    return f"{dt.datetime.now(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
+
+
+def new_id() -> str:
+    """An id that no other evidence has."""
+    return str(uuid4())
+
+
+def _kept(name: str, replayed: Run, topics: pl.DataFrame, recording: str) -> EvidenceLog:
+    """What evidence keeps of a replay."""
+    about = replayed.provenance
+    said = answer(replayed)
+    excitation = replayed.frames["excitation"]
+    speed = (
+        excitation["speed_x_m_s"].drop_nulls() if excitation.height else pl.Series(dtype=pl.Float64)
+    )
+    messages = dict(zip(topics["topic"], topics["messages"], strict=True))
+    taken = about.fingerprint
+    assert taken is not None
+    t_ns = replayed.frames["aligned"]["t_ns"]
+    return EvidenceLog(
+        log=name,
+        files=tuple(EvidenceFile(**each.model_dump()) for each in about.inputs),
+        topics=tuple(
+            LoggedTopic(topic=topic, messages=messages.get(topic, 0), stamped_by=stamped)
+            for topic, stamped in sorted(about.stamps.items())
+        ),
+        begins=_begins(about.t0_unix_ns),
+        duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
+        speed_range_m_s=None if speed.is_empty() else _ends(speed),
+        losses=tuple(str(loss)[:_LONGEST] for loss in about.losses),
+        notes=tuple(note[:_LONGEST] for note in about.notes),
+        can_weigh=said.verdict.can_weigh,
+        failed_checks=tuple(check.check for check in said.verdict.failed("mass")),
+        settings_fingerprint=taken.settings,
+        results_fingerprint=taken.results,
+        recording=recording,
+    )
+
+
+def _ends(values: pl.Series) -> tuple[float, float]:
+    numbers = values.to_numpy()
+    return float(numbers.min()), float(numbers.max())
+
+
+def _begins(t0_unix_ns: int) -> str:
+    if t0_unix_ns < FIRST_DATE_NS:
+        return f"{t0_unix_ns / 1e9:.3f} s of the log's own clock"
+    stamp = dt.datetime.fromtimestamp(t0_unix_ns // 10**9, dt.UTC)
+    return f"{stamp:%Y-%m-%d %H:%M:%S} UTC"

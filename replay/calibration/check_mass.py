@@ -1,0 +1,141 @@
+"""`calibrate --check`: a machine against one known mass, between calibrations."""
+
+import datetime as dt
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from analysis.calibration.campaign.campaign_plan import (
+    CalibrationCampaign,
+    CampaignRun,
+    Conditions,
+    ReferenceMass,
+)
+from analysis.calibration.campaign.mass_check import check_known_mass
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from estimators.errors import CampaignError, EvidenceError
+from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.calibration.signing import signing_key
+from recordings.report.atomic_output import check_folder, staged
+from replay.calibration.calibrate_campaign import (
+    Calibrated,
+    EvidenceParts,
+    before_of,
+    finish,
+    refuse_days,
+)
+from replay.calibration.campaign_runs import replay_runs
+from replay.logs import open_log
+from replay.machines.machine_file import time_axis
+
+_MASS: Final = "check-mass"
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """The known mass.
+
+    Attributes:
+        value_kg: on board; 0 where nothing is.
+        u_kg: its standard uncertainty.
+        certificate: id of its certificate.
+        day: of the log, as YYYY-MM-DD; None where the log has it.
+    """
+
+    value_kg: float
+    u_kg: float
+    certificate: str
+    day: str | None
+
+
+def check_mass(
+    log: Path,
+    known: Known,
+    folder: Path,
+    *,
+    previous: Path,
+    key_file: Path | None = None,
+    force: bool = False,
+    on_log: Callable[[str], None] = lambda _: None,
+) -> Calibrated:
+    """Replay a log with a known mass on board, compare, and write the evidence.
+
+    Machine, settings and priors are those of the calibration.
+
+    Args:
+        log: with the known mass on board throughout.
+        known: the mass.
+        folder: the bundle to write.
+        previous: evidence of the calibration, or of a check of it.
+        key_file: private key; without it the environment may hold one.
+        force: whether evidence in `folder` may be replaced.
+        on_log: told the log's name as its replay begins.
+
+    Raises:
+        PayscopeError: whatever is wrong with the input, before anything is written.
+    """
+    key = signing_key(key_file)
+    before = before_of(previous, None, key)
+    last = before.document
+    if last is None or last.calibration is None:
+        raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
+    campaign = _campaign(last, log, known)
+    check_folder(folder, force=force)
+    with staged([folder], force=force) as stage:
+        made = stage / folder.name
+        made.mkdir()
+        replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log)
+        refuse_days(Path(f"--day {known.day}"), campaign, replayed, last.machine)
+        on_log("evidence")
+        fitted, drift = check_known_mass(
+            campaign, last.machine.machine, replayed.readings, last.calibration
+        )
+        evidence = EvidenceParts(
+            "check", campaign, last.machine, last.learnt, replayed, last.options, fitted, drift
+        )
+        return finish(evidence, made, folder, key, before, previous)
+
+
+def _campaign(last: EvidenceDocument, log: Path, known: Known) -> CalibrationCampaign:
+    """A campaign of one run."""
+    if known.value_kg < 0.0:
+        raise CampaignError(f"--check {known.value_kg:g}: a mass on board is 0 kg or more")
+    mass = ReferenceMass.model_validate(
+        {
+            "id": _MASS,
+            "value_kg": known.value_kg or 1.0,
+            "u_kg": known.u_kg,
+            "certificate": known.certificate,
+        }
+    )
+    run = CampaignRun.model_validate(
+        {
+            "id": "check",
+            "log": log.name,
+            "loads": (_MASS,) if known.value_kg else (),
+            "day": _day(last, log, known.day),
+        }
+    )
+    return last.campaign.model_copy(
+        update={
+            "masses": (mass,) if known.value_kg else (),
+            "runs": (run,),
+            "conditions": Conditions.model_validate({}),
+            "decision": None,
+        }
+    )
+
+
+def _day(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+    if day is not None:
+        try:
+            return dt.date.fromisoformat(day)
+        except ValueError:
+            raise CampaignError(f"--day {day}: is no date; write it as 2026-05-31") from None
+    with open_log(log, time=time_axis(last.machine)) as opened:
+        start_ns = opened.topics()["start_ns"].min()
+    if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:
+        raise CampaignError(f"{log}: has no date; give it with --day")
+    zone = last.machine.machine.zone
+    return dt.datetime.fromtimestamp(start_ns // 10**9, zone).date()

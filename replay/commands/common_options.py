@@ -1,0 +1,95 @@
+"""Options that several commands have."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.logs import TimeAxis
+
+
+class FrameFormat(StrEnum):
+    """How a frame is printed or written."""
+
+    table = "table"
+    csv = "csv"
+    json = "json"
+    parquet = "parquet"
+
+
+#: Evidence that calibrates the masses of loads, and what is asked of it.
+Calibration = Annotated[
+    Path | None,
+    typer.Option("--calibration", metavar="DIR", help="Evidence that calibrates the masses."),
+]
+SignerKey = Annotated[
+    Path | None,
+    typer.Option("--key", help="Public key (PEM) that the evidence has to be signed with."),
+]
+RequireSigned = Annotated[
+    bool,
+    typer.Option(
+        "--require-signed",
+        help="Refuse evidence without a signature by --key, or by a key of the keyring.",
+    ),
+]
+
+
+def asked_calibration(
+    folder: Path | None, key: Path | None, *, signed: bool
+) -> "AskedCalibration | None":
+    """What is asked for by these options.
+
+    Raises:
+        BadParameter: what is asked of evidence, without any.
+    """
+    if folder is None:
+        if key is not None or signed:
+            raise typer.BadParameter("--key and --require-signed are of --calibration")
+        return None
+    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.commands.first_use import first_use
+
+    return AskedCalibration(folder, key, signed, first_use())
+
+
+#: What a person says of a table where there is no machine file yet.
+LogKeys = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="log.KEY=VALUE", help="A key of [log]: how a table is written."),
+]
+TimeColumn = Annotated[str | None, typer.Option("--time", help="The time column of a table.")]
+TimeUnit = Annotated[
+    str | None, typer.Option("--time-unit", help="Its unit: s, ms, us or ns; else recognised.")
+]
+_UNITS = ("s", "ms", "us", "ns")
+
+
+def time_axis_of(
+    column: str | None, unit: str | None, keys: list[str] | None = None
+) -> "TimeAxis | None":
+    """Where a table keeps its time, and how it is written; None where all is to be recognised.
+
+    Raises:
+        BadParameter: no such unit or key.
+    """
+    from analysis.model.machine import LogSection
+    from estimators.errors import MachineError
+    from replay.machines.machine_file import table_axis
+    from replay.machines.toml_file import set_value, validate
+
+    if unit is not None and unit not in _UNITS:
+        raise typer.BadParameter(f"no unit of time '{unit}'; use {', '.join(_UNITS)}")
+    content: dict[str, dict[str, str]] = {"log": {}}
+    if column is not None:
+        content["log"]["time"] = column
+    if unit is not None:
+        content["log"]["time_unit"] = unit
+    for key in keys or ():
+        if not key.startswith("log."):
+            raise typer.BadParameter(f"--set {key}: here it takes keys of [log]: log.separator=;")
+        set_value(content, key, MachineError)
+    return table_axis(validate(Path("--set log"), content["log"], LogSection, MachineError))

@@ -1,0 +1,83 @@
+"""The executable `rerun-importer-payscope`, which the Rerun viewer starts for a file it opens.
+
+The viewer starts every executable on the path of this prefix with the file and its own ids, reads a
+recording from standard output, and takes the exit status 66 for "not mine".
+"""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from recordings.rrd.viewer_stream import ViewerAsks
+
+#: The viewer's own number.
+NOT_MINE: Final = 66
+#: Times have 64 bits.
+_LARGEST: Final = 1 << 63
+
+
+def main() -> None:
+    """Import one file, and leave with the status that the viewer understands."""
+    asked, _ = _parser().parse_known_args()  # newer viewers may ask for more
+    # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
+    from replay.recording.importer_files import is_ours
+
+    if not is_ours(asked.path):
+        sys.exit(NOT_MINE)
+    from estimators.errors import PayscopeError, one_line
+    from replay.recording.import_log import import_log
+
+    try:
+        fault = import_log(asked.path, _asks(asked))
+    except PayscopeError as error:
+        sys.stderr.write(f"payscope: {one_line(str(error))}\n")
+        sys.exit(2)
+    if fault is not None:
+        sys.stderr.write(f"payscope: shown without a replay: {fault}\n")
+
+
+def _asks(asked: argparse.Namespace) -> "ViewerAsks":
+    """What the viewer asks for; a time that is none is left out, as in Rerun's own importers."""
+    from recordings.rrd.viewer_stream import TimelineKind, ViewerAsks
+
+    times: list[tuple[str, TimelineKind, int]] = []
+    for kind, option in (
+        (TimelineKind.SEQUENCE, asked.time_sequence),
+        (TimelineKind.DURATION, asked.time_duration_nanos),
+        (TimelineKind.TIMESTAMP, asked.time_timestamp_nanos),
+    ):
+        for text in option:
+            name, _, number = text.rpartition("=")
+            try:
+                time = int(number)
+            except ValueError:
+                continue
+            if name and -_LARGEST <= time < _LARGEST:
+                times.append((name, kind, time))
+    application = asked.application_id or asked.path.stem or "payscope"
+    return ViewerAsks(application, asked.recording_id, asked.entity_path_prefix, tuple(times))
+
+
+def _parser() -> argparse.ArgumentParser:
+    # with abbreviations, an option of an older viewer (--time) would be one of several
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False,
+        prog="rerun-importer-payscope",
+        description="Importer of the Rerun viewer for robots' logs (.bag, .db3, .csv; .mcap and "
+        ".parquet with a machine file beside them).",
+    )
+    parser.add_argument("path", type=Path, help="the file or folder that the viewer opens")
+    parser.add_argument("--application-id", help="of the recording that the viewer waits for")
+    parser.add_argument("--recording-id", help="likewise")
+    parser.add_argument("--entity-path-prefix", default="", help="of everything that is shown")
+    for kind in ("sequence", "duration_nanos", "timestamp_nanos"):
+        parser.add_argument(
+            f"--time_{kind}",
+            action="append",
+            default=[],
+            metavar="TIMELINE=TIME",
+            help="where everything lies on a further timeline; repeatable",
+        )
+    return parser

@@ -1,0 +1,152 @@
+"""The command `compare`: two recordings held against each other, read a few columns at a time."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import polars as pl
+
+from analysis.compare.run_comparison import Comparison, compare, same_inputs
+from analysis.model.run_record import Provenance, Run
+from estimators.errors import RecordingError
+from estimators.file_digest import file_sha256
+from recordings import check_recording
+from recordings.report.atomic_output import keep_apart
+from recordings.rrd.reader import OpenRecording, opened
+from recordings.rrd.recording_table import drawn_columns
+
+if TYPE_CHECKING:
+    from replay.calibration.apply_evidence import AskedCalibration
+
+
+class Recorded:
+    """A recording as a replay to compare: only what is asked for is read."""
+
+    def __init__(self, held: OpenRecording, asked: "AskedCalibration | None" = None) -> None:
+        """Take what describes it.
+
+        Args:
+            held: the recording.
+            asked: evidence that calibrates the masses of its loads.
+
+        Raises:
+            EvidenceError: the evidence is refused.
+        """
+        self._held = held
+        self.path = held.path
+        self.provenance: Provenance = held.provenance
+        self.stages: Mapping[str, Sequence[str]] = held.stages
+        self._loads: pl.DataFrame | None = None
+        if asked is not None and "loads" in self.stages:
+            from analysis.calibration.use.later_log import FRAMES
+            from replay.calibration.apply_evidence import calibrated_frame
+
+            raw = {stage: held.read(stage) for stage in FRAMES if stage in self.stages}
+            self._loads = calibrated_frame(raw, self.provenance, asked, held.path)
+            self.stages = {**self.stages, "loads": self._loads.columns}
+
+    def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
+        """Some columns of a frame."""
+        if stage == "loads" and self._loads is not None:
+            return self._loads.select(columns)
+        return self._held.read(stage, columns)
+
+    def drawn(self) -> Run:
+        """The columns that a view draws."""
+        wanted = {stage: drawn_columns(stage, names) for stage, names in self.stages.items()}
+        frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
+        return Run(frames, self.provenance)
+
+
+@dataclass(frozen=True, slots=True)
+class OverlayTo:
+    """Where two recordings are drawn over each other.
+
+    Attributes:
+        path: the recording; None draws nothing.
+        force: replace an existing one.
+    """
+
+    path: Path | None = None
+    force: bool = False
+
+
+_NOWHERE: Final = OverlayTo()
+
+
+def compare_recordings(
+    a: Path,
+    b: Path,
+    output: OverlayTo = _NOWHERE,
+    *,
+    rtol: float = 0.0,
+    other_logs: bool = False,
+    calibration: "AskedCalibration | None" = None,
+) -> Comparison:
+    """Compare two recordings, and draw them over each other.
+
+    Args:
+        a: the one that changes are counted from.
+        b: the other.
+        output: a recording of both to write.
+        rtol: relative differences of numbers up to this count as none.
+        other_logs: whether the two may be of different logs; then only settings, masses and
+            verdict are compared.
+        calibration: evidence that calibrates the masses of both.
+
+    Raises:
+        RecordingError: one of them cannot be read, or their rows do not correspond.
+        OutputError: the recording of both cannot be written.
+    """
+    if output.path is not None:
+        keep_apart(output.path, [a, b])
+        check_recording(output.path, force=output.force)
+    with opened(a) as first, opened(b) as second:
+        mine, theirs = Recorded(first, calibration), Recorded(second, calibration)
+        if not set(mine.stages) & set(theirs.stages):
+            raise RecordingError(
+                f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
+                f"{', '.join(theirs.stages) or 'none'}); compare replays of one log"
+            )
+        if not other_logs and not _of_one_log(mine, theirs):
+            names = [
+                ", ".join(each.name for each in replay.provenance.inputs) or "no file"
+                for replay in (mine, theirs)
+            ]
+            raise RecordingError(
+                f"{a} and {b}: are replays of different inputs ({names[0]} | {names[1]}, by "
+                "SHA-256), so that their rows do not correspond; --other-logs compares settings, "
+                "masses and verdict alone"
+            )
+        found = compare(mine, theirs, rtol=rtol, rows=not other_logs)
+        if output.path is not None:
+            from recordings.compare.comparison_text import compared_text
+            from recordings.compare.overlay_recording import write_overlay
+
+            write_overlay(
+                mine.drawn(),
+                theirs.drawn(),
+                output.path,
+                compared_text(found, a.name, b.name),
+                one_log=not other_logs,
+                force=output.force,
+            )
+        return found
+
+
+def _of_one_log(mine: Recorded, theirs: Recorded) -> bool:
+    """Whether both are replays of the same bytes, or one is a replay of the other."""
+    return (
+        same_inputs(mine.provenance, theirs.provenance)
+        or _is_replayed(mine.path, theirs.provenance)
+        or _is_replayed(theirs.path, mine.provenance)
+    )
+
+
+def _is_replayed(recording: Path, by: Provenance) -> bool:
+    """Whether a replay is of this recording."""
+    # a shift takes a second to read: most others are told by their size
+    if [each.size_bytes for each in by.inputs] != [recording.stat().st_size]:
+        return False
+    return file_sha256(recording) == by.inputs[0].sha256

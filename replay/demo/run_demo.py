@@ -1,0 +1,170 @@
+"""The demo: the paper's campaign as real logs, calibrated, verified; and a shift, reviewed."""
+
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from analysis import Machine, Run
+from analysis.calibration.campaign.by_method import calibrate_methods, calibration_frame, point_rows
+from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.method_errors import rms_errors
+from analysis.model.answer import JOINT, Answer, answer
+from analysis.simulation import Scenario
+from analysis.simulation.scenario.shift_plan import SimulatedShift
+from estimators.errors import OutputError
+from recordings import plot_run, write_recording
+from recordings.calibration.signing import new_key_pair
+from recordings.report.atomic_output import check_folder, check_output, whole_file
+from replay.calibration.apply_evidence import AskedCalibration
+from replay.calibration.calibrate_campaign import Calibrated, calibrate
+from replay.calibration.verify_bundle import Verified, verify
+from replay.demo.demo_campaign import demo_campaign
+from replay.logs import open_log
+from replay.machines.machine_file import load_machine, machine_path, time_axis
+from replay.pipeline import STAGES, run
+from replay.review.review_shift import Reviewed, ReviewOptions, check_review_folder, review
+from replay.simulation.log_truth import true_trials, truth_path
+from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
+
+_MACHINE = Path("cat262c.toml")
+#: What `on_stage` is told, in order.
+STEPS: Final = ("simulate", "calibrate", "verify", *STAGES, "record", "review")
+#: Ten minutes of work with the machine that was calibrated, with loads inside the range of that.
+_SHIFT: Final = SimulatedShift(
+    duration_h=0.15,
+    logs=2,
+    load_kg=180.0,
+    load_std_kg=30.0,
+    load_least_kg=120.0,
+    load_most_kg=240.0,
+    carry_back_kg=4.0,
+    carry_back_most_kg=15.0,
+    fuel_tank_kg=0.0,
+    fuel_kg_h=0.0,
+    idle_share=0.0,
+)
+_TARGET_KG: Final = 200.0
+
+
+@dataclass(frozen=True, slots=True)
+class Demo:
+    """What the demo found, and the files it made."""
+
+    calibrated: Calibrated
+    verified: Verified
+    calibration: pl.DataFrame
+    errors: pl.DataFrame
+    answer: Answer
+    reviewed: Reviewed
+    files: tuple[Path, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain values."""
+        return {
+            "evidence": self.calibrated.to_dict(),
+            "verified": self.verified.to_dict(),
+            "calibration": self.calibration.to_dicts(),
+            "errors": self.errors.to_dicts(),
+            "answer": self.answer.to_dict(),
+            "review": self.reviewed.to_dict(),
+            "files": [str(path) for path in self.files],
+        }
+
+
+def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]) -> Demo:
+    """Simulate, calibrate, verify the evidence, replay in one time line, record, draw.
+
+    Then a shift of the same machine is simulated and reviewed under that evidence.
+
+    Args:
+        folder: where the files go; made when it is not there.
+        seed: of the simulated noise.
+        force: whether files of an earlier demo may be replaced.
+        on_stage: told the name of each stage as it begins.
+
+    Raises:
+        OutputError: a file is there already, or the folder cannot be written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
+    machine_file = folder / _MACHINE.name
+    recording, picture = folder / "campaign.rrd", folder / "campaign.png"
+    campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
+    shift, page = folder / "shift.mcap", folder / "review"
+    keys = folder / "key.pem", folder / "key.pub.pem"
+    scenario = Scenario().seeded(seed)
+    hauling = scenario.model_copy(update={"shift": _SHIFT})
+    hauled, truth = log_paths(hauling, shift), shift_truth_path(shift)
+    for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
+        check_output(output, force=force)
+    check_folder(evidence, force=force)
+    if page.exists() and force:
+        check_review_folder(page)
+    else:
+        check_folder(page, force=force)
+    with whole_file(machine_file, force=force) as partial:
+        shutil.copyfile(machine_path(_MACHINE), partial)
+    on_stage("simulate")
+    logs = simulate(scenario, folder / "campaign.bag", force=force)
+    with whole_file(campaign_file, force=force) as partial:
+        partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
+    for path, half in zip(keys, new_key_pair(), strict=True):
+        with whole_file(path, force=force) as partial:
+            partial.touch(mode=0o600)
+            partial.write_bytes(half)
+    on_stage("calibrate")
+    calibrated = calibrate(campaign_file, evidence, key_file=keys[0], force=force)
+    on_stage("verify")
+    verified = verify(evidence, key_file=keys[1], on=calibrated.document.expires)
+    replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
+    replayed = _with_evidence(replayed, calibrated, scenario.machine.mass_kg)
+    on_stage("record")
+    write_recording(replayed, recording, force=force)
+    plot_run(replayed, picture, force=force)
+    on_stage("review")
+    simulate(hauling, shift, force=force)
+    by = AskedCalibration(evidence, keys[1], signed=True)
+    asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
+    reviewed = review(hauled, machine_file, page, asked)
+    return Demo(
+        calibrated,
+        verified,
+        replayed.frames["calibration"],
+        rms_errors(replayed.frames["calibration"]),
+        answer(replayed, str(recording)),
+        reviewed,
+        (
+            *(*logs, *map(truth_path, logs), machine_file, campaign_file, *keys),
+            *(evidence, recording, picture, *hauled, *map(truth_path, hauled), truth, page),
+        ),
+    )
+
+
+def _with_evidence(replayed: Run, calibrated: Calibrated, empty_kg: float) -> Run:
+    """The run with the line of the evidence before those of the methods."""
+    document = calibrated.document
+    points = () if document.calibration is None else document.calibration.points
+    first = calibration_frame(
+        point_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
+    )
+    both = pl.concat([first, replayed.frames["calibration"]])
+    return replace(replayed, frames={**replayed.frames, "calibration": both}).fingerprinted()
+
+
+def replay_campaign(
+    logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
+) -> Run:
+    """Replay simulated logs in one time line; a line by their truth for each of the methods."""
+    with ExitStack() as stack:
+        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        replayed = run(opened, machine, on_stage)
+    calibration = calibrate_methods(run_estimates(replayed, true_trials(logs)))
+    frames = {**replayed.frames, "calibration": calibration}
+    return replace(replayed, frames=frames).fingerprinted()

@@ -1,0 +1,168 @@
+"""The command `explain`: why an estimate is bad, and the machine file that mends it."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from analysis.compare.run_comparison import changed_settings
+from analysis.explain import Explanation, explain
+from analysis.explain.explanation import COLUMNS, SMALL
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
+from estimators.errors import DataError, MachineError, RecordingError
+from recordings.report.atomic_output import check_output, keep_apart
+from recordings.report.picture import check_picture
+from recordings.rrd.reader import OpenRecording, opened
+from recordings.rrd.recording_table import drawn_columns
+from recordings.rrd.writer import SUFFIX
+from replay.logs import open_log
+from replay.machines.machine_file import load_machine, time_axis
+
+if TYPE_CHECKING:
+    from replay.explain.try_proposals import Mended
+
+#: Frames of which a picture shows more than an explanation looks at.
+_PICTURED: Final = ("excitation", "gate")
+_SETTLING: Final = ("t_ns", "mass_kg", "mass_std_kg")
+_RECURSIVE: Final = ("estimates/rls", "estimates/rtls")
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is to be explained.
+
+    Attributes:
+        path: a recording, or a log.
+        machine_file: to replay it with; None takes a recording as it is.
+        overrides: `key=value`, of the machine file.
+        at_s: the moment; None: the whole run.
+        picture: where it is drawn; None draws nothing.
+        mended_file: where the machine file is written with the proposals that pay.
+        force: replace what is there already.
+    """
+
+    path: Path
+    machine_file: Path | None = None
+    overrides: tuple[str, ...] = ()
+    at_s: float | None = None
+    picture: Path | None = None
+    mended_file: Path | None = None
+    force: bool = False
+
+
+def explain_run(
+    asked: Asked, on_stage: Callable[[str], None] = lambda _: None
+) -> "tuple[Explanation, Mended | None]":
+    """Explain a recording or a log, draw that, and mend its machine file, as far as asked for.
+
+    Args:
+        asked: what.
+        on_stage: told the stages of replays as they begin.
+
+    Returns:
+        The explanation, and what the mended machine file does; None where nothing pays, or where
+        it was not asked for.
+
+    Raises:
+        PayscopeError: whatever is wrong with the input, before anything is written.
+    """
+    _check(asked)
+    whole = _run(asked, on_stage)
+    _check_moment(asked, whole)
+    explained = explain(whole, asked.at_s)
+    if asked.picture is not None:
+        from recordings.explain.explanation_picture import plot_explanation
+
+        plot_explanation(whole, explained, asked.picture, force=asked.force)
+    if asked.mended_file is None or asked.machine_file is None:
+        return explained, None
+    from replay.explain.try_proposals import MachineText, mend
+
+    source = MachineText(asked.machine_file, asked.overrides)
+    output = (asked.mended_file, asked.force)
+    return explained, mend(asked.path, source, whole, output, on_stage)
+
+
+def _check(asked: Asked) -> None:
+    if asked.at_s is not None and not math.isfinite(asked.at_s):
+        raise RecordingError(f"--at {asked.at_s}: is no time; name seconds since the start")
+    if asked.machine_file is None and asked.path.suffix != SUFFIX:
+        raise MachineError(
+            f"{asked.path}: is no recording ({SUFFIX}); to replay a log, name its machine file "
+            "with -m"
+        )
+    inputs = [asked.path, *([asked.machine_file] if asked.machine_file else [])]
+    if asked.picture is not None:
+        keep_apart(asked.picture, inputs)
+        check_picture(asked.picture, force=asked.force)
+    if asked.mended_file is not None:
+        if asked.machine_file is None:
+            raise MachineError(
+                f"{asked.mended_file}: --apply mends a machine file; name it with -m"
+            )
+        keep_apart(asked.mended_file, inputs)
+        check_output(asked.mended_file, force=asked.force)
+
+
+def _check_moment(asked: Asked, run: Run) -> None:
+    gate = run.frames.get("gate")
+    if asked.at_s is None or gate is None or gate.is_empty():
+        return
+    first_s, last_s = (round(int(gate["t_ns"][place]) / 1e9, 1) for place in (0, -1))
+    if not first_s <= round(asked.at_s, 1) <= last_s:
+        raise RecordingError(
+            f"{asked.path}: nothing at {asked.at_s:g} s; it has {first_s:g} to {last_s:g} s"
+        )
+
+
+def _run(asked: Asked, on_stage: Callable[[str], None]) -> Run:
+    """The frames that are explained: as recorded, or of a replay."""
+    if asked.machine_file is None:
+        with opened(asked.path) as held:
+            return _read(held, pictured=asked.picture is not None)
+    machine = load_machine(asked.machine_file, asked.overrides)
+    if asked.path.suffix == SUFFIX and asked.path.is_file():
+        with opened(asked.path) as held:
+            if "findings" in held.stages and not _differs(held, machine):
+                return _read(held, pictured=asked.picture is not None)
+    # a recording is explained without what replays a log
+    from replay.pipeline import run
+
+    with open_log(asked.path, time=time_axis(machine)) as log:
+        try:
+            return run(log, machine, on_stage)
+        except DataError as error:
+            raise DataError(f"{asked.path} with {asked.machine_file}: {error}") from None
+
+
+def _differs(held: OpenRecording, machine: Machine) -> bool:
+    about = held.provenance
+    recorded = Machine.model_validate({**about.machine, "settings": about.settings})
+    return bool(changed_settings(recorded, machine))
+
+
+def _read(held: OpenRecording, *, pictured: bool) -> Run:
+    """What an explanation looks at, and a picture shows: a shift is much more."""
+    held.refuse_without_stages()
+    wanted: dict[str, Sequence[str]] = {}
+    for name, columns in held.stages.items():
+        if name in SMALL:
+            wanted[name] = columns
+        elif name in COLUMNS:
+            kept = {*COLUMNS[name], *(drawn_columns(name, columns) if pictured else ())}
+            wanted[name] = [column for column in columns if column in kept]
+        elif pictured and name in _RECURSIVE:
+            wanted[name] = [column for column in columns if column in _SETTLING]
+    frames = {name: held.read(name, columns) for name, columns in wanted.items()}
+    # what a recovered recording has lost must not pass for what its log does not show
+    lost = [each for each in held.manifest.frames if each.name in frames]
+    lost = [each for each in lost if frames[each.name].height != each.rows]
+    if lost:
+        more = f" (and {len(lost) - 1} more stages miss rows)" if len(lost) > 1 else ""
+        raise RecordingError(
+            f"{held.path}: is not whole: '{lost[0].name}' has {frames[lost[0].name].height} of "
+            f"{lost[0].rows} rows{more}; replay its log"
+        )
+    return Run(frames, held.provenance)

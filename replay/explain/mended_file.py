@@ -1,0 +1,112 @@
+"""A machine file with proposals in it: comments and order stay, each change says why."""
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from analysis.explain import Finding
+from estimators.errors import MachineError, one_line
+from recordings.report.finding_text import change_of, name_of
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A key of the machine file, and the value that a finding proposes for it.
+
+    Attributes:
+        key: dotted.
+        value: as TOML has it.
+        cause: of the finding.
+        comment: why, in a line.
+        change_kg: what it would do to the mass; None where that is not known, or said elsewhere.
+        change_u_kg: standard uncertainty of that.
+    """
+
+    key: str
+    value: Any
+    cause: str
+    comment: str
+    change_kg: float | None = None
+    change_u_kg: float | None = None
+
+
+def proposals(finding: Finding) -> tuple[Proposal, ...]:
+    """What a finding proposes, a key each; nothing where there is nothing to write."""
+    if not finding.proposes:
+        return ()
+    keys = [key.strip() for key in str(finding.setting).split(",")]
+    values = _values(str(finding.value))
+    if len(keys) != len(values):
+        return ()
+    said = "; ".join(filter(None, (name_of(finding.cause), finding.evidence, change_of(finding))))
+    return tuple(
+        Proposal(
+            key,
+            value,
+            finding.cause,
+            one_line(said),
+            None if number else finding.mass_change_kg,
+            None if number else finding.mass_change_u_kg,
+        )
+        for number, (key, value) in enumerate(zip(keys, values, strict=True))
+    )
+
+
+def _values(text: str) -> list[Any]:
+    """Values by commas, each as TOML; none where they are not."""
+    try:
+        return tomllib.loads(f"values = [{text}]")["values"]
+    except ValueError:
+        return []
+
+
+def mended(text: str, changes: Sequence[Proposal], path: Path) -> str:
+    """Write changes into the text of a machine file, each with a comment behind the user's own.
+
+    Args:
+        text: the file.
+        changes: the proposals.
+        path: of the file, for messages.
+
+    Raises:
+        MachineError: it is no TOML, or a key leads through a value.
+    """
+    import tomlkit
+    from tomlkit.container import OutOfOrderTableProxy
+    from tomlkit.exceptions import TOMLKitError
+    from tomlkit.items import InlineTable, Table
+
+    try:
+        document = tomlkit.parse(text)
+        for change in changes:
+            *sections, name = change.key.split(".")
+            place: Any = document
+            for section in sections:
+                if section not in place:
+                    place[section] = tomlkit.table()
+                place = place[section]
+                if not isinstance(place, Table | InlineTable | OutOfOrderTableProxy):
+                    raise MachineError(f"{path}: '{section}' of {change.key} is no table")
+            new = tomlkit.item(change.value)
+            # within braces, TOML has no comments
+            if not isinstance(place, InlineTable):
+                new.comment(_comment(place, name, change.comment))
+            place[name] = new
+        return tomlkit.dumps(document)
+    except TOMLKitError as error:
+        raise MachineError(f"{path}: is no TOML: {one_line(str(error))}") from None
+
+
+def _comment(place: Any, name: str, why: str) -> str:
+    """What stands behind a key: the user's own words, why it changed, and what it was."""
+    import tomlkit
+    from tomlkit.items import Table
+
+    if name not in place:
+        return f"payscope: {why}"
+    # a boolean would come out of a table as it is, without its comment
+    was: Any = place.value.item(name) if isinstance(place, Table) else tomlkit.item(place[name])
+    theirs = was.trivia.comment.lstrip("# ")
+    return "; ".join(filter(None, (theirs, f"payscope: {why}; it was {was.as_string()}")))

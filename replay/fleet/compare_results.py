@@ -1,0 +1,153 @@
+"""The command `fleet compare`: two sets of results, or one and what other settings would give."""
+
+import datetime as dt
+import hashlib
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+import polars as pl
+
+from analysis.fleet.daily_figures import UNDATED
+from analysis.fleet.results_comparison import FleetComparison, compared
+from estimators.errors import FleetError
+from replay.fleet.gathered_tables import FleetResults, fleet_results
+from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
+from replay.fleet.log_sources import FleetLog, fleet_logs
+from replay.fleet.machine_setups import MachineSetup, machine_setups
+from replay.fleet.run_fleet import FleetRun, OnDone, fleet_run
+from replay.fleet.task_engine import Engine
+
+WHAT_IF: Final = "what-if"
+_DIGITS: Final = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Days:
+    """Days of recordings, both ends included; None leaves an end open."""
+
+    first: dt.date | None = None
+    last: dt.date | None = None
+
+    def of(self, results: pl.DataFrame) -> pl.DataFrame:
+        """The results of these days; of all where both ends are open."""
+        if self.first is None and self.last is None:
+            return results
+        day = pl.col("day")
+        kept = day != UNDATED
+        kept = kept if self.first is None else kept & (day >= str(self.first))
+        return results.filter(kept if self.last is None else kept & (day <= str(self.last)))
+
+
+@dataclass(frozen=True, slots=True)
+class OnRun:
+    """Told of a run.
+
+    Attributes:
+        logs: which are replayed.
+        done: each log, and what became of it.
+        engine: once it is open.
+    """
+
+    logs: Callable[[Sequence[FleetLog]], None] = lambda _: None
+    done: OnDone = lambda _, __: None
+    engine: Callable[[Engine], None] = lambda _: None
+
+
+@dataclass(frozen=True)
+class OtherSettings:
+    """The plan of the last run under other settings.
+
+    Attributes:
+        last: what the last run was told.
+        overrides: `key=value`, of every machine file, behind those that it had.
+        machines: of which machine each log is.
+    """
+
+    last: LastRun
+    overrides: tuple[str, ...]
+    machines: dict[str, str]
+
+    @property
+    def name(self) -> str:
+        """The fleet's name."""
+        return self.last.fleet
+
+    @property
+    def limits(self) -> TaskLimits:
+        """What one recording may take."""
+        return self.last.limits
+
+    def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
+        """How a log is to be replayed; evidence that does not fit the settings is left out."""
+        machine = self.machines[log]
+        if machine not in self.last.machines:
+            raise FleetError(f"{log}: no run has machine '{machine}' since; run the fleet again")
+        files = self.last.machines[machine].files
+        overrides = (*files.overrides, *self.overrides)
+        return _read_once(machine, NamedFiles(files.file, overrides, files.calibrations))
+
+
+@cache
+def _read_once(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+    return machine_setups(machine, files, lenient=True)
+
+
+def fleet_compare(a: FleetResults, b: FleetResults, days: Days) -> FleetComparison:
+    """Compare the results of some days.
+
+    Raises:
+        FleetError: no log is in both.
+    """
+    found = compared(days.of(a.results), days.of(b.results))
+    if found.logs.is_empty():
+        raise FleetError(
+            f"{a.store.place} and {b.store.place}: have no log in common on these days"
+        )
+    return found
+
+
+def what_if(
+    results: FleetResults,
+    overrides: Sequence[str],
+    days: Days,
+    engine: Callable[[], AbstractContextManager[Engine]],
+    told: OnRun,
+) -> tuple[FleetResults, FleetRun, int]:
+    """Replay the logs of some days under other settings, each once, beside the results.
+
+    Args:
+        results: with the logs and the machine files to begin with.
+        overrides: `key=value`, of every machine file.
+        days: of the logs.
+        engine: opens one.
+        told: of the run.
+
+    Returns:
+        Their results, what the run did, and how many logs are no longer where they were.
+
+    Raises:
+        FleetError: none of the logs is there any more.
+    """
+    rows = days.of(results.results).select("source", "machine")
+    machines: dict[str, str] = dict(rows.iter_rows())
+    logs: list[FleetLog] = []
+    gone = 0
+    for source in machines:
+        try:
+            logs += fleet_logs([source])
+        except FleetError:
+            gone += 1
+    if not logs:
+        raise FleetError(
+            f"{results.store.place}: none of its logs of these days is where it was; restore them, "
+            "or compare two destinations"
+        )
+    plan = OtherSettings(results.current, tuple(overrides), machines)
+    digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]
+    place = results.store.full_name(f"{WHAT_IF}/{digest}")
+    told.logs(logs)
+    did = fleet_run(logs, plan, place, engine, told.done, told.engine)
+    return fleet_results(place), did, gone

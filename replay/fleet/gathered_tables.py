@@ -1,0 +1,188 @@
+"""A fleet's results as tables: gathered by machine, since thousands of small files are slow.
+
+What is gathered is derived: `gathered/machine=M/DIGEST/TABLE.parquet` holds the rows of all results
+of a machine, in the order of their logs, and DIGEST is of their keys. Where it is missing or of
+other keys, it is made anew, from the gathered one before and the results that are new.
+"""
+
+import hashlib
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+import polars as pl
+from pydantic import ValidationError
+
+from analysis.fleet.calibration_steps import FleetCalibration
+from analysis.fleet.fleet_tables import TABLES, table_schema
+from estimators.errors import FleetError, OutputError
+from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
+from replay.fleet.object_store import Store
+from replay.fleet.results_layout import MARK, ResultName, name_of, parquet
+
+_GATHERED: Final = "gathered"
+_DIGITS: Final = 16
+_ORDER: Final = ("t0_unix_ns", "key")
+
+
+@dataclass
+class FleetResults:
+    """The results in a destination.
+
+    Attributes:
+        store: where they are.
+    """
+
+    store: Store
+
+    @cached_property
+    def names(self) -> Mapping[str, Sequence[ResultName]]:
+        """Of every machine the results that are there, by day and key."""
+        found: dict[str, list[ResultName]] = {}
+        for each in self.store.names(MARK):
+            name = name_of(each)
+            if name is not None:
+                found.setdefault(name.machine, []).append(name)
+        return {machine: sorted(found[machine]) for machine in sorted(found)}
+
+    @cached_property
+    def _gathered(self) -> Mapping[str, str]:
+        """Of every machine the folder of its gathered tables, which are up to date."""
+        there: dict[str, list[str]] = {}
+        for each in self.store.names(_GATHERED):
+            folder, _, name = each.rpartition("/")
+            if name == f"{MARK}.parquet":  # written last
+                there.setdefault(folder.rpartition("/")[0], []).append(folder)
+        found: dict[str, str] = {}
+        for machine, names in self.names.items():
+            home = f"{_GATHERED}/machine={quote(machine, safe='')}"
+            wanted = f"{home}/{_digest(names)}"
+            old = there.get(home, [])
+            if wanted not in old:
+                self._gather(wanted, names, old)
+            found[machine] = wanted
+        return found
+
+    def gather(self) -> None:
+        """Bring what is gathered up to date."""
+        _ = self._gathered
+
+    def _gather(self, folder: str, names: Sequence[ResultName], old: Sequence[str]) -> None:
+        """Gather the results of one machine."""
+        keys = {name.key for name in names}
+        known: set[str] = set()
+        base = ""
+        for each in old:
+            held = set(self._read(f"{each}/{MARK}.parquet")["key"])
+            if held <= keys and len(held) >= len(known):
+                base, known = each, held
+        new = [name for name in names if name.key not in known]
+        for table in TABLES:
+            parts = self.store.read_some(name.table(table) for name in new)
+            frames = [pl.read_parquet(io.BytesIO(part)) for part in parts if part is not None]
+            if base:
+                frames.insert(0, self._read(f"{base}/{table}.parquet"))
+            # rows of one result keep their order
+            whole = pl.concat([pl.DataFrame(schema=table_schema(table)), *frames])
+            ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
+            self.store.write(f"{folder}/{table}.parquet", parquet(ordered))
+        self.store.delete([f"{each}/{table}.parquet" for each in old for table in TABLES])
+
+    def _read(self, name: str) -> pl.DataFrame:
+        return pl.read_parquet(io.BytesIO(self.store.read(name)))
+
+    def whole(self, name: str) -> pl.LazyFrame:
+        """A table with all results, by machine and log, whatever settings they are of."""
+        files = [f"{folder}/{name}.parquet" for folder in self._gathered.values()]
+        if not files:
+            return pl.LazyFrame(schema=table_schema(name))
+        if self.store.folder is not None:
+            return pl.scan_parquet([Path(self.store.folder, each) for each in files])
+        # by whole objects: not every server answers for a part of one
+        parts = [pl.read_parquet(io.BytesIO(part)) for part in self.store.read_all(files)]
+        return pl.concat(parts).lazy()
+
+    @cached_property
+    def results(self) -> pl.DataFrame:
+        """One row a log and machine: under the settings of the last run, else the latest made."""
+        bases = [basis for each in self.current.machines.values() for basis in each.bases]
+        return (
+            self.whole(MARK)
+            .with_columns(pl.col("basis").is_in(bases).alias("current"))
+            .sort("current", "made_unix_ns", "key", descending=True)
+            .unique(["machine", "log_sha256"], keep="first", maintain_order=True)
+            .sort("machine", *_ORDER, nulls_last=True)
+            .collect()
+        )
+
+    def scan(self, name: str) -> pl.LazyFrame:
+        """A table with the rows of the results that count; see `results`."""
+        if name == MARK:
+            return self.results.lazy()
+        rows = self.whole(name)
+        if self.results.height == sum(map(len, self.names.values())):
+            return rows
+        return rows.join(self.results.lazy().select("key"), on="key", how="semi")
+
+    @cached_property
+    def current(self) -> LastRun:
+        """What the last run was told."""
+        try:
+            return LastRun.model_validate_json(self._kept(CURRENT, b"{}"))
+        except ValidationError:
+            place = self.store.full_name(CURRENT)
+            raise FleetError(f"{place}: is not as payscope wrote it; run the fleet again") from None
+
+    @cached_property
+    def failed(self) -> dict[str, str]:
+        """Recordings without a result, and why, by source."""
+        return json.loads(self._kept(FAILED, b"{}"))
+
+    @cached_property
+    def calibrations(self) -> list[FleetCalibration]:
+        """Calibrations that were in use."""
+        kept = json.loads(self._kept(CALIBRATIONS, b"[]"))
+        return [FleetCalibration.model_validate(each) for each in kept]
+
+    def _kept(self, name: str, nothing: bytes) -> bytes:
+        try:
+            return self.store.read(name)
+        except FileNotFoundError:
+            return nothing
+
+    def make_current(self, run: LastRun) -> None:
+        """Say which setups count from now on; machines that are not named keep theirs."""
+        machines = {**self.current.machines, **run.machines}
+        now = run.model_copy(update={"machines": dict(sorted(machines.items()))})
+        if now != self.current:
+            self.store.write(CURRENT, now.model_dump_json(indent=1).encode())
+
+
+def fleet_results(place: str) -> FleetResults:
+    """The results in a destination.
+
+    Raises:
+        FleetError: there are none.
+    """
+    store = Store(place)
+    if store.folder is not None and not store.folder.is_dir():
+        raise FleetError(f"{place}: no such folder; `payscope fleet run` makes one")
+    found = FleetResults(store)
+    if not found.names:
+        raise FleetError(f"{place}: no results of a fleet there; `payscope fleet run` makes them")
+    try:
+        found.gather()
+    except OutputError as error:
+        raise FleetError(f"{place}: its results cannot be gathered ({error})") from None
+    return found
+
+
+def _digest(names: Sequence[ResultName]) -> str:
+    keys = "\n".join(sorted(name.key for name in names))
+    tables = ",".join(TABLES)
+    return hashlib.sha256(f"{tables}\n{keys}".encode()).hexdigest()[:_DIGITS]

@@ -1,0 +1,105 @@
+"""The logs of a fleet: files, folders, globs and prefixes of object storage."""
+
+import glob
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from estimators.errors import FleetError
+from replay.fleet.object_store import S3, StoredObject, store_of
+from replay.logs import logs_among, logs_in
+
+_MAGIC: Final = "*?["
+
+
+@dataclass(frozen=True, slots=True)
+class FleetLog:
+    """A log of a fleet.
+
+    Attributes:
+        source: its path or address, as a person names it.
+        place: of object storage that it is fetched from; empty for a file.
+        names: its objects there.
+        size_bytes: of its files.
+        stamp: what changes when one of its files does.
+    """
+
+    source: str
+    place: str
+    names: tuple[str, ...]
+    size_bytes: int
+    stamp: str
+
+
+def fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
+    """Every log that the sources name, once, by name.
+
+    Args:
+        sources: logs, folders of logs, globs of them, and `s3://bucket/prefix` with or without a
+            glob.
+
+    Raises:
+        FleetError: a source without a log.
+        PayscopeError: storage that does not answer.
+    """
+    found: dict[str, FleetLog] = {}
+    for source in sources:
+        logs = _of_bucket(source) if source.startswith(S3) else _of_folder(source)
+        if not logs:
+            raise FleetError(f"{source}: no log there; name a log, a folder, a glob or s3://…")
+        found |= {log.source: log for log in logs}
+    return [found[name] for name in sorted(found)]
+
+
+def _of_folder(source: str) -> list[FleetLog]:
+    named = [source]
+    if any(each in source for each in _MAGIC) and not Path(source).exists():
+        named = sorted(glob.glob(source, recursive=True))  # noqa: PTH207 - an absolute pattern
+    paths = [Path(name).absolute() for name in named if Path(name).exists()]
+    return [_local(path) for path in logs_in(paths) if _is_log(path)]
+
+
+def _is_log(path: Path) -> bool:
+    """Not so a folder that `logs_in` found no log in, and leaves for a reader to refuse."""
+    return not path.is_dir() or (path / "metadata.yaml").is_file()
+
+
+def _local(path: Path) -> FleetLog:
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    stats = [each.stat() for each in files]
+    return FleetLog(
+        str(path),
+        "",
+        (),
+        sum(each.st_size for each in stats),
+        ",".join(str(each.st_mtime_ns) for each in stats),
+    )
+
+
+def _of_bucket(source: str) -> list[FleetLog]:
+    bucket, _, inside = source.removeprefix(S3).partition("/")
+    place = f"{S3}{bucket}"
+    fixed = inside
+    for magic in _MAGIC:
+        fixed = fixed.partition(magic)[0]
+    folder = fixed if fixed == inside else fixed.rpartition("/")[0]
+    one = store_of(place).object(inside) if inside and fixed == inside else None
+    objects = [one] if one is not None else store_of(place).objects(folder.rstrip("/"))
+    by_name = {each.name: each for each in objects}
+    if fixed != inside:
+        by_name = {n: o for n, o in by_name.items() if PurePosixPath(n).match(inside)}
+    return [
+        _of_objects(place, log, [by_name[name] for name in names])
+        for log, names in logs_among(list(by_name)).items()
+    ]
+
+
+def _of_objects(place: str, log: str, objects: list[StoredObject]) -> FleetLog:
+    return FleetLog(
+        f"{place}/{log}",
+        place,
+        tuple(each.name for each in objects),
+        sum(each.size_bytes for each in objects),
+        ",".join(each.stamp for each in objects),
+    )

@@ -1,0 +1,136 @@
+"""How logs of one machine are replayed: its file as resolved, and its calibrations by day."""
+
+import datetime as dt
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from analysis.fleet.calibration_steps import FleetCalibration, of_calibration
+from analysis.fleet.fleet_tables import TABLES
+from analysis.model.machine import Machine
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from estimators.errors import EvidenceError
+from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
+from replay.fleet.last_run import NamedFiles
+from replay.inputs.channel_inputs import resolved, versions
+from replay.machines.machine_file import load_machine
+
+#: Raised whenever results that are there have to be made anew.
+FORMAT: Final = 1
+_S: Final = 10**9
+
+
+@dataclass(frozen=True)
+class MachineSetup:
+    """One way to replay logs of a machine.
+
+    Attributes:
+        name: of the machine, by the fleet file.
+        files: that it was read from.
+        machine: as resolved.
+        by: the evidence that calibrates it; None for none.
+        first: first day that the evidence is of.
+        basis: digest of all that a result depends on besides its log.
+    """
+
+    name: str
+    files: NamedFiles
+    machine: Machine
+    by: MachineCalibration | None
+    first: dt.date
+    basis: str
+
+    def holds_on(self, day: dt.date | None) -> bool:
+        """Whether it is for logs of a day; None is an unknown one."""
+        if self.by is None:
+            return True
+        return day is not None and self.first <= day <= self.by.document.expires
+
+    def day_of(self, unix_ns: int | None) -> dt.date | None:
+        """The day where the machine is; None without a date."""
+        if unix_ns is None or unix_ns < FIRST_DATE_NS:
+            return None
+        return dt.datetime.fromtimestamp(unix_ns // _S, self.machine.machine.zone).date()
+
+    @property
+    def calibration(self) -> FleetCalibration | None:
+        """Its calibration, as a fleet compares it."""
+        if self.by is None:
+            return None
+        document = self.by.document
+        days = (self.first, document.expires)
+        return of_calibration(self.name, document.id, days, self.by.calibration)
+
+
+def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:
+    """A setup a calibration, the latest first, and one without any.
+
+    Args:
+        name: of the machine.
+        files: machine file and evidence; checks of a known mass among it are passed over.
+        lenient: leave out evidence of other settings.
+
+    Raises:
+        PayscopeError: the machine file is wrong, or evidence is wrong, of another machine or signed
+            by a key that is not in the user's keyring.
+    """
+    machine = load_machine(files.file, files.overrides)
+    calibrations: list[MachineCalibration] = []
+    for folder in map(Path, files.calibrations):
+        if _is_check(folder):
+            continue
+        by = load_calibration(AskedCalibration(folder))
+        if by.signed_by.how == "unknown":
+            # nobody sits beside a fleet to be asked
+            raise EvidenceError(
+                f"{folder}: is {by.signed_by}; keep the key, if the signer gave it to you by "
+                f"another way: {by.signed_by.add_line}"
+            )
+        try:
+            by.checked(by.weighing(machine), files.file)
+        except EvidenceError:
+            if not lenient:
+                raise
+            continue
+        calibrations.append(by)
+    calibrations.sort(key=_last_day, reverse=True)
+    calibrated = [_setup(name, files, by.weighing(machine), by) for by in calibrations]
+    return (*calibrated, _setup(name, files, machine, None))
+
+
+def setup_on(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
+    """The setup of logs of a day: under the latest calibration that holds then, or under none."""
+    return next(each for each in setups if each.holds_on(day))
+
+
+def _setup(
+    name: str, files: NamedFiles, machine: Machine, by: MachineCalibration | None
+) -> MachineSetup:
+    whole = {
+        "format": FORMAT,
+        "tables": list(TABLES),
+        "name": name,
+        "machine": resolved(machine),
+        "settings": machine.settings.model_dump(mode="json"),
+        "calibration": "" if by is None else by.document.id,
+        "versions": versions(),
+    }
+    basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
+    first = dt.date.min if by is None else _last_day(by)
+    return MachineSetup(name, files, machine, by, first, basis)
+
+
+def _last_day(by: MachineCalibration) -> dt.date:
+    """The last day of the campaign: from then on its line is the latest."""
+    return max(run.day for run in by.document.campaign.runs)
+
+
+def _is_check(folder: Path) -> bool:
+    try:
+        content = json.loads((folder / "evidence.json").read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(content, dict) and content.get("kind") == "check"

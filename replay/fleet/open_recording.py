@@ -1,0 +1,58 @@
+"""The command `fleet open`: a recording of a fleet in the viewer, wherever it or its log lies."""
+
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import polars as pl
+
+from estimators.errors import FleetError
+from recordings import write_recording
+from replay.fleet.gathered_tables import FleetResults
+from replay.fleet.log_sources import fleet_logs
+from replay.fleet.machine_setups import machine_setups, setup_on
+from replay.fleet.recording_task import fetched, replayed
+from replay.fleet.results_layout import ResultName
+from replay.logs import open_log
+from replay.machines.machine_file import time_axis
+
+
+@contextmanager
+def recording_of(results: FleetResults, key: str) -> Generator[Path]:
+    """The recording of a result: the one that is kept, or one that is made of its log.
+
+    Args:
+        results: of a fleet.
+        key: of the result, or how it begins.
+
+    Raises:
+        FleetError: no result, or several, have such a key; or its log is gone.
+        PayscopeError: the log cannot be replayed.
+    """
+    found = results.results.filter(pl.col("key").str.starts_with(key))
+    if found.height != 1:
+        said = "several results begin" if found.height else "no result begins"
+        raise FleetError(f"{results.store.place}: {said} with '{key}'; keys are in table results")
+    row = found.row(0, named=True)
+    name = ResultName(row["machine"], row["day"], row["key"])
+    store = results.store
+    with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
+        recording = Path(folder) / f"{name.key}.rrd"
+        if store.has(name.recording):
+            store.fetch(name.recording, recording)
+        else:
+            _made(results, row["source"], name.machine, recording)
+        yield recording
+
+
+def _made(results: FleetResults, source: str, machine: str, recording: Path) -> None:
+    known = results.current.machines.get(machine)
+    if known is None:
+        raise FleetError(f"{source}: no run has machine '{machine}' since; run the fleet again")
+    (log,) = fleet_logs([source])
+    setups = machine_setups(machine, known.files, lenient=True)
+    with fetched(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:
+        first = opened.topics()["start_ns"].min()
+        day = setups[-1].day_of(first if isinstance(first, int) else None)
+        write_recording(replayed(opened, setup_on(setups, day), source), recording)

@@ -1,0 +1,233 @@
+"""One recording of a fleet: replayed on a node, its result put where all results are."""
+
+import datetime as dt
+import tempfile
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Literal
+
+import polars as pl
+
+from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.use.learnt_priors import contradiction
+from analysis.cycles.calibrated_payloads import calibrated_cycles
+from analysis.cycles.shift_totals import recounted
+from analysis.fleet.daily_figures import UNDATED
+from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_of, tables_of
+from analysis.model.run_record import Run
+from estimators.errors import DataError, LogError, PayscopeError
+from estimators.file_digest import file_sha256
+from recordings import write_recording
+from recordings.review.review_state import state_of
+from replay.fleet.log_sources import FleetLog
+from replay.fleet.machine_setups import MachineSetup, setup_on
+from replay.fleet.object_store import Store, store_of
+from replay.fleet.results_layout import MARK, ResultName, key_of, write_result
+from replay.fleet.task_limits import LimitError, limited
+from replay.inputs.channel_inputs import versions
+from replay.logs import Log, open_log
+from replay.machines.machine_file import time_axis
+from replay.pipeline import run
+
+Status = Literal["made", "there", "refused", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayTask:
+    """A recording to replay.
+
+    Attributes:
+        log: where it is.
+        setups: how, the first that holds on its day.
+        destination: of the results.
+        recording: whether its `.rrd` is kept.
+        seconds: that it may take.
+        memory_bytes: that it declares; at twice as much it is ended.
+        versions: that a node must have.
+    """
+
+    log: FleetLog
+    setups: tuple[MachineSetup, ...]
+    destination: str
+    recording: bool
+    seconds: float
+    memory_bytes: int
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class TaskOutcome:
+    """What became of a recording.
+
+    Attributes:
+        status: made; there already; refused, which is a result too; failed, which is none.
+        reason: why it was refused or failed.
+        seconds: that the replay took.
+        overhead_s: that all around it took.
+        processor_s: of the processor, for both.
+    """
+
+    status: Status
+    reason: str = ""
+    seconds: float = 0.0
+    overhead_s: float = 0.0
+    processor_s: float = 0.0
+
+
+def replay_one(task: ReplayTask) -> TaskOutcome:
+    """Replay a recording within its limits, and write its result, unless it is there."""
+    began, processor = time.perf_counter(), time.process_time()
+    here = versions()
+    other = [f"{n} {here[n]} for {v}" for n, v in task.versions.items() if here[n] != v]
+    if other:
+        return TaskOutcome("failed", f"its node has {', '.join(other)}")
+    try:
+        with limited(task.seconds, 2 * task.memory_bytes), fetched(task.log) as path:
+            made = _result(task, path)
+    except LimitError as error:
+        return TaskOutcome("failed", str(error))
+    except MemoryError:
+        return TaskOutcome("failed", "ran out of memory")
+    except FileNotFoundError as error:
+        return TaskOutcome("failed", f"{error.filename or error}: is no longer there")
+    except PayscopeError as error:
+        return TaskOutcome("failed", str(error))
+    whole_s = time.perf_counter() - began
+    return replace(
+        made,
+        overhead_s=whole_s - made.seconds,
+        processor_s=time.process_time() - processor,
+    )
+
+
+def _result(task: ReplayTask, path: Path) -> TaskOutcome:
+    setup, day = task.setups[-1], None
+    store = store_of(task.destination)
+    try:
+        with open_log(path, time=time_axis(setup.machine)) as log:
+            first = log.topics()["start_ns"].min()
+            day = setup.day_of(first if isinstance(first, int) else None)
+            setup = setup_on(task.setups, day)
+            result = _Result(task, setup, log.digests, day)
+            if result.is_there(store):
+                return TaskOutcome("there")
+            began = time.perf_counter()
+            made = replayed(log, setup, task.log.source)
+            took_s = time.perf_counter() - began
+    except (LogError, DataError) as error:
+        # of this log alone: made anew, it would be refused again
+        said = str(error).replace(str(path), task.log.source)
+        result = _Result(task, setup, _digests(path), day)
+        if not result.is_there(store):
+            result.write(store, None, {"status": "refused", "reason": said})
+        return TaskOutcome("refused", said)
+    result.write(store, made, {})
+    return TaskOutcome("made", seconds=took_s)
+
+
+class _Result:
+    """A result on its way into the store."""
+
+    def __init__(
+        self, task: ReplayTask, setup: MachineSetup, digests: tuple[str, ...], day: dt.date | None
+    ) -> None:
+        self._task, self._setup, self._digests = task, setup, digests
+        shown = UNDATED if day is None else str(day)
+        self._name = ResultName(setup.name, shown, key_of(setup.basis, digests))
+
+    def is_there(self, store: Store) -> bool:
+        """Whether nothing is left to do."""
+        recorded = not self._task.recording or store.has(self._name.recording)
+        return recorded and store.has(self._name.table(MARK))
+
+    def write(self, store: Store, made: Run | None, row: dict[str, object]) -> None:
+        """Write it; `made` is None of a log that is refused."""
+        log, setup = self._task.log, self._setup
+        whole: dict[str, object] = {
+            "source": log.source,
+            "log_sha256": ",".join(self._digests),
+            "size_bytes": log.size_bytes,
+            "stamp": log.stamp,
+            "basis": setup.basis,
+            "payscope": self._task.versions["payscope"],
+            "calibration": "" if setup.by is None else setup.by.document.id,
+            "made_unix_ns": time.time_ns(),
+            **row,
+        }
+        if made is None:
+            write_result(store, self._name, None, {}, whole)
+            return
+        if self._task.recording:
+            with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
+                recording = Path(folder) / "recording.rrd"
+                write_recording(made, recording)
+                store.write_file(self._name.recording, recording)
+        frames, said = _kept(made, setup)
+        t0_unix_ns = made.provenance.t0_unix_ns
+        write_result(store, self._name, t0_unix_ns, frames, {**whole, **said})
+
+
+def replayed(log: Log, setup: MachineSetup, source: str) -> Run:
+    """Replay a log, with masses and payloads on the line of its calibration, if it has one.
+
+    Raises:
+        PayscopeError: the log cannot be replayed.
+    """
+    try:
+        made = run(log, setup.machine)
+    except DataError as error:
+        raise DataError(f"{source}: {error}") from None
+    if setup.by is None:
+        return made
+    against = contradiction(made.frames["nuisances"])
+    frames = dict(made.frames)
+    if not against:
+        unlike = Unlike.of(frames)
+        frames["cycles"] = calibrated_cycles(frames["cycles"], setup.by.calibration, unlike)
+        frames["shift"] = recounted(frames["shift"], frames["cycles"])
+    return setup.by.of_run(Run(frames, made.provenance))
+
+
+def _kept(made: Run, setup: MachineSetup) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
+    """The tables of a run, and its row of `results`."""
+    state = state_of(made, "", "", {})
+    shares = pl.DataFrame(
+        {"reason": list(state.gate_shares), "share_1": list(state.gate_shares.values())},
+        schema={column.name: column.dtype for column in GATE_SHARES.columns},
+    )
+    quality = pl.DataFrame(
+        [each.model_dump() for each in state.sampling],
+        schema={column.name: column.dtype for column in QUALITY.columns},
+    )
+    gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
+    against = "" if setup.by is None else contradiction(made.frames["nuisances"])
+    said = {
+        **result_of(made),
+        "longest_gap_at_s": gaps[0][0] if gaps else None,
+        "not_calibrated_for": against,
+    }
+    return tables_of(made, {"gate_shares": shares, "quality": quality}), said
+
+
+@contextmanager
+def fetched(log: FleetLog) -> Generator[Path]:
+    """The log as a file or folder; of object storage, a copy that is removed again."""
+    if not log.place:
+        yield Path(log.source)
+        return
+    root = PurePosixPath(log.source.removeprefix(f"{log.place}/"))
+    with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
+        for name in log.names:
+            to = Path(folder, root.name, PurePosixPath(name).relative_to(root))
+            to.parent.mkdir(parents=True, exist_ok=True)
+            store_of(log.place).fetch(name, to)
+        yield Path(folder, root.name)
+
+
+def _digests(path: Path) -> tuple[str, ...]:
+    """Of a log that may not be one."""
+    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+    return tuple(file_sha256(each) for each in files)

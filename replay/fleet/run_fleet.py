@@ -1,0 +1,226 @@
+"""The command `fleet run`: logs and a fleet file in, results out, each made once."""
+
+import datetime as dt
+import json
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from analysis.fleet.daily_figures import UNDATED
+from estimators.errors import PayscopeError
+from replay.fleet.gathered_tables import FleetResults
+from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
+from replay.fleet.log_sources import FleetLog
+from replay.fleet.machine_setups import MachineSetup, setup_on
+from replay.fleet.object_store import S3, Store
+from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_one
+from replay.fleet.results_layout import MARK, RECORDINGS, name_of
+from replay.fleet.task_engine import Engine, Lost, Work
+from replay.inputs.channel_inputs import versions
+
+
+class FleetPlan(Protocol):
+    """Says how each log is replayed: a fleet file, or what was kept of one."""
+
+    @property
+    def name(self) -> str:
+        """The fleet's name."""
+        ...
+
+    @property
+    def limits(self) -> TaskLimits:
+        """What one recording may take."""
+        ...
+
+    def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
+        """How a log is to be replayed, the first setup that holds on its day."""
+        ...
+
+
+#: Told each log that is done, and what became of it.
+OnDone = Callable[[FleetLog, TaskOutcome], None]
+
+
+@dataclass
+class FleetRun:
+    """What a run did.
+
+    Attributes:
+        destination: of the results.
+        made: recordings that were replayed.
+        there: recordings whose result was there.
+        refused: recordings that hold no answer, and why; a result too.
+        failed: recordings without a result, and why.
+        seconds: that nodes replayed.
+        overhead_s: that they did all else: hash, fetch, write.
+    """
+
+    destination: str
+    made: int = 0
+    there: int = 0
+    refused: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    seconds: float = 0.0
+    overhead_s: float = 0.0
+
+    def count(self, source: str, outcome: TaskOutcome) -> None:
+        """Count what became of a recording."""
+        self.seconds += outcome.seconds
+        self.overhead_s += outcome.overhead_s
+        if outcome.status == "made":
+            self.made += 1
+        elif outcome.status == "there":
+            self.there += 1
+        else:
+            listed = self.refused if outcome.status == "refused" else self.failed
+            listed[source] = outcome.reason
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "destination": self.destination,
+            "made": self.made,
+            "there": self.there,
+            "refused": dict(sorted(self.refused.items())),
+            "failed": dict(sorted(self.failed.items())),
+            "replay_s": self.seconds,
+            "overhead_s": self.overhead_s,
+        }
+
+
+def fleet_run(
+    logs: Sequence[FleetLog],
+    plan: FleetPlan,
+    destination: str,
+    engine: Callable[[], AbstractContextManager[Engine]],
+    on_done: OnDone = lambda _, __: None,
+    on_engine: Callable[[Engine], None] = lambda _: None,
+    *,
+    recordings: bool = False,
+) -> FleetRun:
+    """Replay the logs whose results are not there.
+
+    A log that fails is listed and costs nobody else. What was done before an interruption is done.
+
+    Args:
+        logs: of `fleet_logs`.
+        plan: how each is replayed.
+        destination: a folder, or `s3://bucket/prefix`.
+        recordings: whether every recording's `.rrd` is kept.
+        engine: opens one; not called where nothing is to be done.
+        on_done: told each log, and what became of it.
+        on_engine: told the engine once it is open.
+    """
+    place = destination if destination.startswith(S3) else str(Path(destination).absolute())
+    results = FleetResults(Store(place))
+    did = FleetRun(destination)
+    tasks, setups = _planned(logs, plan, place, did, recordings=recordings)
+    for log in logs:
+        if log.source in did.failed:
+            on_done(log, TaskOutcome("failed", did.failed[log.source]))
+    machines = {
+        machine: CurrentMachine(
+            files=each[0].files, bases=tuple(sorted(setup.basis for setup in each))
+        )
+        for machine, each in setups.items()
+    }
+    results.make_current(LastRun(fleet=plan.name, limits=plan.limits, machines=machines))
+    _remember_calibrations(results, setups)
+    left, there = _left(tasks, results)
+    for task, outcome in there:
+        did.count(task.log.source, outcome)
+        on_done(task.log, outcome)
+    try:
+        if left:
+            with engine() as opened:
+                on_engine(opened)
+                # the largest first, so that none of them is left alone at the end
+                left.sort(key=lambda task: (-task.log.size_bytes, task.log.source))
+                for task, result in opened.run(
+                    replay_one, [Work(task, task.memory_bytes) for task in left]
+                ):
+                    outcome = (
+                        TaskOutcome("failed", result.reason) if isinstance(result, Lost) else result
+                    )
+                    did.count(task.log.source, outcome)
+                    on_done(task.log, outcome)
+    finally:
+        _remember_failed(results, did, {log.source for log in logs})
+    FleetResults(results.store).gather()
+    return did
+
+
+def _planned(
+    logs: Sequence[FleetLog], plan: FleetPlan, place: str, did: FleetRun, *, recordings: bool
+) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
+    """A task a log, and the setups of every machine."""
+    tasks: list[ReplayTask] = []
+    by_machine: dict[str, tuple[MachineSetup, ...]] = {}
+    here = versions()
+    for log in logs:
+        try:
+            setups = plan.setups_of(log.source)
+        except PayscopeError as error:
+            did.failed[log.source] = str(error)
+            continue
+        by_machine[setups[0].name] = setups
+        memory = plan.limits.memory_bytes(log.size_bytes)
+        seconds = plan.limits.seconds
+        tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, here))
+    return tasks, by_machine
+
+
+def _left(
+    tasks: Sequence[ReplayTask], results: FleetResults
+) -> tuple[list[ReplayTask], list[tuple[ReplayTask, TaskOutcome]]]:
+    """Tasks to do, and those whose log has not changed since its result was made.
+
+    By size and time of change of the log's files; where these have changed, the task itself
+    compares the contents.
+    """
+    if not results.names:
+        return list(tasks), []
+    columns = ("source", "stamp", "basis", "day", "key", "status", "reason")
+    by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
+    for source, stamp, *row in results.whole(MARK).select(columns).collect().iter_rows():
+        by_log.setdefault((source, stamp), []).append(tuple(row))
+    names = map(name_of, results.store.names(RECORDINGS))
+    recorded = {name.key for name in names if name is not None}
+    left: list[ReplayTask] = []
+    there: list[tuple[ReplayTask, TaskOutcome]] = []
+    for task in tasks:
+        for basis, day, key, status, reason in by_log.get((task.log.source, task.log.stamp), ()):
+            # a calibration may have come since
+            asked = setup_on(task.setups, None if day == UNDATED else dt.date.fromisoformat(day))
+            refused = status == "refused"
+            if asked.basis == basis and (refused or key in recorded or not task.recording):
+                there.append(
+                    (task, TaskOutcome("refused", reason) if refused else TaskOutcome("there"))
+                )
+                break
+        else:
+            left.append(task)
+    return left, there
+
+
+def _remember_calibrations(
+    results: FleetResults, setups: Mapping[str, tuple[MachineSetup, ...]]
+) -> None:
+    """Keep what the calibrations in use say, for the report."""
+    now = [each.calibration for machine in sorted(setups) for each in setups[machine]]
+    used = [each for each in now if each is not None]
+    before = results.calibrations
+    kept = {(each.machine, each.id): each for each in [*before, *used]}
+    if list(kept.values()) != before:
+        plain = [each.model_dump(mode="json") for each in kept.values()]
+        results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
+
+
+def _remember_failed(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
+    """Keep the list of what has failed, for the report; what is done is off it."""
+    before = results.failed
+    now = {source: why for source, why in before.items() if source not in asked} | did.failed
+    if now != before:
+        results.store.write(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())

@@ -1,0 +1,111 @@
+"""The command `fleet report`: one page over machines and weeks."""
+
+import datetime as dt
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.fleet.attention import needs_a_look
+from analysis.fleet.calibration_steps import line_changes
+from analysis.fleet.daily_figures import daily, sums, weekly, whole
+from analysis.fleet.machine_drifts import MachineChart, machine_charts
+from recordings.fleet.fleet_page import FleetPage, fleet_html
+from recordings.report.atomic_output import whole_file
+from replay.fleet.gathered_tables import FleetResults
+
+_ABOUT: Final = 12
+
+
+@dataclass(frozen=True)
+class FleetReport:
+    """A report.
+
+    Attributes:
+        page: what its page shows.
+        path: of the page.
+    """
+
+    page: FleetPage
+    path: Path
+
+    def to_dict(self) -> dict[str, Any]:
+        """Sums, drifts and what needs a look, as plain JSON values."""
+        page = self.page
+        machines = sums(page.results, ["machine"])
+        return {
+            "page": str(self.path),
+            "sum": dict(whole(machines)),
+            "machines": machines.to_dicts(),
+            "drifts": [_drift(c) for c in page.charts if c.chart.flagged is not None],
+            "to_look_at": page.looks.to_dicts(),
+            "without_a_result": dict(page.failed),
+        }
+
+
+def fleet_report(
+    results: FleetResults, destination: str, name: str, page: Path, *, force: bool = False
+) -> FleetReport:
+    """Write the page of a fleet.
+
+    Args:
+        results: of the fleet.
+        destination: where they are, as commands on the page name it.
+        name: of the fleet.
+        page: the file to write.
+        force: whether a page that is there may be replaced.
+
+    Raises:
+        OutputError: the page is there already, or cannot be written.
+    """
+    with whole_file(page, force=force) as written:
+        shown = report_page(results, destination, name)
+        written.write_text(fleet_html(shown), encoding="utf-8")
+    return FleetReport(shown, page)
+
+
+def report_page(results: FleetResults, destination: str, name: str) -> FleetPage:
+    """What the page of a fleet shows."""
+    rows, cycles = results.results, results.scan("cycles")
+    days = daily(rows, cycles)
+    calibrations = results.calibrations
+    last = days["day"].max()
+    return FleetPage(
+        name=name,
+        results=rows,
+        days=days,
+        weeks=weekly(rows),
+        charts=machine_charts(days),
+        calibrations=calibrations,
+        changes=line_changes(calibrations),
+        looks=_with_commands(needs_a_look(rows, cycles, results.scan("findings")), destination),
+        failed=results.failed,
+        today=last if isinstance(last, dt.date) else None,
+    )
+
+
+def _with_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
+    """With the command that opens each recording at its place."""
+    where = shlex.quote(destination)
+    commands = [
+        f"payscope fleet open {where} {key[:_ABOUT]} --at {max(at, 0.0):.1f}"
+        for key, at in looks.select("key", "at_s").iter_rows()
+    ]
+    return looks.with_columns(pl.Series("command", commands, dtype=pl.String))
+
+
+def _drift(chart: MachineChart) -> dict[str, Any]:
+    found = chart.chart
+    assert found.flagged is not None
+    assert found.since is not None
+    return {
+        "machine": chart.machine,
+        "of": chart.signal.name,
+        "change": chart.change,
+        "change_std": chart.change_std,
+        "unit": chart.signal.unit,
+        "since": str(chart.days[found.since]),
+        "flagged": str(chart.days[found.flagged]),
+    }

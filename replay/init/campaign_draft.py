@@ -1,0 +1,164 @@
+"""A first campaign file from a folder of logs: what `payscope init --campaign` writes."""
+
+import datetime as dt
+import json
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from estimators.errors import CampaignError, PayscopeError
+from replay.logs import Log, open_log
+from replay.machines.machine_file import load_machine, time_axis
+from replay.pipeline import run
+
+_HEAD = """\
+# A first campaign file for {count} in this folder: check every line, complete each TODO.
+# `payscope calibrate {name} -o evidence` then replays every run and writes the evidence.
+
+[campaign]
+title = ""
+intended_use = "TODO: what the calibration is for"
+author = "TODO: who made it"
+authoriser = ""                # who answers for it, if another
+signer = ""                    # whose key signs
+valid_days = 365               # after the last run
+
+[machine]
+file = {machine}
+id = {id}
+# empty_mass_kg = 3614.0       # weighed without load, where not the machine file's
+# empty_mass_u_kg = 2.0        # standard uncertainty (k = 1) of that
+# empty_certificate = ""
+# empty_expires = 2030-12-31
+
+[machine.parts]                # ids of what the calibration depends on
+# torque_sensors = ""
+# bucket = ""
+# firmware = ""
+
+# One block a reference mass. Masses weighed on one scale share a part of their uncertainty.
+[[masses]]
+id = "mass-1"
+value_kg = 50.0
+u_kg = 0.05                    # standard uncertainty (k = 1)
+certificate = "TODO"           # "" without
+# expires = 2030-12-31
+# source = "scale-1"
+# shared_u_kg = 0.04
+
+[conditions]                   # of all runs; a run may have its own
+# surface = "dry concrete"
+# tyres = "3.5 bar"
+# fuel = "half full"
+# temperature_degC = 15.0
+
+[method]
+estimator = "joint_mass"       # or joint_payload, or a method of the paper such as pooled
+
+# [decision]                   # for a statement on error limits
+# accuracy_class = "OIML R 51 Y(b)"
+# scale_interval_kg = 20.0
+"""
+
+
+#: Files that are meant to be logs: one that cannot be read is named.
+_SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
+
+
+def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tuple[str, list[str]]:
+    """Write a campaign file for the logs of a folder.
+
+    Args:
+        folder: with the logs.
+        output: the campaign file; logs are named from its folder.
+        machine_file: the machine file. With it every log is replayed, and one with several load
+            states gives several runs.
+
+    Returns:
+        The file's text, and what could not be drafted, a sentence each.
+
+    Raises:
+        CampaignError: no such folder, no log in it, or the file would lie elsewhere than above it.
+    """
+    if not folder.is_dir():
+        raise CampaignError(f"{folder}: no such folder; name one with logs")
+    machine = None if machine_file is None else load_machine(machine_file)
+    blocks: list[str] = []
+    said: list[str] = []
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith(".") or path == output:
+            continue
+        try:
+            with open_log(path, time=time_axis(machine) if machine else None) as log:
+                blocks += _runs(log, _from(output.parent, path), machine)
+        except PayscopeError as fault:
+            if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
+                said.append(f"left out: {fault}")
+    if not blocks:
+        raise CampaignError(f"{folder}: no log that can be read in it")
+    file = "machine.toml" if machine_file is None else _from(output.parent, machine_file)
+    name = "machine-1" if machine is None else machine.machine.name
+    ids = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-")[:60]
+    count = f"{len(blocks)} run{'' if len(blocks) == 1 else 's'}"
+    head = _HEAD.format(
+        count=count,
+        name=json.dumps(output.name)[1:-1],
+        machine=json.dumps(file, ensure_ascii=False),
+        id=json.dumps(ids or "machine-1"),
+    )
+    return "\n".join([head, *blocks]), said
+
+
+def _runs(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
+    """A block a run: the whole log, or a load state."""
+    topics = log.topics()
+    start_ns = topics["start_ns"].min()
+    dated = isinstance(start_ns, int) and start_ns >= FIRST_DATE_NS
+    zone = dt.UTC if machine is None else machine.machine.zone
+    day = (
+        f"{dt.datetime.fromtimestamp(start_ns // 10**9, zone):%Y-%m-%d}"
+        if dated and isinstance(start_ns, int)
+        else '"TODO"                    # this log has no date'
+    )
+    for stretch, said in _stretches(log, machine):
+        lines = [
+            "[[runs]]",
+            f"log = {json.dumps(name, ensure_ascii=False)}",
+            *stretch,
+            f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
+            f"day = {day}",
+            'operator = ""',
+            "",
+        ]
+        yield "\n".join(lines)
+
+
+def _stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], str]]:
+    """Begin and end of each load state, and what it seems to weigh."""
+    loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
+    rows = loads.to_dicts()
+    if len(rows) < 2:
+        seen = f"; {rows[0]['mass_kg']:.0f} kg uncalibrated" if rows and rows[0]["mass_kg"] else ""
+        yield [], seen
+        return
+    # a run ends midway between two loads, where the machine stood
+    middles = [(before["end_t_ns"] + after["start_t_ns"]) / 2e9 for before, after in pairwise(rows)]
+    for row, begin, end in zip(rows, [None, *middles], [*middles, None], strict=True):
+        stretch = [
+            *([] if begin is None else [f"from_s = {begin:.1f}"]),
+            *([] if end is None else [f"to_s = {end:.1f}"]),
+        ]
+        yield stretch, f"; {row['mass_kg']:.0f} kg uncalibrated" if row["mass_kg"] else ""
+
+
+def _from(folder: Path, path: Path) -> str:
+    """The path as it is named from a folder, or whole where it lies elsewhere."""
+    try:
+        return path.resolve().relative_to(folder.resolve()).as_posix()
+    except ValueError:
+        return str(path.resolve())

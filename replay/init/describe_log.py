@@ -1,0 +1,96 @@
+"""What is in a log: the answer of `payscope info`."""
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from analysis.model.run_record import Loss
+from replay.logs import TABLE, Checked, Log
+from replay.recognise.profile import FieldProfile, profiles
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogInfo:
+    """What is in a log. Times are ns of its own clock, null in a log without messages."""
+
+    path: Path
+    format: str
+    size_bytes: int
+    start_ns: int | None
+    end_ns: int | None
+    duration_s: float | None
+    messages: int
+    #: a row a topic, as `Log.topics` gives it
+    topics: pl.DataFrame
+    losses: tuple[Loss, ...]
+    #: what was read to check it; None where only the index was looked at
+    checked: Checked | None = None
+    check_s: float | None = None
+    #: every field that holds single values; of a log of messages only where it was asked for
+    fields: tuple[FieldProfile, ...] = ()
+    #: what was recognised of how the log is written
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_whole(self) -> bool | None:
+        """Whether everything was read and nothing lost; None where it was not checked."""
+        return None if self.checked is None else not self.losses
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "path": str(self.path),
+            "format": self.format,
+            "size_bytes": self.size_bytes,
+            "start_ns": self.start_ns,
+            "end_ns": self.end_ns,
+            "duration_s": self.duration_s,
+            "messages": self.messages,
+            "topics": self.topics.to_dicts(),
+            "fields": [each.to_dict() for each in self.fields],
+            "notes": list(self.notes),
+            "losses": [loss.model_dump() for loss in self.losses],
+            "check": None
+            if self.checked is None
+            else {"whole": self.is_whole, **asdict(self.checked), "seconds": self.check_s},
+        }
+
+
+def describe(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
+    """Describe a log by its index, without decoding its messages.
+
+    Args:
+        log: opened.
+        check: whether to read and decode everything as well (`Log.check`).
+        fields: whether to describe every field; those of a table are described in any case.
+
+    Raises:
+        LogError: a table whose time column holds no times.
+    """
+    topics = log.topics()
+    begun = time.perf_counter()
+    checked = log.check() if check else None
+    ends: dict[str, Any] = topics.select(
+        pl.col("start_ns").min(), pl.col("end_ns").max(), pl.col("messages").sum()
+    ).row(0, named=True)
+    start, end = ends["start_ns"], ends["end_ns"]
+    is_table = topics.height > 0 and str(topics["topic"][0]).partition("/")[0] == TABLE
+    described = tuple(profiles(log)) if fields or is_table else ()
+    return LogInfo(
+        path=log.path,
+        format=log.format,
+        size_bytes=sum(file.stat().st_size for file in log.files),
+        start_ns=start,
+        end_ns=end,
+        duration_s=None if start is None else (end - start) / 1e9,
+        messages=ends["messages"],
+        topics=topics,
+        fields=described,
+        notes=log.notes(),
+        losses=log.losses(),
+        checked=checked,
+        check_s=time.perf_counter() - begun if check else None,
+    )

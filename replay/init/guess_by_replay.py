@@ -1,0 +1,99 @@
+"""What `payscope init` finds by replaying its draft: whether braking weighs, and priors."""
+
+import tomllib
+from typing import Final
+
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
+from analysis.model.verdict import Verdict
+from estimators.errors import PayscopeError
+from replay.logs import Log
+from replay.pipeline import run
+
+#: The setting of each term's prior.
+_SETTINGS: Final = {
+    "const": "const_share",
+    "lag": "lag_s",
+    "lag_drift": "lag_drift_s",
+    "quadratic": "quadratic_share",
+    "direction": "direction_share",
+    "load_transfer": "load_transfer_s2_m",
+}
+#: Braking is left out unless a machine file says otherwise.
+_EXCLUDE: Final = "settings.gate.exclude_braking"
+BRAKING: Final = (
+    "# [settings.gate]",
+    "# exclude_braking = false      # where the force sees the brakes: a motor that brakes",
+    "",
+)
+#: A log is rich in a term when it would narrow its prior to this share.
+_RICH: Final = 0.5
+
+
+def replayed_lines(log: Log, text: str) -> list[str]:
+    """Replay a log by its own draft: whether braking weighs, and priors that it would narrow.
+
+    Args:
+        log: an opened log.
+        text: its machine file, complete.
+
+    Returns:
+        Lines of a machine file. Braking weighs where the log shows that the force sees it, and can
+        be weighed with it; priors are comments, none where the log tells no more than the defaults.
+    """
+    replayed = _replayed(log, text)
+    braking = [] if replayed is None else _braking(replayed)
+    if braking:
+        tried = _replayed(log, "\n".join([text, *braking]))
+        if tried is not None and _can_weigh(tried):
+            return [*braking, *_prior_lines(tried)]
+    return [*BRAKING, *([] if replayed is None else _prior_lines(replayed))]
+
+
+def _replayed(log: Log, text: str) -> Run | None:
+    try:
+        return run(log, Machine.model_validate(tomllib.loads(text)))
+    except (PayscopeError, ValueError):
+        return None
+
+
+def _can_weigh(replayed: Run) -> bool:
+    return Verdict.of(replayed.frames["verdict"]).can_weigh
+
+
+def _braking(replayed: Run) -> list[str]:
+    """The stage that lets braking weigh, where a finding says that the force sees it."""
+    found = replayed.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
+    if found.is_empty() or found["value"][0] != "false":
+        return []
+    return ["[settings.gate]", f"exclude_braking = false  # {found['evidence'][0]}", ""]
+
+
+def _prior_lines(replayed: Run) -> list[str]:
+    lines = _proposals(replayed) if _can_weigh(replayed) else []
+    if not lines:
+        return []
+    return [
+        "# If this log may stand for the others of its machine, they may have narrower priors:",
+        "# [settings.priors]",
+        *lines,
+        "",
+    ]
+
+
+def _proposals(replayed: Run) -> list[str]:
+    """A line a term: as wide as what was found, and what it is known to."""
+    priors = replayed.provenance.settings.priors.model_dump()
+    lines: list[str] = []
+    for row in replayed.frames["nuisances"].iter_rows(named=True):
+        setting = _SETTINGS.get(row["term"])
+        found = float((row["posterior"] ** 2 + row["posterior_std"] ** 2) ** 0.5)
+        narrowed = found / row["prior_std"]
+        if setting is None or narrowed > _RICH:
+            continue
+        value = f"# {setting} = {priors[setting] * narrowed:.2g}"
+        said = f"found {row['posterior']:.2g} ± {row['posterior_std']:.1g} {row['unit']}"
+        lines.append(f"{value:<32}# {said}")
+    return lines

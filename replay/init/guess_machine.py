@@ -1,0 +1,282 @@
+"""A first machine file from what a log holds: the guesses of `payscope init`.
+
+A guess is made only where a message type or a column's name leaves little doubt; everything else
+that is numeric is listed as a comment to choose from.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import polars as pl
+
+from analysis.model.schema import CHANNEL_COLUMNS
+from replay.init.guess_mounting import mounting_lines
+from replay.logs import TABLE, Log, TimeAxis
+from replay.recognise.profile import FieldProfile, profiles
+from replay.recognise.table import ChannelProposal, Recognised, recognise
+
+_COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
+
+#: By message type (its last part): the columns that its fields fill.
+_BY_TYPE: dict[str, dict[str, str]] = {
+    "Imu": {
+        "specific_force_x_m_s2": "linear_acceleration.x",
+        "specific_force_y_m_s2": "linear_acceleration.y",
+        "specific_force_z_m_s2": "linear_acceleration.z",
+        "roll_rate_rad_s": "angular_velocity.x",
+        "pitch_rate_rad_s": "angular_velocity.y",
+        "yaw_rate_rad_s": "angular_velocity.z",
+    },
+    "Odometry": {"speed_x_m_s": "twist.twist.linear.x"},
+    "TwistStamped": {"speed_x_m_s": "twist.linear.x"},
+    "Twist": {"speed_x_m_s": "linear.x"},
+    "NavSatFix": {"latitude_deg": "latitude", "longitude_deg": "longitude"},
+    "WrenchStamped": {"force_x_N": "wrench.force.x", "torque_z_N_m": "wrench.torque.z"},
+}
+#: Short names that people give their tables' columns.
+_SHORT = {
+    "position_m": "position_x_m",
+    "speed_m_s": "speed_x_m_s",
+    "velocity_m_s": "speed_x_m_s",
+    "force_N": "force_x_N",
+    "acceleration_m_s2": "acc_x_m_s2",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """One channel: the topic (None in a table) and the field that fill a column.
+
+    In a table, the unit of the field where it is not the column's, and what the guess rests on.
+    """
+
+    column: str
+    topic: str | None
+    field: str
+    unit: str | None = None
+    reason: str | None = None
+
+
+def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]:
+    """Write a machine file for a log.
+
+    Args:
+        log: an opened log.
+        time: the time column of a table, where it was given.
+
+    Returns:
+        The file's text, and what it still lacks before `run` can use it, a sentence each.
+    """
+    topics = log.topics()
+    is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
+    told = recognise(log) if is_table else Recognised()
+    guesses = [*_recognised(told), *_guesses(log, topics)] if is_table else [*_guesses(log, topics)]
+    guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
+    # what a comment holds is asked for already
+    open_columns = {each.column for each in told.channels if each.is_comment}
+    found = {guess.column for guess in guesses} | (open_columns & set(_COLUMNS))
+    derived = _derivations(found)
+    found |= set(derived)
+    kinematic = "specific_force_x_m_s2" not in found
+    lacking = [*told.questions, *_lacking(found, kinematic=kinematic)]
+    lines = [
+        f"# A first machine file for {_one_line(log.path.name)}: check every line of it.",
+        '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
+        "",
+        "[machine]",
+        f"name = {_quoted(log.path.stem)}",
+        "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
+        "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
+        "# track_width_m = 1.5          # for the yaw torque (18)",
+        "# digs = false                 # where it has no bucket: a car, a rack, an arm",
+        "force_share = 1.0              # share of the force that the measured wheels carry",
+        'timezone = "UTC"               # what a person reads times in',
+        "",
+    ]
+    sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
+    lines += mounting_lines(log, sources)
+    if is_table and time is not None:
+        lines += ["[log]", *_log_lines(time), ""]
+    lines += [f"# {_one_line(note)}" for note in log.notes()]
+    lines += [""] if log.notes() else []
+    for guess in guesses:
+        lines.append(f"[channels.{guess.column}]")
+        if guess.topic is not None:
+            lines.append(f"topic = {_quoted(guess.topic)}")
+        unit = _COLUMNS[guess.column].unit
+        # a field in another unit wants `unit` or `scale`, so say which one it is taken for
+        why = f"; {guess.reason}" if guess.reason else ""
+        if guess.unit is not None:
+            lines += [f"field = {_quoted(guess.field)}", f'unit = "{guess.unit}"  # {why[2:]}', ""]
+            continue
+        lines += [f"field = {_quoted(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
+    for proposal in told.channels:
+        lines += _comment_lines(proposal) if proposal.is_comment else []
+    for column, formula in derived.items():
+        sign = "# " if any(each in formula for each in open_columns) else ""
+        lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
+    lines += [f"# missing: {sentence}" for sentence in lacking]
+    rest = _profile_lines(log, guesses) if is_table else list(_others(topics, guesses))
+    lines += ["", *rest, "", "[settings.forces]"]
+    lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
+    return "\n".join(lines) + "\n", lacking
+
+
+def _log_lines(time: TimeAxis) -> list[str]:
+    """The keys of `[log]` that were given."""
+    keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
+    return [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
+
+
+def _recognised(told: Recognised) -> list[Guess]:
+    return [
+        Guess(each.column, each.topic, each.field, each.unit, each.reason)
+        for each in told.channels
+        if each.field and not each.is_comment
+    ]
+
+
+def _comment_lines(proposal: ChannelProposal) -> list[str]:
+    """A channel that needs what no column tells, to be completed."""
+    lines = [f"[channels.{proposal.column}]"]
+    if proposal.topic:
+        lines.append(f"topic = {_quoted(proposal.topic)}")
+    if proposal.field:
+        lines.append(f"field = {_quoted(proposal.field)}")
+    if proposal.unit == "?":
+        lines.append('unit = "?"')
+    if proposal.derive:
+        lines.append(f'derive = "{proposal.derive}"')
+    return [f"# {_one_line(proposal.reason)}", *(f"# {line}" for line in lines), ""]
+
+
+def _profile_lines(log: Log, guesses: list[Guess]) -> list[str]:
+    """Every column that is not used, with its unit, rate and range."""
+    used = {(guess.topic or TABLE, guess.field) for guess in guesses}
+    rest = [each for each in profiles(log) if (each.topic, each.field) not in used]
+    return ["# Also in the log:", *(f"#   {profile_line(each)}" for each in rest)]
+
+
+def profile_line(each: FieldProfile) -> str:
+    """A field in a line: its unit, rate, least, median and largest value, and its course."""
+    unit = f" [{each.unit}]" if each.unit else ""
+    rate = "" if each.rate_hz is None else f", {each.rate_hz:.4g} Hz"
+    if each.low is None or each.middle is None or each.high is None:
+        return _one_line(f"{each.field}{unit}{rate}: {each.course or 'no number'}")
+    span = f"{each.low:.4g} … {each.middle:.4g} … {each.high:.4g}"
+    return _one_line(f"{each.field}{unit}{rate}: {span}  {each.course}")
+
+
+def _or_scale(guess: Guess) -> str:
+    """A JointState's velocity is that of a wheel more often than that of the machine."""
+    is_speed = guess.field.startswith("velocity[")
+    return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
+
+
+def _guesses(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
+    taken: set[str] = set()
+    for guess in _candidates(log, topics):
+        if guess.column not in taken:
+            taken.add(guess.column)
+            yield guess
+
+
+def _candidates(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
+    for row in topics.sort("messages", descending=True).to_dicts():
+        if row["problem"] or not row["messages"]:
+            continue
+        kind = row["type"].rpartition("/")[2]
+        fields = set(row["fields"])
+        if row["topic"] == TABLE:
+            for field in row["fields"]:
+                column = _SHORT.get(field, field)
+                if column in _COLUMNS:
+                    yield Guess(column, None, field)
+        elif kind == "JointState":
+            yield from _joints(log, row["topic"], row["start_ns"])
+        for column, field in _BY_TYPE.get(kind, {}).items():
+            if field in fields:
+                yield Guess(column, row["topic"], field)
+
+
+def _joints(log: Log, topic: str, start_ns: int) -> Iterator[Guess]:
+    """A side's effort is its torque and its velocity its speed; one joint alone is an axis.
+
+    Which of its arrays a JointState fills is up to who sends it; the first message tells.
+    """
+    names = [
+        name for name in _first(log, topic, [f"name[{i}]" for i in range(8)], start_ns) if name
+    ]
+    guesses: list[Guess] = []
+    for side in ("left", "right"):
+        of_side = [name for name in names if side in name.lower()]
+        if len(of_side) == 1:
+            guesses.append(Guess(f"torque_{side}_N_m", topic, f"effort[{of_side[0]}]"))
+            guesses.append(Guess(f"speed_{side}_m_s", topic, f"velocity[{of_side[0]}]"))
+    if len(names) == 1:
+        guesses.append(Guess("position_x_m", topic, f"position[{names[0]}]"))
+        guesses.append(Guess("force_x_N", topic, f"effort[{names[0]}]"))
+    sent = _first(log, topic, [guess.field for guess in guesses], start_ns)
+    yield from (guess for guess, value in zip(guesses, sent, strict=False) if value is not None)
+
+
+def _first(log: Log, topic: str, fields: list[str], start_ns: int) -> tuple[Any, ...]:
+    """Fields of a topic's first message, in this order; none where there are none to read."""
+    if not fields:
+        return ()
+    first = log.read(topic, fields, end_ns=start_ns).head(1)
+    return first.select(fields).row(0) if first.height else ()
+
+
+def _derivations(found: set[str]) -> dict[str, str]:
+    derived: dict[str, str] = {}
+    if "speed_x_m_s" not in found:
+        if {"speed_left_m_s", "speed_right_m_s"} <= found:
+            derived["speed_x_m_s"] = "mean(speed_left_m_s, speed_right_m_s)"
+        elif "position_x_m" in found:
+            derived["speed_x_m_s"] = "d/dt position_x_m"
+    has_speed = "speed_x_m_s" in found or "speed_x_m_s" in derived
+    if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & found:
+        derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
+    # what spins need for an inertia
+    turns = "torque_z_N_m" in found or {"torque_left_N_m", "torque_right_N_m"} <= found
+    if turns and "yaw_rate_rad_s" in found and "yaw_acc_rad_s2" not in found:
+        derived["yaw_acc_rad_s2"] = "d/dt yaw_rate_rad_s"
+    return derived
+
+
+def _lacking(found: set[str], *, kinematic: bool) -> list[str]:
+    lacking: list[str] = []
+    if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
+        lacking.append("a force: channels.force_x_N, or both wheel torques")
+    elif "force_x_N" not in found:
+        lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
+    if "speed_x_m_s" not in found:
+        lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")
+    if kinematic and "acc_x_m_s2" not in found:
+        lacking.append("an acceleration: channels.specific_force_x_m_s2 or channels.acc_x_m_s2")
+    return lacking
+
+
+def _others(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
+    used = {(guess.topic or "table", guess.field.partition("[")[0]) for guess in guesses}
+    yield "# Also in the log:"
+    for row in topics.to_dicts():
+        rest = [f for f in row["fields"] or [] if (row["topic"], f.partition("[")[0]) not in used]
+        if row["problem"]:
+            yield _one_line(f"#   {row['topic']} ({row['type']}): {row['problem']}")
+        elif rest:
+            shown = ", ".join(rest[:12]) + (", …" if len(rest) > 12 else "")
+            said = f"#   {row['topic']} ({row['type']}, {row['messages']} messages): {shown}"
+            yield _one_line(said)
+
+
+def _quoted(text: str) -> str:
+    """A TOML string: JSON's escapes are TOML's."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _one_line(text: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in text)

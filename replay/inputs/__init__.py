@@ -1,0 +1,1 @@
+"""Logs put together: topics merged, times aligned, decoded once."""

@@ -1,0 +1,218 @@
+"""What a replay takes from its logs: the channels' fields, and the proof of what was read."""
+
+import platform
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.physical_units import to_si
+from analysis.model.run_record import InputFile, Loss, Provenance
+from analysis.model.schema import HINTS
+from analysis.stages.signals.derive import unit_of
+from estimators.errors import LogError, MachineError, nearest
+from replay.inputs.merged_topics import joined
+from replay.inputs.time_line import moved, offsets_ns
+from replay.logs import TABLE, Log
+
+#: A field picked by name, `effort[left]`, beside the list of names that picks it.
+_BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\d][^\[\]]*)\]")
+_MOST_NAMES = 32
+#: Whatever of these changes may change a number or a recording.
+_VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")
+
+
+def read_channels(
+    logs: Sequence[Log], machine: Machine
+) -> tuple[dict[str, pl.DataFrame], list[Loss]]:
+    """Read the fields that the channels name, and nothing else.
+
+    Args:
+        logs: one time line, or counting from 0 each (`time_line`); a topic may be missing from
+            some of them, not from all.
+        machine: its channels.
+
+    Returns:
+        By topic: log_time_ns, header_stamp_ns and the fields, in log-time order; without the
+        topics of mere hints that no log has. And what was lost on the way.
+
+    Raises:
+        LogError: a topic that no log has, that has no message, or of which two logs have other
+            messages at one time.
+    """
+    wanted = channel_fields(machine)
+    losses: list[Loss] = []
+    has = {log: set(log.topics()["topic"]) for log in logs}
+    # what no estimate needs must not stop one
+    hints = {topic for topic in wanted if HINTS.issuperset(_filled_by(topic, machine))}
+    for topic in list(wanted):
+        if not any(topic in topics for topics in has.values()):
+            fault = _unknown_topic(topic, has, machine)
+            if topic not in hints:
+                damage = [f" It is damaged: {loss}" for log in logs for loss in log.losses()]
+                names = ", ".join(str(log.path) for log in logs)
+                raise LogError(f"{names}: {fault}{''.join(damage[:1])}")
+            losses += [Loss(source=log.path.name, what=fault) for log in logs]
+            del wanted[topic]
+            continue
+        losses += [
+            Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
+            for log in logs
+            if topic not in has[log] and _of_one_kind(log, topic, has, wanted)
+        ]
+    for log in logs:
+        _refuse_stated_units(log, machine)
+    later = offsets_ns(logs, wanted)
+    read = {
+        log: log.read_many({topic: names for topic, names in wanted.items() if topic in has[log]})
+        for log in logs
+    }
+    raw: dict[str, pl.DataFrame] = {}
+    for topic in wanted:
+        parts = {
+            log: moved(frames.pop(topic), later[log])
+            for log, frames in read.items()
+            if topic in frames
+        }
+        frame = joined(topic, parts)
+        holders = list(parts)
+        if frame.is_empty() and topic in hints:
+            losses.append(
+                Loss(source=holders[0].path.name, topic=topic, what="the topic has no messages")
+            )
+            continue
+        if frame.is_empty():
+            why = [f": {loss.what}" for log in holders for loss in log.losses()]
+            raise LogError(f"{holders[0].path}: topic '{topic}' has no messages{''.join(why[:1])}")
+        _refuse_unknown_names(holders[0], topic, frame)
+        raw[topic] = frame
+    for log in logs:
+        losses += log.losses()
+    return raw, losses
+
+
+def _of_one_kind(
+    log: Log, topic: str, has: Mapping[Log, set[str]], wanted: Mapping[str, Sequence[str]]
+) -> bool:
+    """Whether a log has another topic of those that have this one: it is not one beside them."""
+    return any(has[log] & topics & wanted.keys() for topics in has.values() if topic in topics)
+
+
+def _refuse_stated_units(log: Log, machine: Machine) -> None:
+    """A field that states a unit other than its channel's is not taken for it in silence."""
+    for name, channel in machine.channels.items():
+        topic = channel.topic or TABLE
+        stated = log.units(topic).get(channel.field or "")
+        if stated is None or channel.unit is not None or channel.scale != 1.0 or channel.offset:
+            continue
+        try:
+            gain, offset = to_si(stated, unit_of(name))
+        except MachineError:  # of another dimension: it is called after something else
+            continue
+        if gain != 1.0 or offset:
+            raise LogError(
+                f"{log.path}: '{channel.field}' states its unit, {stated}; set "
+                f'channels.{name}.unit = "{stated}" (or its scale)'
+            )
+
+
+def channel_fields(machine: Machine) -> dict[str, list[str]]:
+    """The fields that the channels name, by topic."""
+    wanted: dict[str, list[str]] = {}
+    for channel in machine.channels.values():
+        for field in channel.fields:
+            fields = wanted.setdefault(channel.topic or "table", [])
+            if field not in fields:
+                fields.append(field)
+    return wanted
+
+
+def _filled_by(topic: str, machine: Machine) -> list[str]:
+    """The channels that a topic fills."""
+    return [
+        name
+        for name, channel in machine.channels.items()
+        if channel.fields and (channel.topic or "table") == topic
+    ]
+
+
+def _unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
+    """The fault, the choices and the remedy."""
+    meant = nearest(topic, set().union(*has.values()))
+    return (
+        f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
+        f"Set channels.{_filled_by(topic, machine)[0]}.topic in the machine file."
+    )
+
+
+def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
+    """A name that no message has gives no number at all: say which names there are."""
+    for field in frame.columns:
+        named = _BY_NAME.fullmatch(field)
+        if named is None or frame[field].null_count() < frame.height:
+            continue
+        listed = [f"{named['parent']}name[{i}]" for i in range(_MOST_NAMES)]
+        begins = int(frame["log_time_ns"].to_numpy().min())
+        first = log.read(topic, listed, end_ns=begins).select(listed)
+        known = [name for name in first.row(0) if name] if first.height else []
+        if named["name"] not in known:
+            raise LogError(
+                f"{log.path}: topic '{topic}' has no '{named['name']}' for the field '{field}'; "
+                f"{nearest(named['name'], known)}"
+            )
+
+
+def named_by_topic(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The frames by the names that a run has for them: `raw/imu/data` is that of `/imu/data`.
+
+    Where there is a topic `imu/data` as well, the name is its, and `/imu/data` keeps its slash:
+    `raw//imu/data`.
+    """
+    return {
+        f"raw/{topic if topic[1:] in raw else topic.removeprefix('/')}": frame
+        for topic, frame in raw.items()
+    }
+
+
+def provenance(
+    logs: Iterable[Log],
+    machine: Machine,
+    t0_unix_ns: int,
+    stamps: dict[str, str],
+    losses: Sequence[Loss],
+    notes: Sequence[str],
+) -> Provenance:
+    """Hash the inputs and write down everything that the result depends on."""
+    return Provenance(
+        inputs=tuple(file for log in logs for file in input_files(log)),
+        machine=resolved(machine),
+        settings=machine.settings,
+        versions=versions(),
+        t0_unix_ns=t0_unix_ns,
+        stamps=stamps,
+        losses=tuple(losses),
+        notes=tuple(notes),
+    )
+
+
+def input_files(log: Log) -> list[InputFile]:
+    """The files of a log with their digests."""
+    return [
+        InputFile(name=path.name, sha256=digest, size_bytes=path.stat().st_size)
+        for path, digest in zip(log.files, log.digests, strict=True)
+    ]
+
+
+def resolved(machine: Machine) -> dict[str, Any]:
+    """The machine file without its settings, as plain JSON values."""
+    plain = machine.model_dump(mode="json")
+    del plain["settings"]
+    return plain
+
+
+def versions() -> dict[str, str]:
+    """Of whatever may change a number or a recording."""
+    return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}

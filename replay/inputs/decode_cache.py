@@ -1,0 +1,266 @@
+"""Logs decoded once: side by side, each by a process of its own, and kept until they change.
+
+What is kept of a log are the fields that the machine file names, as they were read. A process that
+decodes ends with its log, so that memory goes with the largest logs at work and not with all.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+from pydantic import BaseModel, ConfigDict
+
+from analysis.model.machine import Machine
+from analysis.model.run_record import Loss
+from estimators.errors import LogError, OutputError, PayscopeError
+from replay.inputs.channel_inputs import channel_fields, input_files, versions
+from replay.logs import TABLE, Checked, Log, TableHints, TimeAxis, open_log
+from replay.machines.machine_file import time_axis
+
+#: Hidden beside what is made of the logs.
+FOLDER: Final = ".decoded"
+_ABOUT: Final = "about.json"
+_TOPICS: Final = "topics.arrow"
+_BEGUN: Final = ".begun-"
+#: Smaller logs are decoded sooner than a process starts.
+_WORTH_A_PROCESS: Final = 64 * 2**20
+#: What a process that failed with a line of its own exits with.
+_SAID: Final = 2
+
+
+class _About(BaseModel):
+    """Of a log that was decoded."""
+
+    model_config = ConfigDict(frozen=True)
+
+    format: str
+    stages: dict[str, str]
+    fields: dict[str, tuple[str, ...]]
+    losses: tuple[Loss, ...]
+    notes: tuple[str, ...] = ()
+
+
+class DecodedLog(Log):
+    """A log of which the fields that are needed were decoded before."""
+
+    def __init__(self, log: Log, kept: Path, time: TimeAxis | None) -> None:
+        """Read what describes it.
+
+        Args:
+            log: what was decoded; its digests were compared.
+            kept: where `decode` left it.
+            time: where a table keeps its time.
+        """
+        super().__init__(log.path, log.format)
+        self._files, self._digests, self._time = log.files, log.digests, time
+        self._kept = kept
+        self._about = _About.model_validate_json((kept / _ABOUT).read_bytes())
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that was read."""
+        return self._files
+
+    @property
+    def digests(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride] known already
+        """The SHA-256 of every file, in hexadecimal."""
+        return self._digests
+
+    def topics(self) -> pl.DataFrame:
+        """What is in the log; see `Log.topics`."""
+        return pl.read_ipc(self._kept / _TOPICS)
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        known = self._about.fields
+        if any(set(names) - set(known.get(topic, ())) for topic, names in fields.items()):
+            with open_log(self.path, time=self._time) as log:
+                return log.read_many(fields, start_ns, end_ns)
+        time = pl.col("log_time_ns")
+        begun = pl.lit(value=True) if start_ns is None else time >= start_ns
+        over = pl.lit(value=True) if end_ns is None else time <= end_ns
+        found: dict[str, pl.DataFrame] = {}
+        for topic, names in fields.items():
+            frame = pl.read_ipc(self._kept / self._about.stages[topic])
+            frame = frame.select("log_time_ns", "header_stamp_ns", *dict.fromkeys(names))
+            whole = start_ns is None and end_ns is None
+            found[topic] = frame if whole else frame.filter(begun & over)
+        return found
+
+    def losses(self) -> tuple[Loss, ...]:
+        """What could not be read."""
+        return self._about.losses
+
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of how the log is written."""
+        return self._about.notes
+
+    def check(self) -> Checked:
+        """Check the log itself."""
+        with open_log(self.path, time=self._time) as log:
+            return log.check()
+
+
+def decoded(
+    logs: Sequence[Log],
+    machine: Machine,
+    folder: Path,
+    on_log: Callable[[int], None] = lambda _: None,
+) -> list[Log]:
+    """The same logs, decoded: those that are kept in the folder are not decoded again.
+
+    Args:
+        logs: opened.
+        machine: its channels.
+        folder: where they are kept; what is there of other logs is removed.
+        on_log: told how many are decoded, as each is.
+
+    Raises:
+        LogError: a topic or a field that cannot be read.
+        OutputError: the folder cannot be written.
+    """
+    time = time_axis(machine)
+    wanted = {log: _held(log, channel_fields(machine)) for log in logs}
+    places = {log: folder / _key(log, wanted[log], time) for log in logs}
+    _sweep(folder, {place.name for place in places.values()})
+    missing = [log for log in logs if not places[log].is_dir()]
+    on_log(len(logs) - len(missing))
+    large = len(missing) > 1 and sum(map(_size, missing)) > _WORTH_A_PROCESS
+
+    def make(log: Log) -> None:
+        if large:
+            _by_process(log, wanted[log], places[log], time)
+        else:
+            decode(log, wanted[log], places[log])
+
+    with ThreadPoolExecutor(min(os.cpu_count() or 1, len(missing)) if large else 1) as pool:
+        for done, _ in enumerate(pool.map(make, missing), start=len(logs) - len(missing) + 1):
+            on_log(done)
+    return [DecodedLog(log, places[log], time) for log in logs]
+
+
+def decode(log: Log, fields: Mapping[str, Sequence[str]], place: Path) -> None:
+    """Read fields of a log and keep them, whole or not at all.
+
+    Args:
+        log: opened.
+        fields: by topic.
+        place: the folder to make.
+
+    Raises:
+        LogError: as `Log.read_many`.
+        OutputError: it cannot be written.
+    """
+    frames = log.read_many(fields)
+    begun = place.with_name(f"{_BEGUN}{place.name}-{os.getpid()}")
+    try:
+        begun.mkdir(parents=True)
+        stages = {topic: f"{number}.arrow" for number, topic in enumerate(frames)}
+        for topic, frame in frames.items():
+            frame.write_ipc(begun / stages[topic], compression="uncompressed")
+        log.topics().write_ipc(begun / _TOPICS)
+        about = _About(
+            format=log.format,
+            stages=stages,
+            fields={topic: tuple(names) for topic, names in fields.items()},
+            losses=log.losses(),
+            notes=log.notes(),
+        )
+        (begun / _ABOUT).write_text(about.model_dump_json(), encoding="utf-8")
+        if not place.is_dir():  # what another process made meanwhile is the same
+            begun.rename(place)
+    except OSError as error:
+        raise OutputError(f"{place.parent}: cannot be written ({error.strerror})") from None
+    finally:
+        shutil.rmtree(begun, ignore_errors=True)
+
+
+def _by_process(
+    log: Log, fields: Mapping[str, Sequence[str]], place: Path, time: TimeAxis | None
+) -> None:
+    """Decode by a process that has this log alone in its memory, and ends with it."""
+    asked = {
+        "path": str(log.path),
+        "time": _plain(time),
+        "fields": fields,
+        "place": str(place),
+    }
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "replay.inputs.decode_cache"],
+        input=json.dumps(asked),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode == _SAID:
+        raise LogError(done.stderr.strip())
+    if done.returncode:
+        why = done.stderr.strip().splitlines()[-1:] or [f"ended with {done.returncode}"]
+        raise LogError(f"{log.path}: cannot be decoded: {why[0]}")
+
+
+def _held(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
+    """What of these fields a log has, by topic: another table may have the other columns."""
+    found: dict[str, Sequence[str]] = {}
+    for topic, has in log.topics().select("topic", "fields").iter_rows():
+        if topic in fields:
+            names = fields[topic]
+            found[topic] = [each for each in names if each in has] if topic == TABLE else names
+    return found
+
+
+def _key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -> str:
+    """A digest of all that the decoded log depends on."""
+    whole: dict[str, Any] = {
+        "files": [(each.name, each.sha256) for each in input_files(log)],
+        "fields": fields,
+        "time": _plain(time),
+        "versions": versions(),
+    }
+    return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _plain(time: TimeAxis | None) -> list[Any] | None:
+    """Where a table keeps its time, as JSON has it."""
+    return None if time is None else [time.column, time.unit, asdict(time.table)]
+
+
+def _size(log: Log) -> int:
+    return sum(path.stat().st_size for path in log.files)
+
+
+def _sweep(folder: Path, used: set[str]) -> None:
+    """Remove what is of other logs, and what a process left that was killed."""
+    for each in folder.iterdir() if folder.is_dir() else ():
+        if each.name not in used:
+            shutil.rmtree(each, ignore_errors=True)
+
+
+def main() -> int:
+    """Decode the log that is asked for on the standard input."""
+    asked = json.load(sys.stdin)
+    time: TimeAxis | None = None
+    if asked["time"] is not None:
+        column, unit, table = asked["time"]
+        time = TimeAxis(column, unit, TableHints(**table))
+    try:
+        with open_log(asked["path"], time=time) as log:
+            decode(log, asked["fields"], Path(asked["place"]))
+    except PayscopeError as error:
+        sys.stderr.write(f"{error}\n")
+        return _SAID
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,115 @@
+"""Tables of one time that hold different columns: one log, a topic a table."""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.run_record import Loss
+from estimators.errors import LogError, nearest
+from replay.logs import TABLE, Checked, Log
+
+#: Begins the topic of a table that is one of several side by side.
+_NAMED: Final = f"{TABLE}/"
+
+
+class _NamedTable(Log):
+    """A table whose topic has a name of its own."""
+
+    def __init__(self, log: Log, topic: str) -> None:
+        """Name the topic of an opened table."""
+        super().__init__(log.path, log.format)
+        self._log, self._topic = log, topic
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The table's file."""
+        return self._log.files
+
+    @property
+    def digests(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride] the table's
+        """The SHA-256 of every file, in hexadecimal."""
+        return self._log.digests
+
+    def topics(self) -> pl.DataFrame:
+        """The one topic; see `Log.topics`."""
+        return self._log.topics().with_columns(topic=pl.lit(self._topic))
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        return {t: self._log.read(TABLE, names, start_ns, end_ns) for t, names in fields.items()}
+
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of the table."""
+        return self._log.notes()
+
+    def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002 it has one
+        """The units that the table states."""
+        return self._log.units(TABLE)
+
+    def losses(self) -> tuple[Loss, ...]:
+        """What could not be read."""
+        return self._log.losses()
+
+    def check(self) -> Checked:
+        """Check the table."""
+        return self._log.check()
+
+
+def side_by_side(logs: Sequence[Log], machine: Machine) -> tuple[Sequence[Log], Machine]:
+    """Name the topics of tables that hold no column of the channels in common.
+
+    Args:
+        logs: one time line.
+        machine: its channels.
+
+    Returns:
+        The logs, and the machine, whose channels name the table that each is in; as they were where
+        a log is no table, or where two hold a column of the channels both.
+
+    Raises:
+        LogError: a column that no table has.
+    """
+    wanted = {field for channel in machine.channels.values() for field in channel.fields}
+    logs = _named(logs, wanted)
+    columns = {
+        topic: set[str](fields or [])
+        for log in logs
+        for topic, fields in log.topics().select("topic", "fields").iter_rows()
+        if topic.startswith(_NAMED)
+    }
+    if not columns:
+        return logs, machine
+    by_field = {field: topic for topic, fields in columns.items() for field in fields & wanted}
+    channels = dict(machine.channels)
+    for name, channel in machine.channels.items():
+        if channel.topic is not None or not channel.fields:
+            continue
+        (field, *_) = channel.fields
+        if field not in by_field:
+            paths = ", ".join(str(log.path) for log in logs)
+            choices = nearest(field, set().union(*columns.values()))
+            raise LogError(f"{paths}: no column '{field}'; {choices}")
+        channels[name] = channel.model_copy(update={"topic": by_field[field]})
+    return logs, machine.model_copy(update={"channels": channels})
+
+
+def _named(logs: Sequence[Log], wanted: set[str]) -> Sequence[Log]:
+    """The tables, each with a topic of its own, where no two hold the same of what is wanted."""
+    if len(logs) < 2 or len({log.digests for log in logs}) < len(logs):
+        return logs
+    topics = [log.topics() for log in logs]
+    if any(table["topic"].to_list() != [TABLE] for table in topics):
+        return logs
+    held = [wanted & set(table["fields"][0]) for table in topics]
+    if not all(held) or any(one & other for one, other in combinations(held, 2)):
+        return logs
+    stems = [log.path.stem for log in logs]
+    return [
+        _NamedTable(log, _NAMED + (stem if stems.count(stem) == 1 else f"{stem} {number}"))
+        for number, (log, stem) in enumerate(zip(logs, stems, strict=True), start=1)
+    ]

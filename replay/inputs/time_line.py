@@ -1,0 +1,99 @@
+"""Logs whose time begins at 0 each: which follow one another, and which run side by side."""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Final
+
+import polars as pl
+
+from estimators.errors import LogError
+from replay.logs import TABLE, Log
+
+#: A time that begins so near to 0 is counted from the file's own begin, in ns.
+_FROM_ZERO_NS: Final = 1_000_000_000
+#: Between two logs that follow one another: nobody knows how long it was. Longer than a gap, in s
+#: and in periods of the slowest topic.
+_BETWEEN_S: Final = 10.0
+_BETWEEN_PERIODS: Final = 10.0
+
+#: A topic and its fields that channels name.
+_Has = frozenset[tuple[str, str]]
+
+
+def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict[Log, int]:
+    """What is added to the times of each log, so that all are in one time line.
+
+    Logs that count from 0 and hold the same follow one another in the order given; those that hold
+    nothing in common run side by side, and so does all that has a clock.
+
+    Args:
+        logs: in the order given.
+        wanted: the fields that the channels name, by topic.
+
+    Raises:
+        LogError: logs that count from 0 and hold some in common.
+    """
+    none = dict.fromkeys(logs, 0)
+    if len(logs) < 2:
+        return none
+    tables = {log: log.topics().filter(pl.col("topic").is_in(list(wanted))) for log in logs}
+    tables = {log: table.filter(pl.col("messages") > 0) for log, table in tables.items()}
+    if any(table.is_empty() for table in tables.values()):
+        return none
+    if any(not 0 <= _first_ns(table) < _FROM_ZERO_NS for table in tables.values()):
+        return none
+    # one log given twice counts once
+    if len({log.digests for log in logs}) < len(logs):
+        return none
+    has = [_held(table, wanted) for table in tables.values()]
+    if not any(one & other for one, other in combinations(has, 2)):
+        return none
+    if len(set(has)) > 1:
+        raise LogError(
+            f"{', '.join(str(log.path) for log in logs)}: their times begin at 0 each, and they "
+            "hold some channels in common: logs that follow one another hold the same channels, "
+            "logs that run side by side none in common; or give them a time since 1970"
+        )
+    found: dict[Log, int] = {}
+    at_ns = 0
+    for log, table in tables.items():
+        found[log] = at_ns
+        slowest_s = _BETWEEN_PERIODS / float(table["rate_hz"].fill_null(1.0).to_numpy().min())
+        at_ns += int(table["end_ns"].to_numpy().max())
+        at_ns += round(max(_BETWEEN_S, slowest_s) * 1e9)
+    return found
+
+
+def moved(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
+    """The same messages later by so much, by whichever stamp they have."""
+    if not by_ns:
+        return frame
+    header = pl.col("header_stamp_ns")
+    return frame.with_columns(
+        pl.col("log_time_ns") + by_ns,
+        # 0 is no stamp
+        pl.when(header != 0).then(header + by_ns).otherwise(header).alias("header_stamp_ns"),
+    )
+
+
+def note(offsets: Mapping[Log, int]) -> list[str]:
+    """What a reader must know of the order."""
+    if not any(offsets.values()):
+        return []
+    names = ", ".join(log.path.name for log in offsets)
+    return [
+        f"the logs' times begin at 0 each: they are taken to follow one another as given ({names})"
+    ]
+
+
+def _first_ns(table: pl.DataFrame) -> int:
+    return int(table["start_ns"].to_numpy().min())
+
+
+def _held(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:
+    """The topics that a log has; of a table, the columns."""
+    return frozenset(
+        (topic, field)
+        for topic, fields in table.select("topic", "fields").iter_rows()
+        for field in (set(wanted[topic]) & set(fields or []) if topic == TABLE else [""])
+    )

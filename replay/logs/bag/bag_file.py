@@ -1,0 +1,123 @@
+"""The container of a ROS 1 bag (version 2.0): by its index where it is whole, else from start."""
+
+from rosbags.typesys.msg import normalize_msgtype
+
+from estimators.errors import LogError
+from replay.logs.bag.bag_index import BagIndex, chunk_block, indexed_times, read_index
+from replay.logs.bag.bag_records import (
+    BAG_HEADER,
+    MAGIC,
+    VERSION,
+    BagRecord,
+    parse_fields,
+    read_record,
+)
+from replay.logs.bag.bag_walk import BagWalk
+from replay.logs.blocks import Block, BlockFile, Grammar, torn_end, until
+from replay.logs.storage import Connection
+
+
+class BagFile(BlockFile):
+    """A ROS 1 bag. One without an index (the recorder crashed) is surveyed at opening."""
+
+    def _open(self) -> tuple[Connection, ...]:
+        path = self._file.path
+        head = self._file.read(0, len(MAGIC + VERSION))
+        if not head.startswith(MAGIC):
+            raise LogError(f"{path}: not a ROS 1 bag; it does not start with '#ROSBAG V2.0'")
+        if not head.endswith(VERSION):
+            version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")
+            raise LogError(
+                f"{path}: a bag of version {version}, only 2.0 can be read; "
+                f"'rosbag fix {path.name}' brings it to 2.0"
+            )
+        self._connections: dict[int, Connection] = {}
+        self._connections_at: dict[int, int] = {}
+        header = read_record(self._file, len(head))
+        index = self._index(header)
+        if index is not None:
+            self._take(index)
+        else:
+            self._walk(len(head), header)
+        return tuple(self._connections.values())
+
+    @staticmethod
+    def _grammar() -> Grammar:
+        from replay.logs.bag.bag_grammar import GRAMMAR
+
+        return GRAMMAR
+
+    def check(self) -> int:
+        """Go through the file from start to end; a bag has no CRCs."""
+        walk = BagWalk(self._second_store(), len(MAGIC + VERSION), self._describe)
+        self._compare(walk.chunks(), walk.store)
+        return self._store.crcs
+
+    def _index(self, header: BagRecord | None) -> BagIndex | None:
+        names = (b"index_pos", b"conn_count", b"chunk_count")
+        if header is None or header.op != BAG_HEADER or not header.fields.keys() >= set(names):
+            return None
+        position, connections, chunks = (header.number(name) for name in names)
+        if not header.end <= position <= self._file.size or (position == self._file.size) != (
+            connections == chunks == 0
+        ):
+            return None
+        return read_index(self._file, position, connections, chunks)
+
+    def _take(self, index: BagIndex) -> None:
+        for record, data in index.connections:
+            self._connect(record.fields, data, -1)
+        unknown: list[Block] = []
+        for offset in sorted(index.chunks):
+            counts = index.chunks[offset]
+            block = chunk_block(self._file, offset, read_record(self._file, offset))
+            # the index stands behind all chunks, so that the end of the file tears none of them
+            if block is None or (block.is_torn and counts):
+                lost = Block(offset, 0, 0, "", 0, counts=counts)
+                self._store.damage.lose(lost, "it is not where the index says")
+                continue
+            times = indexed_times(self._file, block, counts)
+            if times is None:
+                unknown.append(block)
+            else:
+                self._store.add(block, times)
+        if unknown:
+            self._store.survey(unknown)
+
+    def _walk(self, begin: int, header: BagRecord | None) -> None:
+        """Go through the file, from start to end."""
+        damage = self._store.damage
+        walk = BagWalk(self._store, begin, self._describe)
+        self._store.survey(walk.chunks())
+        position = b"" if header is None else header.fields.get(b"index_pos", b"")
+        unfinished = position == bytes(8)
+        why = "the recorder did not finish it" if unfinished else "the index is damaged"
+        torn = torn_end(self._file.size - walk.whole, self._store.torn_messages)
+        damage.note(
+            f"{why}: scanned from start to end, all whole messages are read"
+            f"{until(self._store.last_ns)}{torn}"
+        )
+
+    def _describe(self, op: int, content: bytes, at: int) -> None:
+        """A record of a connection, header and data."""
+        del op
+        size = int.from_bytes(content[:4], "little")
+        self._connect(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
+
+    def _connect(self, fields: dict[bytes, bytes], data: bytes, at: int) -> None:
+        inner = parse_fields(data) or {}
+        key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
+        if len(key) != 4 or b"type" not in inner:
+            self._store.damage.note("the record of a connection is damaged")
+            return
+        number = int.from_bytes(key, "little")
+        if at < self._connections_at.get(number, self._file.size):
+            self._connections_at[number] = at
+            self._connections[number] = Connection(
+                number,
+                topic.decode(errors="replace"),
+                normalize_msgtype(inner[b"type"].decode(errors="replace")),
+                "ros1",
+                inner.get(b"message_definition", b"").decode(errors="replace"),
+                "ros1msg",
+            )

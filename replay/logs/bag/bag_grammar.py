@@ -1,0 +1,99 @@
+"""Find the records of a ROS 1 bag in bytes, compiled: a record costs a few nanoseconds."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.compiled import compiled
+from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
+from replay.logs.blocks import Grammar
+from replay.logs.decoding.unaligned import load32, load64
+
+#: Where records are looked for after damage.
+_USUAL_HEADER: Final = 1024
+#: So many records must follow each other for bytes to be taken for records again.
+_PROVEN: Final = 3
+#: Names of fields with their equals sign, as little-endian numbers of 3 and of 5 bytes.
+_OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=", b"time="))
+_3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
+
+
+@compiled
+def _parse(
+    data: NDArray[np.uint8], at: int, end: int, longest: int
+) -> tuple[int, int, int, int, int]:
+    """Op, connection and time of the record at `at`, where its data begins, and where it ends.
+
+    The op is -1 where there is none; of the rest what a record does not have.
+    """
+    none = (-1, -1, -1, 0, 0)
+    size = load32(data, at)
+    fields_end = at + 4 + size
+    if size > longest or fields_end + 4 > end:
+        return none
+    op, connection, time = -1, -1, -1
+    field = at + 4
+    while field + 4 <= fields_end:
+        length = load32(data, field)
+        value = field + 4
+        field = value + length
+        if field > fields_end:
+            return none
+        if length == 4 and load32(data, value) & _3_BYTES == _OP:
+            op = load32(data, value) >> 24
+        elif length == 9 and load64(data, value) & _5_BYTES == _CONN:
+            connection = load32(data, value + 5)
+        elif length == 13 and load64(data, value) & _5_BYTES == _TIME:
+            time = load32(data, value + 5) * 1_000_000_000 + load32(data, value + 9)
+    if field != fields_end or (op == MESSAGE and (connection < 0 or time < 0)):
+        return none
+    body = fields_end + 4
+    return op, connection, time, body, body + load32(data, fields_end)
+
+
+@compiled
+def _scan(
+    data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
+) -> tuple[int, int]:
+    """Rows of messages and connections; see `records.Scan`.
+
+    It stops at a record that is not whole, and at one that only stands outside chunks.
+    """
+    found = 0
+    at = begin
+    room = rows.shape[1]
+    while at + 8 <= end:
+        op, connection, time, body, stop = _parse(data, at, end, LONGEST_HEADER)
+        if (op not in (MESSAGE, CONNECTION)) or stop > end:
+            break
+        if row < room:
+            rows[0, row] = connection if op == MESSAGE else -1 - CONNECTION
+            rows[1, row] = time
+            rows[2, row] = body if op == MESSAGE else at
+            rows[3, row] = stop - body if op == MESSAGE else stop - at
+        row += 1
+        found += 1
+        at = stop
+    return found, at
+
+
+@compiled
+def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+    for first in range(begin, end - 7):
+        at = first
+        links = 0
+        while links < _PROVEN and at + 8 <= end:
+            op, _, _, _, stop = _parse(data, at, end, _USUAL_HEADER)
+            if op < MESSAGE or op > CONNECTION or stop > limit:
+                links = 0
+                break
+            at = stop
+            links += 1
+        # a chain may end with the bytes at hand
+        if links:
+            return first
+    return -1
+
+
+GRAMMAR: Final = Grammar(_scan, _find)

@@ -1,0 +1,108 @@
+"""The index of a ROS 1 bag: its connections and chunks at the end, and the times behind chunks."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.bag.bag_records import (
+    CHUNK,
+    CHUNK_INFO,
+    CONNECTION,
+    INDEX_DATA,
+    BagRecord,
+    read_record,
+)
+from replay.logs.blocks import Block
+from replay.logs.storage import FileBytes, ReadBuffer
+
+#: seconds, nanoseconds, offset in the chunk
+_ENTRY: Final = np.dtype([("s", "<u4"), ("ns", "<u4"), ("offset", "<u4")])
+#: What the header of a record takes, a little more than recorders write.
+_HEADER_BYTES: Final = 256
+#: What is read of an index at once; a larger one goes on record by record.
+_MOST_INDEX_BYTES: Final = 64 * 2**20
+_COUNT: Final = np.dtype([("connection", "<u4"), ("messages", "<u4")])
+
+
+@dataclass(frozen=True, slots=True)
+class BagIndex:
+    """What stands behind a bag's chunks."""
+
+    #: the records of connections: header and data
+    connections: tuple[tuple[BagRecord, bytes], ...]
+    #: messages by connection, by the offset of the chunk's record
+    chunks: dict[int, dict[int, int]]
+
+
+def read_index(file: FileBytes, offset: int, connections: int, chunks: int) -> BagIndex | None:
+    """The index at `offset`; None where it is not whole."""
+    described: list[tuple[BagRecord, bytes]] = []
+    counts: dict[int, dict[int, int]] = {}
+    at = offset
+    window = ReadBuffer(file, offset, min(file.size - offset, _MOST_INDEX_BYTES))
+    while at < file.size:
+        record = read_record(window, at)
+        if record is None or record.end > file.size:
+            return None
+        data = window.read(record.data_offset, record.data_bytes)
+        if record.op == CONNECTION:
+            described.append((record, data))
+        elif record.op == CHUNK_INFO and b"chunk_pos" in record.fields and len(data) % 8 == 0:
+            pairs = np.frombuffer(data, _COUNT).tolist()
+            counts[record.number(b"chunk_pos")] = dict(pairs)
+        else:
+            return None
+        at = record.end
+    if len(described) != connections or len(counts) != chunks:
+        return None
+    return BagIndex(tuple(described), counts)
+
+
+def chunk_block(file: FileBytes, offset: int, record: BagRecord | None) -> Block | None:
+    """The chunk whose record begins at `offset`, None where there is none.
+
+    One that reaches beyond the end of the file is torn. So is one that says it is empty at the end
+    of a file that goes on: the recorder writes the size when the chunk is full.
+    """
+    if record is None or record.op != CHUNK:
+        return None
+    compression = record.fields.get(b"compression", b"none").decode(errors="replace")
+    unpacked = record.number(b"size") if b"size" in record.fields else 0
+    left = file.size - record.data_offset
+    behind = read_record(file, record.end) if record.data_bytes == unpacked == 0 else None
+    is_open = record.data_bytes == unpacked == 0 and (
+        behind is None or behind.op not in (CHUNK, INDEX_DATA)
+    )
+    return Block(
+        offset,
+        record.data_offset,
+        left if is_open else min(record.data_bytes, left),
+        "" if compression == "none" else compression,
+        unpacked,
+        is_torn=is_open or record.data_bytes > left,
+    )
+
+
+def indexed_times(
+    file: FileBytes, block: Block, counts: dict[int, int]
+) -> dict[int, NDArray[np.int64]] | None:
+    """Log times in ns by connection, from the records behind a chunk; None unless all are there."""
+    times: dict[int, NDArray[np.int64]] = {}
+    at = block.offset + block.stored_bytes
+    expected = _ENTRY.itemsize * sum(counts.values()) + _HEADER_BYTES * (len(counts) + 1)
+    window = ReadBuffer(file, at, min(expected, _MOST_INDEX_BYTES))
+    for _ in counts:
+        record = read_record(window, at)
+        if record is None or record.op != INDEX_DATA or b"conn" not in record.fields:
+            return None
+        data = window.read(record.data_offset, record.data_bytes)
+        if len(data) % _ENTRY.itemsize:
+            return None
+        entries = np.frombuffer(data, _ENTRY)
+        stamps = entries["s"].astype(np.int64) * 10**9 + entries["ns"]
+        times[record.number(b"conn")] = stamps
+        at = record.end
+    whole = {key: stamps.size for key, stamps in times.items()} == counts
+    return times if whole else None

@@ -1,0 +1,86 @@
+"""The records of a ROS 1 bag (wiki.ros.org/Bags/Format/2.0): a header of named fields, then data.
+
+    length u32, fields (length u32, name=value) ..., length u32, data
+
+The fields come in any order; `op` says what a record is.
+"""
+
+import struct
+from typing import Final, NamedTuple
+
+from replay.logs.storage import FileBytes, ReadBuffer
+
+MAGIC: Final = b"#ROSBAG V"
+VERSION: Final = b"2.0\n"
+
+MESSAGE: Final = 2
+BAG_HEADER: Final = 3
+INDEX_DATA: Final = 4
+CHUNK: Final = 5
+CHUNK_INFO: Final = 6
+CONNECTION: Final = 7
+
+_U32: Final = struct.Struct("<I")
+#: A header holds a few numbers and the name of a topic.
+LONGEST_HEADER: Final = 65_536
+
+
+class BagRecord(NamedTuple):
+    """A record's header, and where its data is."""
+
+    fields: dict[bytes, bytes]
+    data_offset: int
+    data_bytes: int
+
+    @property
+    def op(self) -> int:
+        """What it is; -1 where it does not say."""
+        value = self.fields.get(b"op", b"")
+        return value[0] if len(value) == 1 else -1
+
+    def number(self, name: bytes) -> int:
+        """A field that is an unsigned integer, of 8 bytes at most.
+
+        Raises:
+            KeyError: there is none.
+        """
+        return int.from_bytes(self.fields[name][:8], "little")
+
+    @property
+    def end(self) -> int:
+        """Where the next record begins."""
+        return self.data_offset + self.data_bytes
+
+
+def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
+    """The fields of a header; None where it is none."""
+    fields: dict[bytes, bytes] = {}
+    at = 0
+    while at < len(header):
+        if at + 4 > len(header):
+            return None
+        (size,) = _U32.unpack_from(header, at)
+        name, is_field, value = header[at + 4 : at + 4 + size].partition(b"=")
+        at += 4 + size
+        if at > len(header) or not is_field:
+            return None
+        fields[name] = value
+    return fields
+
+
+def read_record(file: FileBytes | ReadBuffer, offset: int) -> BagRecord | None:
+    """The record at `offset`; None where there is none. Its data may reach beyond the file."""
+    head = file.read(offset, 256)
+    if len(head) < 4:
+        return None
+    (size,) = _U32.unpack_from(head)
+    if size > LONGEST_HEADER:
+        return None
+    if 8 + size > len(head):
+        head = file.read(offset, 8 + size)
+    if 8 + size > len(head):
+        return None
+    fields = parse_fields(head[4 : 4 + size])
+    if not fields or b"op" not in fields:
+        return None
+    return BagRecord(fields, offset + 8 + size, _U32.unpack_from(head, 4 + size)[0])

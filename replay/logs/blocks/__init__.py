@@ -1,0 +1,20 @@
+"""Files that keep records in blocks, mostly compressed chunks: what ROS 1 bags and MCAP share."""
+
+from replay.logs.blocks.block import Block
+from replay.logs.blocks.block_file import BlockFile
+from replay.logs.blocks.block_messages import BlockStore, Describe
+from replay.logs.blocks.loose_records import LooseRecords, resync
+from replay.logs.blocks.lost_blocks import torn_end, until
+from replay.logs.blocks.slabs import Grammar
+
+__all__ = [
+    "Block",
+    "BlockFile",
+    "BlockStore",
+    "Describe",
+    "Grammar",
+    "LooseRecords",
+    "resync",
+    "torn_end",
+    "until",
+]

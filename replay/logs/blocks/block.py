@@ -1,0 +1,115 @@
+"""A block: a stretch of a file that holds whole records, mostly a compressed chunk."""
+
+import zlib
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.storage import LARGEST_BYTES, FileBytes
+
+#: Beyond this size no chunk may declare more than so many times what is stored of it: images that
+#: are all black are packed a thousandfold, a bomb thirty thousandfold.
+_ANY_BYTES: Final = 64 * 2**20
+_MOST_GROWTH: Final = 2000
+#: What a torn chunk of unknown size is given room for, in multiples of what is stored of it.
+_TORN_RATIO: Final = 64
+_TORN_STEP: Final = 65_536
+#: A frame of zstd to be skipped (RFC 8878, 3.1.2), empty. The decompressor does not say whether the
+#: frame before has its end; if not, this is taken for it, and refused.
+_NOTHING: Final = bytes.fromhex("502a4d1800000000")
+_NO_COUNTS: Final[dict[int, int]] = {}
+
+
+class DamagedBlockError(Exception):
+    """Why a block cannot be used, in a few words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Where records are stored, and what an index or a survey says of them."""
+
+    #: what a person finds it by: where its record begins
+    record_offset: int
+    offset: int
+    stored_bytes: int
+    #: `zstd`, `lz4`, `bz2`, or empty
+    compression: str
+    #: as declared; what is unpacked may not differ. Of no meaning where nothing is compressed
+    unpacked_bytes: int
+    #: of the unpacked bytes; 0 says that none was written
+    crc: int = 0
+    #: the file ends inside it: what can be unpacked of it counts
+    is_torn: bool = False
+    #: messages by connection
+    counts: dict[int, int] = field(default_factory=lambda: _NO_COUNTS)
+    #: log times of its messages, both inclusive
+    first_ns: int = 0
+    last_ns: int = -1
+
+    @property
+    def room(self) -> int:
+        """Bytes that it may take unpacked."""
+        if not self.compression:
+            return self.stored_bytes
+        if not self.is_torn:
+            return self.unpacked_bytes
+        most = _TORN_RATIO * self.stored_bytes + 2**20
+        return min(self.unpacked_bytes or most, most, LARGEST_BYTES)
+
+
+def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
+    """Unpack a block into `target` (block.room,), and say how many bytes came out.
+
+    Raises:
+        DamagedBlockError: it is too large to be believed, cannot be unpacked, has another size
+            than it declares, or its CRC is wrong.
+    """
+    if block.room > LARGEST_BYTES:
+        raise DamagedBlockError(
+            f"it declares {block.room:,} bytes, more than the {LARGEST_BYTES:,} believed"
+        )
+    if block.room > max(_ANY_BYTES, _MOST_GROWTH * block.stored_bytes):
+        raise DamagedBlockError(
+            f"it declares {block.room:,} bytes, more than {_MOST_GROWTH:,} times what is stored"
+        )
+    if not block.compression:
+        done = file.read_into(block.offset, target)
+    elif block.compression not in ("zstd", "lz4", "bz2"):
+        raise DamagedBlockError(f"its compression '{block.compression}' is none of zstd, lz4, bz2")
+    else:
+        done = _decompress(block, file.read(block.offset, block.stored_bytes), target)
+    if block.is_torn:
+        return done
+    if done != block.room:
+        raise DamagedBlockError(f"{done:,} of the {block.unpacked_bytes:,} bytes it declares")
+    if block.crc and zlib.crc32(target.data) != block.crc:
+        raise DamagedBlockError("its CRC is wrong")
+    return done
+
+
+def _decompress(block: Block, stored: bytes, target: NDArray[np.uint8]) -> int:
+    import pyarrow as pa  # slow to import, and an index makes it unnecessary
+    import zstandard
+
+    view, done = target.data, 0
+    # the decompressor says at its end that the stream broke off, not how much came before
+    step = _TORN_STEP if block.is_torn else max(len(view), 1)
+    if block.compression == "zstd":  # by itself: Arrow's takes a detour through a buffer
+        frames = stored if block.is_torn else stored + _NOTHING
+        stream = zstandard.ZstdDecompressor().stream_reader(frames, read_across_frames=True)
+    else:
+        stream = pa.CompressedInputStream(pa.BufferReader(stored), block.compression)
+    try:
+        while done < len(view):
+            count = stream.readinto(view[done : done + step])
+            if not count:
+                return done
+            done += count
+        if not block.is_torn and stream.read(1):
+            raise DamagedBlockError(f"more than the {block.unpacked_bytes:,} bytes it declares")
+    except (OSError, MemoryError, pa.ArrowException, zstandard.ZstdError) as error:
+        if not block.is_torn:
+            raise DamagedBlockError(" ".join(str(error).split()) or "no memory") from error
+    return done

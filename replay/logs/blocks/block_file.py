@@ -1,0 +1,88 @@
+"""What containers share that are one file of blocks: ROS 1 bags and MCAP files."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.run_record import Loss
+from replay.logs.blocks.block import Block
+from replay.logs.blocks.block_messages import BlockStore
+from replay.logs.blocks.slabs import Grammar
+from replay.logs.storage import Connection, FileBytes, Group
+
+
+class BlockFile(ABC):
+    """A container over a store of blocks, which its format finds."""
+
+    def __init__(self, path: Path) -> None:
+        self.files: tuple[Path, ...] = (path,)
+        self._file = FileBytes(path)
+        try:
+            self._store = self._new_store()
+            self.connections: tuple[Connection, ...] = self._open()
+            self._topics = {c.id: c.topic for c in self.connections}
+            self._store.finish(self._topics)
+        except BaseException:
+            self._file.close()
+            raise
+
+    @abstractmethod
+    def _open(self) -> tuple[Connection, ...]:
+        """Fill the store, by an index or by going through the file.
+
+        Raises:
+            LogError: the file is not what its suffix says.
+        """
+
+    @staticmethod
+    @abstractmethod
+    def _grammar() -> Grammar:
+        """How its records are found in bytes."""
+
+    @abstractmethod
+    def _describe(self, op: int, content: bytes, at: int) -> None:
+        """Take a record that is no message; see `block_store.Describe`."""
+
+    def _new_store(self) -> BlockStore:
+        return BlockStore(self._file, self._grammar, self._describe)
+
+    def _second_store(self) -> BlockStore:
+        """For another way through the file, whose damage is noted where the first one's is."""
+        store = self._new_store()
+        store.damage = self._store.damage
+        return store
+
+    def _compare(self, chunks: Iterable[Block], outside: BlockStore) -> None:
+        """Say which chunks, and which messages outside them, the first way did not come upon."""
+        found = [chunk.record_offset for chunk in chunks]
+        self._store.compare([*found, *outside.offsets])
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        return self._store.damage.losses(self._topics)
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """The log times of a connection, from the index or from the survey at opening."""
+        return self._store.log_times(connection_id)
+
+    def groups(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[Group]:
+        """Messages in file order; a damaged chunk costs that chunk."""
+        return self._store.groups(connection_ids, start_ns, end_ns)
+
+    def earliest_ns(self) -> int:
+        """The earliest log time by the index."""
+        return self._store.earliest_ns
+
+    @abstractmethod
+    def check(self) -> int:
+        """See `Container.check`."""
+
+    def close(self) -> None:
+        """Release the file."""
+        self._file.close()

@@ -1,0 +1,241 @@
+"""The messages of a file that keeps them in blocks: whose they are, when, and their bytes."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.blocks.block import Block
+from replay.logs.blocks.lost_blocks import BlockDamage
+from replay.logs.blocks.slabs import Grammar, Slab, read_slabs
+from replay.logs.storage import END_NS, KEY, TIME, FileBytes, Group, group_by_key, no_times
+
+if TYPE_CHECKING:
+    from replay.logs.blocks.select_messages import ChunkStats
+
+_INT64_MAX: Final = 2**63 - 1
+
+#: (opcode, bytes, offset): of what records say of the same thing, what stands first counts. They
+#: come in another order, and what an index repeats may be damaged.
+Describe = Callable[[int, bytes, int], None]
+
+
+class BlockStore:
+    """Blocks in file order, with the log times of their messages."""
+
+    def __init__(
+        self,
+        file: FileBytes,
+        load_grammar: Callable[[], Grammar],
+        describe: Describe,
+    ) -> None:
+        """Begin without blocks.
+
+        Args:
+            file: that holds them.
+            load_grammar: of its records; compiled code, which an index makes unnecessary.
+            describe: is told of each record that is no message.
+        """
+        self.file = file
+        self.damage = BlockDamage(file.path.name)
+        self._load_grammar = load_grammar
+        self._describe = describe
+        self._blocks: list[Block] = []
+        self._times: dict[int, list[NDArray[np.int64]]] = {}
+        self._late: dict[int, int] = {}
+        #: the CRCs that agree, by where their blocks begin
+        self._sealed: set[int] = set()
+        self._topics: Mapping[int, str] = {}
+
+    @cached_property
+    def grammar(self) -> Grammar:
+        """How records are found in bytes."""
+        return self._load_grammar()
+
+    @property
+    def message_count(self) -> int:
+        """Messages in all blocks."""
+        return sum(sum(block.counts.values()) for block in self._blocks)
+
+    @property
+    def torn_messages(self) -> int:
+        """Messages in the block that the end of the file tears."""
+        return sum(sum(block.counts.values()) for block in self._blocks if block.is_torn)
+
+    @property
+    def crcs(self) -> int:
+        """CRCs that were compared so far and agree."""
+        return len(self._sealed)
+
+    @property
+    def last_ns(self) -> int | None:
+        """The latest log time, None without messages."""
+        return max((b.last_ns for b in self._blocks if b.counts), default=None)
+
+    @property
+    def earliest_ns(self) -> int:
+        """A log time that no message precedes."""
+        return min((b.first_ns for b in self._blocks if b.counts), default=END_NS)
+
+    @property
+    def offsets(self) -> Iterator[int]:
+        """Where the blocks begin that hold messages."""
+        return (block.record_offset for block in self._blocks if block.counts)
+
+    def compare(self, offsets: Iterable[int]) -> None:
+        """Say which blocks, by where they begin, are in the file and not here."""
+        known = {block.record_offset for block in self._blocks}
+        for offset in offsets:
+            if offset not in known and not self.damage.is_lost(offset):
+                self.damage.note(f"the index omits the records at byte {offset}: not read")
+
+    def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
+        """Add a block whose messages are known: their log times (as 64 bits) by connection."""
+        described, usable = _described(block, times)
+        self._blocks.append(described)
+        for key, values in usable.items():
+            self._late[key] = self._late.get(key, 0) + times[key].size - values.size
+            self._times.setdefault(key, []).append(values)
+
+    def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
+        """Note that a block, whose messages are known, cannot be read."""
+        described, _ = _described(block, times)
+        self.damage.lose(described, why)
+
+    def survey(self, blocks: Iterable[Block]) -> None:
+        """Add blocks that no index describes: they are unpacked to see what they hold."""
+        for slab in read_slabs(self.file, blocks, self.grammar):
+            for block, why in slab.damaged:
+                self.damage.lose(block, why)
+            for block, first, last, unread in slab.parts:
+                self.add_rows(block, slab.data, slab.rows[:, first:last])
+                self._judge_unread(block, unread)
+                self._seal(block)
+
+    def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
+        """Add a block with the rows that scanning it gave."""
+        for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
+            content = data[offset : offset + length].tobytes()
+            self._describe(-1 - key, content, block.record_offset)
+        self.add(block, {key: rows[TIME, at] for key, at in group_by_key(rows[KEY])})
+
+    def finish(self, topics: Mapping[int, str]) -> None:
+        """Once all blocks are there: put them in file order, say which messages are unusable.
+
+        Args:
+            topics: of each connection that is described.
+        """
+        self._topics = topics
+        self._blocks.sort(key=lambda block: block.record_offset)
+        for key, parts in self._times.items():
+            if key not in topics:
+                count = sum(times.size for times in parts)
+                self.damage.note(f"{count:,} messages of connection {key}, which has no definition")
+            elif self._late[key]:
+                self.damage.note(
+                    f"{self._late[key]:,} messages have log times beyond the year 2262: not used",
+                    topics[key],
+                )
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """Log times of a connection, (n,) in ns."""
+        return np.concatenate([no_times(), *self._times.get(connection_id, [])])
+
+    def groups(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[Group]:
+        """See `Container.groups`."""
+        # compiled code, which describing a log does not wait for
+        from replay.logs.blocks.select_messages import select
+
+        wanted = frozenset(connection_ids)
+        first = 0 if start_ns is None else max(start_ns, 0)
+        last = _INT64_MAX if end_ns is None else end_ns
+        touched = [
+            block
+            for block in self._blocks
+            if not wanted.isdisjoint(block.counts)
+            and block.first_ns <= last
+            and block.last_ns >= first
+        ]
+        chosen = np.array(sorted(wanted), np.int64)
+        begins = np.array([*(block.first_ns for block in touched), END_NS], np.int64)
+        floors = np.minimum.accumulate(begins[::-1])[::-1]
+        done = 0
+        for slab in read_slabs(self.file, touched, self.grammar):
+            self._judge(slab)
+            done += len(slab.parts) + len(slab.damaged)
+            found = list(select(slab.data, slab.rows, chosen, first, last))
+            yield Group(found, int(floors[done]))
+
+    def _judge(self, slab: Slab) -> None:
+        for block, why in slab.damaged:
+            self.damage.lose(block, why)
+        # compiled code, which describing a log does not wait for
+        from replay.logs.blocks.select_messages import chunk_stats
+
+        blocks = [block for block, *_ in slab.parts]
+        keys = sorted({*self._topics, *(key for block in blocks for key in block.counts)})
+        topics = [*(self._topics.get(key, "") for key in keys), ""]
+        found = chunk_stats(slab, np.array(keys, np.int64))
+        for (block, _, _, unread), held in zip(slab.parts, found, strict=True):
+            self._judge_unread(block, unread)
+            self._seal(block)
+            said = [*(block.counts.get(key, 0) for key in keys), 0]
+            if held.counts != said:
+                self._judge_counts(block, held.counts, said, topics)
+            self._judge_times(block, held)
+
+    def _judge_counts(
+        self, block: Block, found: list[int], said: list[int], topics: list[str]
+    ) -> None:
+        for held, counted, topic in zip(found, said, topics, strict=True):
+            if held != counted:
+                self.damage.note(
+                    f"the chunk at byte {block.record_offset} holds {held:,} whole messages "
+                    f"where its index counts {counted:,}",
+                    topic,
+                )
+
+    def _judge_times(self, block: Block, held: "ChunkStats") -> None:
+        """Between two times, a block is read only if what is said of it lies between them too."""
+        # some may be known to be beyond the year 2262
+        unknown = held.late > 0 and not any(self._late.values())
+        in_time = held.first_ns <= held.last_ns
+        if unknown or (
+            in_time and (held.first_ns < block.first_ns or held.last_ns > block.last_ns)
+        ):
+            self.damage.note(
+                f"the chunk at byte {block.record_offset} holds messages outside the times "
+                "that its index gives"
+            )
+
+    def _seal(self, block: Block) -> None:
+        if block.crc and not block.is_torn:
+            self._sealed.add(block.record_offset)
+
+    def _judge_unread(self, block: Block, unread: int) -> None:
+        if unread and not block.is_torn:
+            self.damage.note(
+                f"{unread:,} of {block.room:,} bytes in the chunk at byte "
+                f"{block.record_offset} form no whole record and are not read"
+            )
+
+
+def _described(
+    block: Block, times: Mapping[int, NDArray[np.int64]]
+) -> tuple[Block, Mapping[int, NDArray[np.int64]]]:
+    """A block with what it holds, and the log times of its messages that can be used.
+
+    Those beyond the year 2262 cannot; their 64 bits are a negative number here.
+    """
+    everything = np.concatenate([no_times(), *times.values()])
+    counts = {key: values.size for key, values in times.items() if values.size}
+    if everything.size and everything.min() < 0:
+        times = {key: values[values >= 0] for key, values in times.items()}
+        everything = everything[everything >= 0]
+    first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
+    return replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), times

@@ -1,0 +1,58 @@
+"""Records outside chunks, or in a chunk whose beginning is damaged; and where records resume."""
+
+from typing import Final
+
+import numpy as np
+
+from replay.logs.blocks.block import Block
+from replay.logs.blocks.block_messages import BlockStore
+from replay.logs.blocks.slabs import SLAB_BYTES, Find, SlabIndex
+from replay.logs.storage import LARGEST_BYTES, FileBytes
+
+_SMALLEST_WINDOW: Final = 65_536
+
+
+class LooseRecords:
+    """Adds records outside chunks to a store, as blocks of bounded size."""
+
+    def __init__(self, store: BlockStore) -> None:
+        self._store = store
+        # grows while records go on, since where they do not most of a large read is for nothing
+        self._window = _SMALLEST_WINDOW
+
+    def add(self, at: int, record_bytes: int) -> int:
+        """Add records from `at` on, and say where they end: at a chunk, or what is none.
+
+        Args:
+            at: where the first record begins.
+            record_bytes: what that record says it has.
+        """
+        size = max(self._window, min(record_bytes, LARGEST_BYTES))
+        data = np.frombuffer(self._store.file.read(at, size), np.uint8)
+        grammar = self._store.grammar
+        _, stop = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
+        self._window = min(2 * size, SLAB_BYTES) if stop > size // 2 else _SMALLEST_WINDOW
+        if stop:
+            rows = SlabIndex(grammar, data, 0)
+            rows.scan(0, stop)
+            self._store.add_rows(Block(at, at, stop, "", stop), data, rows.found)
+        return at + stop
+
+
+#: The first look is short, since damage mostly is: many small faults must not cost a large read
+#: each. It is long enough for a few records, and so is what two looks share.
+_SHORTEST: Final = 16_384
+_LONGEST: Final = 8 * 2**20
+
+
+def resync(file: FileBytes, damaged: int, find: Find) -> int | None:
+    """Resynchronise: find the offset behind damage at which records go on, None where none do."""
+    at, size = damaged + 1, _SHORTEST
+    while at < file.size:
+        data = np.frombuffer(file.read(at, size), np.uint8)
+        found = find(data, 0, data.size, file.size - at)
+        if found >= 0:
+            return at + found
+        at += max(data.size - _SHORTEST // 2, _SHORTEST // 2)
+        size = min(2 * size, _LONGEST)
+    return None

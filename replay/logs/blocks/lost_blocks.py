@@ -1,0 +1,113 @@
+"""What a file of blocks lost: blocks, and gaps between them."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+from replay.logs.blocks.block import Block
+from replay.logs.storage import Damage
+
+#: More damaged blocks than this are told in one sentence.
+_MOST_SINGLE: Final = 20
+
+
+class BlockDamage(Damage):
+    """The blocks that cannot be used and the gaps without records, beside all else."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__(source)
+        #: by where the block begins
+        self._blocks: dict[int, tuple[Block, str]] = {}
+        #: stretches that hold no records: from, to
+        self._gaps: dict[int, int] = {}
+
+    def lose(self, block: Block, why: str) -> None:
+        """Note that a block is not used."""
+        self._blocks[block.record_offset] = (block, why)
+
+    def skip(self, start: int, end: int) -> None:
+        """Note that between two offsets nothing can be read."""
+        self._gaps[start] = end
+
+    def is_lost(self, offset: int) -> bool:
+        """Whether the block that begins there is not used."""
+        return offset in self._blocks
+
+    @property
+    def lost_messages(self) -> int | None:
+        """How many messages the blocks held that are not used, None where one does not tell."""
+        counts = [sum(block.counts.values()) for block, _ in self._blocks.values()]
+        return sum(counts) if all(counts) else None
+
+    def __bool__(self) -> bool:
+        return bool(self._blocks or self._gaps) or super().__bool__()
+
+    def _of_places(self, topics: Mapping[int, str]) -> Iterator[tuple[str, str]]:
+        for what in (*self._of_blocks(topics), *self._of_gaps()):
+            yield "", what
+
+    def _of_blocks(self, topics: Mapping[int, str]) -> Iterable[str]:
+        damaged = [self._blocks[offset] for offset in sorted(self._blocks)]
+        if len(damaged) > _MOST_SINGLE:
+            blocks = [block for block, _ in damaged]
+            yield (
+                f"{len(damaged):,} chunks ({sum(b.stored_bytes for b in blocks):,} bytes) are "
+                f"damaged and not read, the first at byte {blocks[0].record_offset}: "
+                f"{damaged[0][1]}; {_held(blocks, topics)}"
+            )
+            return
+        for block, why in damaged:
+            yield (
+                f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
+                f"damaged and not read: {why}; {_held([block], topics)}"
+            )
+
+    def _of_gaps(self) -> Iterable[str]:
+        if self._gaps:
+            size = sum(end - start for start, end in self._gaps.items())
+            yield (
+                f"{size:,} bytes cannot be read, in {len(self._gaps)} "
+                f"{'place' if len(self._gaps) == 1 else 'places, the first'} at byte "
+                f"{min(self._gaps)}; the records after it are read"
+            )
+
+
+def in_seconds(log_time_ns: int) -> str:
+    """A log time as `info` writes the start of a log; to the ns, since it may be looked for."""
+    return f"{log_time_ns // 10**9}.{log_time_ns % 10**9:09} s"
+
+
+def until(last_ns: int | None) -> str:
+    """Up to where everything is read, as a part of a sentence."""
+    return "" if last_ns is None else f", the last at log time {in_seconds(last_ns)}"
+
+
+def torn_end(size: int, messages: int) -> str:
+    """What stands behind the last whole record, as a part of a sentence.
+
+    Args:
+        size: its bytes.
+        messages: that were read of a torn chunk there.
+    """
+    if messages:
+        return (
+            f"; the last {size:,} bytes are a torn chunk, of which {messages:,} messages are read"
+        )
+    return f"; {size:,} bytes at the end are lost or of a torn record" if size else ""
+
+
+def _held(blocks: list[Block], topics: Mapping[int, str]) -> str:
+    """What damaged blocks held, as far as an index tells."""
+    counts: dict[str, int] = {}
+    for block in blocks:
+        for key, count in block.counts.items():
+            topic = topics.get(key, f"connection {key}")
+            counts[topic] = counts.get(topic, 0) + count
+    listed = ", ".join(f"{count:,} of {topic}" for topic, count in sorted(counts.items()))
+    timed = [block for block in blocks if block.last_ns >= block.first_ns]
+    if not timed:
+        return f"lost: {listed}" if listed else "nothing tells how many messages it held"
+    first, last = min(b.first_ns for b in timed), max(b.last_ns for b in timed)
+    span = f"from log time {in_seconds(first)}, {(last - first) / 1e9:.3f} s"
+    return (
+        f"lost {span}: {listed}" if listed else f"it held messages {span}; nothing tells how many"
+    )

@@ -1,0 +1,170 @@
+"""Slabs: blocks unpacked side by side, ahead of the consumer, and the records found in them."""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.blocks.block import Block, DamagedBlockError, unpack
+from replay.logs.storage import LARGEST_BYTES, FileBytes
+
+#: (data, begin, end, rows, row) -> (rows found, where the first record begins that is not whole):
+#: scan [begin, end) of a slab, and fill rows from `row` on, as many as there is room for.
+Scan = Callable[
+    [NDArray[np.uint8], int, int, NDArray[np.int64], int],
+    tuple[int, int],
+]
+#: (data, begin, end, limit) -> where in [begin, end) records go on after damage, or -1: a few in a
+#: row are no accident. `limit` is where the last of them may end, at or behind `end`.
+Find = Callable[[NDArray[np.uint8], int, int, int], int]
+
+
+class Grammar(NamedTuple):
+    """How records of a format are found in bytes."""
+
+    scan: Scan
+    find: Find
+
+
+@dataclass(frozen=True, slots=True)
+class Slab:
+    """Blocks unpacked side by side, and their records."""
+
+    data: NDArray[np.uint8]
+    #: (4, n): connection, log time (its 64 bits), offset and length of the message in `data`
+    rows: NDArray[np.int64]
+    #: a block, its first row, the row behind its last, and its bytes that are no records
+    parts: tuple[tuple[Block, int, int, int], ...]
+    damaged: tuple[tuple[Block, str], ...]
+
+
+class SlabIndex:
+    """The rows of a slab, which are found block by block: each is still in the caches then."""
+
+    def __init__(self, grammar: Grammar, data: NDArray[np.uint8], expected: int) -> None:
+        """Begin without rows.
+
+        Args:
+            grammar: of the records.
+            data: (bytes,) of the slab.
+            expected: how many records there are, if that is known; where there are more, a block
+                is scanned twice.
+        """
+        self._grammar, self._data = grammar, data
+        self._rows = np.empty((4, expected), np.int64)
+        self._count = 0
+
+    @property
+    def found(self) -> NDArray[np.int64]:
+        """All so far; see `Slab.rows`."""
+        return np.ascontiguousarray(self._rows[:, : self._count])
+
+    def scan(self, begin: int, end: int) -> tuple[int, int, int]:
+        """Add those of a span: its first row, the one behind its last, its bytes that are none."""
+        first = self._count
+        count, unread = self._scan(begin, end)
+        if first + count > self._rows.shape[1]:
+            grown = np.empty((4, max(first + count, 2 * first)), np.int64)
+            grown[:, :first] = self._rows[:, :first]
+            self._rows = grown
+            self._scan(begin, end)
+        self._count = first + count
+        return first, self._count, unread
+
+    def _scan(self, begin: int, end: int) -> tuple[int, int]:
+        row, unread, at = self._count, end - begin, begin
+        while 0 <= at < end:
+            count, stop = self._grammar.scan(self._data, at, end, self._rows, row)
+            row += count
+            unread -= stop - at
+            at = self._grammar.find(self._data, stop + 1, end, end) if stop < end else end
+        return row - self._count, unread
+
+
+#: Blocks are unpacked side by side up to this size, since who reads them pays by the slab.
+SLAB_BYTES: Final = 8 * 2**20
+_WORKERS: Final = min(4, os.cpu_count() or 1)
+#: Slabs that wait; each block larger than a slab has one of its own, and then fewer wait.
+_MOST_WAITING_BYTES: Final = (_WORKERS + 1) * SLAB_BYTES
+
+
+def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> Iterator[Slab]:
+    """Unpack and scan blocks in their order.
+
+    A slab's memory is used again as soon as the next slab is asked for.
+    """
+    free: list[NDArray[np.uint8]] = []
+    waiting: deque[tuple[Future[Slab], int]] = deque()
+    pool = ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-unpack")
+    try:
+        for group in _groups(blocks):
+            size = sum(_room(block) for block in group)
+            while waiting and sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES:
+                yield from _next(waiting, free)
+            recycled = free.pop() if free and size <= SLAB_BYTES else None
+            waiting.append((pool.submit(_load, file, group, grammar, recycled), size))
+        while waiting:
+            yield from _next(waiting, free)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _next(
+    waiting: deque[tuple[Future[Slab], int]], free: list[NDArray[np.uint8]]
+) -> Iterator[Slab]:
+    slab = waiting.popleft()[0].result()
+    yield slab
+    if slab.data.size == SLAB_BYTES:
+        free.append(slab.data)
+
+
+def _room(block: Block) -> int:
+    # a block that nobody believes takes no room; unpacking it says why
+    return block.room if block.room <= LARGEST_BYTES else 0
+
+
+def _groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
+    group: list[Block] = []
+    size = 0
+    for block in blocks:
+        if group and size + _room(block) > SLAB_BYTES:
+            yield group
+            group, size = [], 0
+        group.append(block)
+        size += _room(block)
+    if group:
+        yield group
+
+
+def _load(
+    file: FileBytes, blocks: list[Block], grammar: Grammar, recycled: NDArray[np.uint8] | None
+) -> Slab:
+    """Unpack and scan the blocks of one slab, in a worker."""
+    damaged: list[tuple[Block, str]] = []
+    parts: list[tuple[Block, int, int, int]] = []
+    try:
+        size = max(SLAB_BYTES, sum(map(_room, blocks)))
+        buffer = np.empty(size, np.uint8) if recycled is None else recycled
+        rows = SlabIndex(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
+    except MemoryError:
+        nothing = np.empty(0, np.uint8)
+        lost = tuple((block, "not enough memory") for block in blocks)
+        return Slab(nothing, SlabIndex(grammar, nothing, 0).found, (), lost)
+    at = 0
+    for block in blocks:
+        try:
+            size = unpack(block, file, buffer[at : at + block.room])
+            part = (block, *rows.scan(at, at + size))
+        except DamagedBlockError as error:
+            damaged.append((block, str(error)))
+        except (OSError, MemoryError) as error:
+            damaged.append((block, str(error) or "not enough memory"))
+        else:
+            parts.append(part)
+            at += size
+    return Slab(buffer, rows.found, tuple(parts), tuple(damaged))

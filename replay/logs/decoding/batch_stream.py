@@ -1,0 +1,193 @@
+"""Batches on their way through a decoder: small ones are put together, large ones split.
+
+Recorders write messages a little out of order. Sorting a whole log for that would copy every
+column; here only the rows that meet others are moved, and all else stays where it was decoded.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from replay.logs.decoding.decoder import Decoded, Decoder, Submit, Tally, at_once
+from replay.logs.decoding.gather_values import concatenated
+from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
+
+#: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
+_FEW_ROWS: Final = 2048
+#: The other half of the cores unpacks.
+_WORKERS: Final = max(1, min(4, (os.cpu_count() or 1) // 2))
+
+
+class Stream:
+    """The batches of one topic on their way through its decoder, into the order of log times."""
+
+    def __init__(self, decoder: Decoder, schema: pl.Schema) -> None:
+        self.tally = Tally()
+        self._decoder = decoder
+        self._frames = [pl.DataFrame(schema=schema)]
+        #: put aside until they are worth the overhead of a batch
+        self._few: list[RawBatch] = []
+        self._rows = self._bytes = 0
+        self._begun: list[Callable[[], Decoded]] = []
+        #: the log time of the last message, by connection: slabs hold several side by side
+        self._last: dict[int, int] = {}
+
+    def take(self, batch: RawBatch, submit: Submit) -> None:
+        """Take the next messages; their memory may be used again once they are settled."""
+        self._look_back(batch)
+        for part in batch.parts():
+            if part.rows < _FEW_ROWS:
+                self._few.append(_copied(part))
+                self._rows += part.rows
+                self._bytes += self._few[-1].data.size
+                if self._rows < BATCH_ROWS and self._bytes < BATCH_BYTES:
+                    continue
+            self._begin_few(submit)
+            if part.rows >= _FEW_ROWS:
+                self._begin(part, submit)
+
+    def settle(self) -> None:
+        """End the decoding of what was taken."""
+        for finish in self._begun:
+            decoded = finish()
+            self.tally.rows += decoded.frame.height
+            self.tally.undecodable += decoded.undecodable
+            self.tally.first_fault = self.tally.first_fault or decoded.first_fault
+            if decoded.frame.height:
+                self._frames.append(decoded.frame)
+        self._begun.clear()
+
+    def drain(self, floor_ns: int) -> pl.DataFrame:
+        """Take out the decoded rows that none can precede any more; call `settle` before.
+
+        Args:
+            floor_ns: no message that is still to be taken has an earlier log time.
+        """
+        waiting = [int(batch.log_times.min()) for batch in self._few]
+        frame = joined_frames(self._frames)
+        ready = frame[TIME].search_sorted(min([floor_ns, *waiting]), side="right")
+        self._frames = [frame[ready:]]
+        return frame[:ready]
+
+    def finish(self) -> pl.DataFrame:
+        """Everything that was taken."""
+        self._begin_few(at_once)
+        self.settle()
+        frame = joined_frames(self._frames)
+        self._frames.clear()
+        return frame
+
+    def _look_back(self, batch: RawBatch) -> None:
+        """See whether times fall: sorted rows would not tell any more."""
+        if batch.rows:
+            times = batch.log_times
+            before = self._last.get(batch.connection_id, int(times[0]))
+            back = (times[:-1] - times[1:]).max(initial=before - times[0])
+            self.tally.back_ns = max(self.tally.back_ns, int(back))
+            self._last[batch.connection_id] = int(times[-1])
+
+    def _begin_few(self, submit: Submit) -> None:
+        if self._few:
+            self._begin(_joined(self._few), submit)
+            self._few, self._rows, self._bytes = [], 0, 0
+
+    def _begin(self, batch: RawBatch, submit: Submit) -> None:
+        self._begun.append(self._decoder.begin(sorted_batch(batch), submit))
+
+
+def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) -> None:
+    """Let streams take messages; compiled work goes to other threads.
+
+    Args:
+        groups: batches that lie in the same memory, which is used again for the next ones.
+        streams: by connection; some may be the same.
+    """
+    with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
+        for group in groups:
+            for batch in group:
+                streams[batch.connection_id].take(batch, lambda work: pool.submit(work).result)
+            for stream in dict.fromkeys(streams[batch.connection_id] for batch in group):
+                stream.settle()
+
+
+def drain_all(
+    groups: Iterable[tuple[list[RawBatch], int]], stream: Stream
+) -> Iterator[pl.DataFrame]:
+    """Decode one topic as `take_all` does, and give its rows as soon as their order is known.
+
+    Args:
+        groups: batches, each list with the log time before which no later message lies.
+        stream: of all of them.
+    """
+    with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
+        for batches, floor_ns in groups:
+            for batch in batches:
+                stream.take(batch, lambda work: pool.submit(work).result)
+            stream.settle()
+            ready = stream.drain(floor_ns)
+            if ready.height:
+                yield ready
+    rest = stream.finish()
+    if rest.height:
+        yield rest
+
+
+def _copied(batch: RawBatch) -> RawBatch:
+    """Its messages alone, since a container may use the memory again."""
+    data = concatenated(batch.data, batch.offsets, batch.lengths)
+    offsets = np.cumsum(batch.lengths) - batch.lengths
+    return RawBatch(
+        batch.connection_id, data, offsets, batch.lengths.copy(), batch.log_times.copy()
+    )
+
+
+def _joined(batches: list[RawBatch]) -> RawBatch:
+    lengths = np.concatenate([batch.lengths for batch in batches])
+    return RawBatch(
+        batches[0].connection_id,
+        np.concatenate([batch.data for batch in batches]),
+        np.cumsum(lengths) - lengths,
+        lengths,
+        np.concatenate([batch.log_times for batch in batches]),
+    )
+
+
+TIME = "log_time_ns"
+
+
+def sorted_batch(batch: RawBatch) -> RawBatch:
+    """The same messages by their log times; the bytes stay where they are."""
+    times = batch.log_times
+    if (times[1:] >= times[:-1]).all():
+        return batch
+    return batch.select(np.argsort(times, kind="stable"))
+
+
+def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
+    """One frame of several that are each in order; of rows at one time the earlier frame's first.
+
+    Args:
+        frames: of one schema, at least one.
+    """
+    found = list(frames)
+    placed: list[pl.DataFrame] = []
+    for frame in filter(len, found):
+        placed += _meeting(placed.pop(), frame) if placed else [frame]
+    whole = pl.concat(placed or found[:1], rechunk=False)
+    # a frame that begins before those in front of the last
+    return whole if whole[TIME].is_sorted() else whole.sort(TIME, maintain_order=True)
+
+
+def _meeting(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
+    """Two frames in parts that follow each other: where their times overlap the rows are merged."""
+    begin, end = second[TIME][0], first[TIME][-1]
+    if begin >= end:
+        return [first, second]
+    head = first[TIME].search_sorted(begin, side="right")
+    tail = second[TIME].search_sorted(end, side="left")
+    between = pl.concat([first[head:], second[:tail]]).sort(TIME, maintain_order=True)
+    return [part for part in (first[:head], between, second[tail:]) if part.height]

@@ -1,0 +1,152 @@
+"""A decode plan: the fields asked for of one type, in every encoding its messages may have."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from replay.logs.decoding.arrays import of_times
+from replay.logs.decoding.batch_pass import BatchPass, WalkedBatch
+from replay.logs.decoding.decode_program import Program, Wanted, compile_program
+from replay.logs.decoding.decoder import Decoded, Submit, at_once, schema_of
+from replay.logs.decoding.direct_fields import DirectFields, direct_fields
+from replay.logs.decoding.walk_program import TOO_SHORT, encapsulations
+from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
+from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve
+from replay.logs.messages.message_types import RecordType
+from replay.logs.messages.raw_batch import RawBatch
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """What came of the messages of one encapsulation, by their places among them."""
+
+    frame: pl.DataFrame
+    whole: NDArray[np.int64]
+    faulty: NDArray[np.int64]
+    first_fault: str
+
+
+class Plan:
+    """How to read fields of one type. It keeps nothing of what it decodes: threads may share it.
+
+    Raises:
+        NoPlanError: the type has something that no plan can express.
+    """
+
+    def __init__(self, record: RecordType, *, ros1: bool, fields: Sequence[Field]) -> None:
+        self._fields = tuple(fields)
+        self._stamp = resolve("header.stamp", record) if record.has_header else None
+        wanted: Wanted = {}
+        for field in (*self._fields, *filter(None, [self._stamp])):
+            _want(wanted, field)
+        self._ros1 = ros1
+        self._asked = self._fields if self._stamp is None else (self._stamp, *self._fields)
+        self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
+        #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
+        self._wires: dict[int, Wire] = {0: ROS1} if ros1 else ENCAPSULATIONS
+        self._programs = {
+            wire: _compiled(compile_program(record, wanted, wire), self._asked)
+            for wire in dict.fromkeys(self._wires.values())
+        }
+
+    def decode(self, batch: RawBatch) -> Decoded:
+        """Decode messages at once; one that is not whole costs its row."""
+        return self.begin(batch, at_once)()
+
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:
+        """See `Decoder.begin`."""
+        if self._ros1:
+            kinds = np.zeros(batch.rows, np.int64)
+        else:
+            kinds = encapsulations(batch.data, batch.offsets, batch.lengths)
+        if not batch.rows or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
+            return lambda: self._mixed(batch, kinds)
+        finish = self._begin_part(batch, int(kinds[0]), submit)
+
+        def decoded() -> Decoded:
+            part = finish()
+            return Decoded(part.frame, part.faulty.size, part.first_fault)
+
+        return decoded
+
+    def _mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> Decoded:
+        """Decode messages of several encapsulations, or of none that is known."""
+        chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
+        parts = [
+            (at, self._begin_part(batch.select(at), kind, at_once)())
+            for kind, at in zip(self._wires, chosen, strict=True)
+            if at.size
+        ]
+        frames = [pl.DataFrame(schema=schema_of(self._fields)), *(part.frame for _, part in parts)]
+        # back into the order of the batch
+        rows = [at[part.whole] for at, part in parts]
+        order = np.argsort(np.concatenate([np.empty(0, np.int64), *rows]))
+        faults = [(at[part.faulty], part.first_fault) for at, part in parts if part.faulty.size]
+        unknown = np.flatnonzero(~np.isin(kinds, list(self._wires)))
+        if unknown.size:
+            faults.append((unknown, _why_not(int(kinds[unknown[0]]))))
+        _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
+        return Decoded(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
+
+    def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _Part]:
+        """Begin to decode messages of one encapsulation."""
+        wire = self._wires[kind]
+        program, direct, places = self._programs[wire]
+        batch_pass = BatchPass(
+            program,
+            direct,
+            batch.data,
+            batch.offsets + wire.head,
+            batch.lengths - wire.head,
+            swap=wire.cdr and kind % 2 == 0,
+        )
+        wait = submit(batch_pass.execute)
+
+        def finish() -> _Part:
+            wait()
+            return self._part(batch_pass.result(), places, batch.log_times)
+
+        return finish
+
+    def _part(
+        self, walked: WalkedBatch, places: tuple[int | None, ...], log_times: NDArray[np.int64]
+    ) -> _Part:
+        columns, whole = walked.columns, walked.whole
+        faulty = np.flatnonzero(~whole)
+        log_times = log_times[whole] if faulty.size else log_times
+        gathered = list(columns.gathered_on_the_way())
+        arrays: list[Any] = [
+            columns.column(field) if place is None else gathered[place]
+            for field, place in zip(self._asked, places, strict=True)
+        ]
+        if self._stamp is None:
+            arrays.insert(0, pa.nulls(log_times.size, pa.int64()))
+        table: Any = pa.RecordBatch.from_arrays([of_times(log_times), *arrays], self._names)
+        return _Part(pl.DataFrame(table), np.flatnonzero(whole), faulty, walked.first_fault)
+
+
+def _compiled(
+    program: Program, fields: tuple[Field, ...]
+) -> tuple[Program, DirectFields, tuple[int | None, ...]]:
+    """A program, what it gathers on the way, and where each of the fields is among that."""
+    direct = direct_fields(program.root, fields)
+    places = {steps: place for place, steps in enumerate(direct.steps)}
+    return program, direct, tuple(places.get(field.steps) for field in fields)
+
+
+def _want(wanted: Wanted, field: Field) -> None:
+    for step in field.steps:
+        if isinstance(step.element, str) and step.element != ALL:
+            wanted.setdefault("name", {})
+        wanted = wanted.setdefault(step.name, {})
+
+
+def _why_not(kind: int) -> str:
+    if kind == TOO_SHORT:
+        return "it is too short for its encapsulation"
+    return f"no decoder for the encapsulation {REFUSED.get(kind, 'it begins with')} (0x{kind:04x})"

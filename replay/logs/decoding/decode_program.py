@@ -1,0 +1,207 @@
+"""A message definition as a program for `walk`: what follows what, and what is to be noted.
+
+Only what is asked for is noted. Everything is walked, since whether a message is whole must not
+depend on the fields that somebody wants from it; numbers that follow one another are one step.
+"""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.decoding.field_places import InSpan, Located, Nested, Strided, Text, Walked
+from replay.logs.decoding.spans import (
+    NoPlanError,
+    Span,
+    first_alignment,
+    fixed_size,
+    is_delimited,
+    members,
+    place_in,
+    smallest_size,
+    stride_of,
+)
+from replay.logs.decoding.wire import Wire
+from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
+
+#: Fields asked for, as a tree: by name, with the lists' elements left out. Empty for a leaf.
+Wanted: TypeAlias = dict[str, "Wanted"]
+
+
+class Op(IntEnum):
+    """What a step does."""
+
+    SPAN = 0
+    TEXT = 1
+    #: a list whose elements have one size
+    STRIDED = 2
+    #: a list whose elements are walked: the head, and the end of an element
+    LIST = 3
+    NEXT = 4
+
+
+class Operand(IntEnum):
+    """What stands in a column of `Program.steps`. Nothing noted, or no node, is -1."""
+
+    OP = 0
+    ALIGNMENT = 1
+    #: of a span, or of one element of a list at least
+    SIZE = 2
+    STRIDE = 3
+    #: of a list's elements, -1 where the message says it
+    LENGTH = 4
+    MARK = 5
+    #: the node whose elements the marks belong to; of NEXT, the node whose element ends
+    NODE = 6
+    #: the step to go on with: of LIST when it is empty, of NEXT when there are more elements
+    JUMP = 7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Program:
+    """A compiled definition in one encoding."""
+
+    wire: Wire
+    #: (steps, 8) int64, see `Column`
+    steps: NDArray[np.int64]
+    #: (marks,) the node of each mark
+    mark_nodes: NDArray[np.int64]
+    nodes: int
+    #: lists inside lists at most
+    depth: int
+    #: no message with fewer bytes is whole
+    least_bytes: int
+    root: Nested
+
+
+def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> Program:
+    """Compile a definition.
+
+    Raises:
+        NoPlanError: it has a field that no column can hold, or is too large.
+    """
+    least_bytes = smallest_size(record, wire)
+    compiler = _Compiler(wire)
+    root = compiler.record(record, wanted)
+    steps = np.array(compiler.steps, np.int64).reshape(-1, len(Operand))
+    return Program(
+        wire,
+        steps,
+        np.array(compiler.mark_nodes, np.int64),
+        compiler.nodes,
+        compiler.most_depth,
+        least_bytes,
+        root,
+    )
+
+
+@dataclass(slots=True)
+class _Compiler:
+    wire: Wire
+    steps: list[list[int]] = field(default_factory=list[list[int]])
+    mark_nodes: list[int] = field(default_factory=list[int])
+    nodes: int = 1
+    #: whose element is being compiled; -1 where nothing of it is asked for
+    node: int = 0
+    depth: int = 0
+    most_depth: int = 0
+    #: the last step's span, while more can be appended to it
+    span: Span | None = None
+
+    def record(self, record: RecordType, wanted: Wanted | None) -> Nested:
+        """Compile the fields of a message."""
+        fields: dict[str, Located] = {}
+        for name, kind in members(record, self.wire):
+            located = self._field(kind, None if wanted is None else wanted.get(name))
+            if located is not None:
+                fields[name] = located
+        return Nested(fields)
+
+    def _field(self, kind: FieldType, wanted: Wanted | None) -> Located | None:
+        if isinstance(kind, RecordType):
+            return self.record(kind, wanted)
+        if kind == Scalar("string"):
+            self._step(Op.TEXT)
+            return None if wanted is None else Text(self._note(2))
+        if fixed_size(kind, self.wire) is not None:
+            return self._in_span(kind, wanted)
+        assert isinstance(kind, ListOf), "what is no list and no string is fixed"
+        return self._list(kind, wanted)
+
+    def _in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
+        """A number or an array of a fixed size: in the open span, or else in a new one."""
+        value = None if self.span is None else place_in(self.span, kind, self.wire)
+        if value is None:
+            # the first byte of a message is aligned to everything
+            alignment = first_alignment(kind, self.wire) if self.steps else self.wire.max_alignment
+            span = Span(alignment)
+            value = place_in(span, kind, self.wire)
+            assert value is not None
+            self._step(Op.SPAN, alignment=alignment)
+            self.span = span
+        assert self.span is not None
+        self.steps[-1][Operand.SIZE] = self.span.size
+        return None if wanted is None else InSpan(self._note(1), value)
+
+    def _list(self, kind: ListOf, wanted: Wanted | None) -> Located | None:
+        if kind.length == 0:
+            # rosbags pads before it; and lists of what takes no bytes would be walked without bound
+            raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
+        if is_delimited(kind, self.wire):
+            self._in_span(Scalar("uint32"), None)
+        least = smallest_size(kind.element, self.wire)
+        length = -1 if kind.length is None else kind.length
+        fixed = fixed_size(kind.element, self.wire)
+        if fixed is None:
+            return self._walked(kind.element, length, least, wanted)
+        # arrays of a fixed size lie in spans
+        assert kind.length is None
+        if not least:
+            return self._in_span(Scalar("uint32"), None)
+        one, value = fixed
+        stride = stride_of(one)
+        self._step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)
+        return None if wanted is None else Strided(self._note(2), stride, value)
+
+    def _walked(
+        self, element: FieldType, length: int, least: int, wanted: Wanted | None
+    ) -> Walked | None:
+        head = self._step(Op.LIST, size=least, length=length)
+        mark = -1 if wanted is None else self._note(1)
+        above, self.node = self.node, -1 if wanted is None else self.nodes
+        self.nodes += wanted is not None
+        self.depth += 1
+        self.most_depth = max(self.depth, self.most_depth)
+        located = self._field(element, wanted)
+        end = self._step(Op.NEXT, jump=head + 1)
+        self.steps[head][Operand.JUMP] = end + 1
+        self.depth -= 1
+        inner, self.node = self.node, above
+        if wanted is None or located is None:
+            return None
+        return Walked(mark, inner, located)
+
+    def _step(
+        self,
+        op: Op,
+        *,
+        alignment: int = 1,
+        size: int = 0,
+        stride: int = 0,
+        length: int = -1,
+        jump: int = -1,
+    ) -> int:
+        """Append a step; it ends the open span."""
+        self.span = None
+        self.steps.append([op, alignment, size, stride, length, -1, self.node, jump])
+        return len(self.steps) - 1
+
+    def _note(self, count: int) -> int:
+        """The first mark of the last step, which notes so many."""
+        step = self.steps[-1]
+        if step[Operand.MARK] < 0:
+            step[Operand.MARK] = len(self.mark_nodes)
+            self.mark_nodes += [self.node] * count
+        return step[Operand.MARK]

@@ -1,0 +1,127 @@
+"""Direct fields: at a fixed distance from a mark of every message, gathered by the pass itself."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.decoding.field_places import (
+    Inline,
+    InlineArray,
+    InlineRecord,
+    InSpan,
+    Nested,
+    Text,
+)
+from replay.logs.decoding.gather_values import DTYPES, LOADS
+from replay.logs.messages.message_fields import ALL, Field, PathStep
+
+Ints = NDArray[np.int64]
+#: What tells a field of a type from the others.
+Steps: TypeAlias = tuple[PathStep, ...]
+
+
+class Gathering(NamedTuple):
+    """What a compiled pass gathers beside the marks, as numbers.
+
+    `value_*`: single values, by the mark of their span, their distance from it, and how they are
+    loaded (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.
+    """
+
+    value_marks: Ints
+    value_offsets: Ints
+    value_loads: Ints
+    array_marks: Ints
+    array_offsets: Ints
+    array_bytes: Ints
+    text_marks: Ints
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DirectFields:
+    """The fields of a type that the pass gathers."""
+
+    gathering: Gathering
+    #: single values and their kinds, arrays with kind and length, strings: each in the order of
+    #: the gathering
+    values: tuple[tuple[Steps, str], ...]
+    arrays: tuple[tuple[Steps, str, int], ...]
+    texts: tuple[Steps, ...]
+
+    @property
+    def steps(self) -> tuple[Steps, ...]:
+        """Of all of them, in that order."""
+        return (*(v[0] for v in self.values), *(a[0] for a in self.arrays), *self.texts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """Something at a fixed distance from a mark of the message itself."""
+
+    mark: int
+    offset: int
+    value: Inline | InlineArray | Text
+
+
+def direct_fields(root: Nested, fields: Iterable[Field]) -> DirectFields:
+    """Find those of some fields that are direct."""
+    places = {field.steps: _place(root, field.steps) for field in fields}
+    values: list[tuple[Steps, str]] = []
+    arrays: list[tuple[Steps, str, int]] = []
+    texts: list[Steps] = []
+    numbers: tuple[list[tuple[int, ...]], ...] = ([], [], [])
+    for steps, place in places.items():
+        match place:
+            case _Found(mark, offset, Inline(_, kind)):
+                values.append((steps, kind))
+                numbers[0].append((mark, offset, LOADS[kind]))
+            case _Found(mark, offset, InlineArray(_, length, _, Inline(_, kind))):
+                arrays.append((steps, kind, length))
+                numbers[1].append((mark, offset, length * DTYPES[kind].itemsize))
+            case _Found(mark, _, Text()):
+                texts.append(steps)
+                numbers[2].append((mark,))
+            case _:
+                pass
+    columns = [
+        np.array(rows, np.int64).reshape(-1, width).T.copy()
+        for rows, width in zip(numbers, (3, 3, 1), strict=True)
+    ]
+    gathering = Gathering(*columns[0], *columns[1], *columns[2])
+    return DirectFields(gathering, tuple(values), tuple(arrays), tuple(texts))
+
+
+def _place(root: Nested, steps: Steps) -> _Found | None:
+    """Where a field lies, if every message has it there."""
+    here: Nested | InlineRecord = root
+    mark, offset = -1, 0
+    for step in steps:
+        below = here.fields[step.name]
+        if isinstance(below, Text):
+            return _Found(below.mark, 0, below) if step.element is None else None
+        if isinstance(below, InSpan):
+            mark, below = below.mark, below.value
+        if isinstance(below, InlineArray) and step.element is not None:
+            offset += below.offset
+            if step.element == ALL:
+                return _Found(mark, offset, below) if _is_contiguous(below, step, steps) else None
+            if not isinstance(step.element, int):
+                return None
+            offset += step.element * below.stride
+            below = below.element
+        elif step.element is not None:
+            return None
+        if isinstance(below, Inline):
+            return _Found(mark, offset + below.offset, below)
+        if not isinstance(below, Nested | InlineRecord):
+            return None
+        here = below
+    return None
+
+
+def _is_contiguous(array: InlineArray, step: PathStep, steps: Steps) -> bool:
+    """Whether all of an array is asked for, and it consists of numbers without gaps."""
+    element = array.element
+    return step is steps[-1] and isinstance(element, Inline) and element.kind in DTYPES

@@ -1,0 +1,254 @@
+"""Columns from marks: follow a field's steps to where its values lie, then gather them.
+
+On the way a field is at elements of a node or, inside something of a fixed size, at positions in
+the data. -1 stands for one that a message does not have, whose value is null.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.decoding.arrays import (
+    ELEMENT_TYPES,
+    Array,
+    of_elements,
+    of_lists,
+    of_strings,
+    of_values,
+)
+from replay.logs.decoding.direct_fields import DirectFields
+from replay.logs.decoding.field_places import (
+    Inline,
+    InlineArray,
+    InlineRecord,
+    InlineValue,
+    InSpan,
+    Located,
+    Nested,
+    Strided,
+    Text,
+    Walked,
+)
+from replay.logs.decoding.gather_values import DTYPES, concatenated, find, numbers, values, views
+from replay.logs.decoding.one_pass import Gathered
+from replay.logs.decoding.wire import WIDTHS
+from replay.logs.messages.message_fields import ALL, Field
+
+Ints = NDArray[np.int64]
+_NO_TEXT: Final = np.empty(0, np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Elements:
+    """What is at some elements of a node: their numbers, or None for all of them."""
+
+    located: Located
+    chosen: Ints | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Positions:
+    """What is `offset` bytes behind some positions."""
+
+    value: InlineValue
+    at: Ints
+    offset: int = 0
+
+
+_Place: TypeAlias = _Elements | _Positions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """A walked batch, ready to give columns."""
+
+    data: NDArray[np.uint8]
+    swap: bool
+    root: Nested
+    #: by mark: what was noted for each element of its node
+    noted: tuple[Ints, ...]
+    #: whole messages
+    rows: int
+    direct: DirectFields
+    gathered: Gathered
+    _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
+
+    def gathered_on_the_way(self) -> Iterator[Array]:
+        """Fields that the pass gathered, in the order of `DirectFields.steps`."""
+        direct, gathered = self.direct, self.gathered
+        rows, room = self.rows, gathered.values.shape[1]
+        for (_, kind), bits in zip(direct.values, gathered.values, strict=True):
+            yield of_values(bits[:rows], kind)
+        above = 0
+        sizes = direct.gathering.array_bytes.tolist()
+        for (_, kind, length), size in zip(direct.arrays, sizes, strict=True):
+            stored = gathered.arrays[above : above + rows * size]
+            elements = of_elements(numbers(stored, kind, swap=self.swap), kind)
+            yield of_lists(np.full(rows, length), elements)
+            above += room * size
+        for k, mark in enumerate(direct.gathering.text_marks.tolist()):
+            if gathered.long_bytes[k]:
+                yield of_strings(*views(self.data, self.noted[mark], self.noted[mark + 1]))
+            else:
+                yield of_strings(gathered.views[k, :rows], _NO_TEXT)
+
+    def column(self, wanted: Field) -> Array:
+        """The values of a field, one for every whole message."""
+        place: _Place = _Elements(self.root, None)
+        spreads: list[Ints] = []
+        for step in wanted.steps:
+            above, place = place, self._child(place, step.name)
+            if step.element is None:
+                continue
+            if step.element == ALL:
+                counts = self._counts(place)
+                spreads.append(counts)
+                if step is wanted.steps[-1] and _is_contiguous(place):
+                    return _wrapped(self._contiguous(place, counts), spreads)
+                place = self._spread(place, counts)
+            elif isinstance(step.element, int):
+                place = self._pick(place, step.element)
+            else:
+                place = self._pick(place, self._by_name(above, step.element))
+        found = self._values(place)
+        if spreads and wanted.kind in ELEMENT_TYPES:
+            found = found.cast(ELEMENT_TYPES[wanted.kind], safe=False)
+        return _wrapped(found, spreads)
+
+    def _child(self, place: _Place, name: str) -> _Place:
+        if isinstance(place, _Positions):
+            assert isinstance(place.value, InlineRecord)
+            return replace(place, value=place.value.fields[name])
+        assert isinstance(place.located, Nested)
+        located = place.located.fields[name]
+        if isinstance(located, InSpan):
+            return _Positions(located.value, self._noted(located.mark, place.chosen))
+        return _Elements(located, place.chosen)
+
+    def _noted(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
+        """A mark of chosen elements, `absent` for those that are not there."""
+        if chosen is None:
+            return self.noted[mark]
+        # one more, which is what -1 picks
+        return np.append(self.noted[mark], absent)[chosen]
+
+    def _counts(self, place: _Place) -> Ints:
+        """How many elements each list has, -1 for a list that is not there."""
+        if isinstance(place, _Positions):
+            assert isinstance(place.value, InlineArray)
+            return np.where(place.at < 0, -1, place.value.length)
+        assert isinstance(place.located, Walked | Strided)
+        mark = place.located.mark + isinstance(place.located, Strided)
+        return self._noted(mark, place.chosen)
+
+    def _pick(self, place: _Place, number: int | Ints) -> _Place:
+        """One element of each list: the same of all, or another of each."""
+        if isinstance(place, _Positions) and isinstance(number, int):
+            assert isinstance(place.value, InlineArray)
+            array = place.value
+            return _Positions(
+                array.element, place.at, place.offset + array.offset + number * array.stride
+            )
+        there = (number >= np.int64(0)) & (number < self._counts(place))
+        return self._element(place, np.where(there, number, -1))
+
+    def _element(self, place: _Place, number: Ints) -> _Place:
+        """An element of each list, which has it unless the number is -1."""
+        if isinstance(place, _Positions):
+            assert isinstance(place.value, InlineArray)
+            array = place.value
+            at = place.at + array.offset + number * array.stride
+            return _Positions(array.element, np.where(number < 0, -1, at), place.offset)
+        if isinstance(place.located, Strided):
+            starts = self._noted(place.located.mark, place.chosen)
+            at = np.where(number < 0, -1, starts + number * place.located.stride)
+            return _Positions(place.located.element, at)
+        assert isinstance(place.located, Walked)
+        counts = self.noted[place.located.mark]
+        begins = np.cumsum(counts) - counts
+        if place.chosen is not None:
+            begins = np.append(begins, -1)[place.chosen]
+        return _Elements(place.located.element, np.where(number < 0, -1, begins + number))
+
+    def _spread(self, place: _Place, counts: Ints) -> _Place:
+        """Every element of each list."""
+        match place:
+            case _Elements(located=Walked(element=element), chosen=None):
+                return _Elements(element, None)
+            case _:
+                pass
+        there = np.maximum(counts, 0)
+        owner = np.repeat(np.arange(there.size), there)
+        number = np.arange(owner.size) - np.repeat(np.cumsum(there) - there, there)
+        if isinstance(place, _Positions):
+            place = replace(place, at=place.at[owner])
+        else:
+            chosen = owner if place.chosen is None else place.chosen[owner]
+            place = replace(place, chosen=chosen)
+        return self._element(place, number)
+
+    def _by_name(self, place: _Place, name: str) -> Ints:
+        """Where the list `name` of a message has a name, -1 where it does not."""
+        assert isinstance(place, _Elements)
+        assert isinstance(place.located, Nested)
+        names = place.located.fields["name"]
+        assert isinstance(names, Walked)
+        assert isinstance(names.element, Text)
+        if (names.mark, name) not in self._found:
+            text = names.element.mark
+            self._found[names.mark, name] = find(
+                self.data,
+                self.noted[text],
+                self.noted[text + 1],
+                self.noted[names.mark],
+                name,
+            )
+        found = self._found[names.mark, name]
+        return found if place.chosen is None else np.append(found, -1)[place.chosen]
+
+    def _contiguous(self, place: _Place, counts: Ints) -> Array:
+        """The elements of lists of numbers, which follow one another in the data."""
+        counts = np.maximum(counts, 0)
+        if isinstance(place, _Positions):
+            array = place.value
+            assert isinstance(array, InlineArray)
+            starts = place.at + (place.offset + array.offset)
+        else:
+            array = place.located
+            assert isinstance(array, Strided)
+            starts = self._noted(array.mark, place.chosen)
+        assert isinstance(array.element, Inline)
+        kind = array.element.kind
+        stored = concatenated(self.data, starts, counts * DTYPES[kind].itemsize)
+        return of_elements(numbers(stored, kind, swap=self.swap), kind)
+
+    def _values(self, place: _Place) -> Array:
+        if isinstance(place, _Elements):
+            assert isinstance(place.located, Text)
+            starts = self._noted(place.located.mark, place.chosen)
+            sizes = self._noted(place.located.mark + 1, place.chosen, absent=0)
+            return of_strings(*views(self.data, starts, sizes), absent=starts < 0)
+        value = place.value
+        assert isinstance(value, Inline)
+        offset = place.offset + value.offset
+        bits = values(self.data, place.at, offset, value.kind, swap=self.swap)
+        return of_values(bits, value.kind, absent=place.at < 0)
+
+
+def _is_contiguous(place: _Place) -> bool:
+    array = place.value if isinstance(place, _Positions) else place.located
+    return (
+        isinstance(array, InlineArray | Strided)
+        and isinstance(array.element, Inline)
+        and array.element.kind in WIDTHS
+    )
+
+
+def _wrapped(found: Array, spreads: list[Ints]) -> Array:
+    """Values in the lists that they are elements of, from the inside out."""
+    for counts in reversed(spreads):
+        found = of_lists(counts, found)
+    return found

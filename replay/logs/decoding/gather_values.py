@@ -1,0 +1,231 @@
+"""Values from where the walk found them. One pass a column keeps the writes sequential.
+
+The loops are compiled by numba and cached on disk. A position of -1 is a value that is not there;
+it gives 0.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.compiled import compiled
+from replay.logs.decoding.unaligned import copy, load16, load32, load64, widened
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+#: Little-endian numbers of the kinds; a bool is a byte until it is compared with 0.
+DTYPES: Final = {
+    "bool": np.dtype("u1"),
+    "byte": np.dtype("i1"),
+    "char": np.dtype("u1"),
+    **{f"int{8 * size}": np.dtype(f"<i{size}") for size in (1, 2, 4, 8)},
+    **{f"uint{8 * size}": np.dtype(f"<u{size}") for size in (1, 2, 4, 8)},
+    "float32": np.dtype("<f4"),
+    "float64": np.dtype("<f8"),
+}
+#: How a value of each kind becomes 64 bits: by its size in bytes, a negative one with its sign.
+_FLOAT32, _STAMP = 5, 6
+LOADS: Final = {
+    **{kind: -d.itemsize if d.kind == "i" else d.itemsize for kind, d in DTYPES.items()},
+    "float32": _FLOAT32,
+    "stamp": _STAMP,
+}
+#: Strings up to here lie in Arrow's view of them.
+_INLINE: Final = 12
+
+
+@compiled
+def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: Ints) -> None:
+    """Values of a column as 64 bits each: floats as double, stamps in ns.
+
+    Args:
+        data: (bytes,) where they lie.
+        positions: (n,) what they lie behind.
+        offset: how far behind.
+        how: what they are, see `LOADS`.
+        swap: whether they are big-endian.
+        out: (n,) out.
+    """
+    size = abs(how)
+    if size == 8:
+        _load8(data, positions, offset, swap, out)
+        return
+    for k in range(positions.size):
+        at = positions[k]
+        if at < 0:
+            out[k] = 0
+            continue
+        at += offset
+        if how == _STAMP:
+            seconds = _swapped4(load32(data, at)) if swap else load32(data, at)
+            rest = _swapped4(load32(data, at + 4)) if swap else load32(data, at + 4)
+            out[k] = _signed(seconds, 32) * np.int64(10**9) + rest
+        elif how == _FLOAT32:
+            out[k] = widened(_swapped4(load32(data, at)) if swap else load32(data, at))
+        else:
+            if size == 4:
+                value = _swapped4(load32(data, at)) if swap else load32(data, at)
+            elif size == 2:
+                value = load16(data, at)
+                if swap:
+                    value = (value & 0xFF) << 8 | value >> 8
+            else:
+                value = int(data[at])
+            out[k] = _signed(value, 8 * size) if how < 0 else value
+
+
+@compiled
+def _load8(data: Bytes, positions: Ints, offset: int, swap: bool, out: Ints) -> None:
+    """Values of 8 bytes, which nearly all are, in a loop with no other case in it."""
+    for k in range(positions.size):
+        at = positions[k]
+        if at < 0:
+            out[k] = 0
+        else:
+            eight = load64(data, at + offset)
+            out[k] = _swapped8(eight) if swap else eight
+
+
+@compiled
+def _signed(value: int, bits: int) -> int:
+    return value << 64 - bits >> 64 - bits
+
+
+@compiled
+def _swapped4(value: int) -> int:
+    return (value & 0xFF) << 24 | (value & 0xFF00) << 8 | value >> 8 & 0xFF00 | value >> 24 & 0xFF
+
+
+@compiled
+def _swapped8(value: int) -> int:
+    return _swapped4(value) << 32 | _swapped4(value >> 32)
+
+
+@compiled
+def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes) -> None:
+    """Copy stretches of one size, one behind the other.
+
+    Args:
+        data: (bytes,) where they lie.
+        positions: (n,) what they lie behind.
+        offset: how far behind.
+        size: bytes of each.
+        out: (n size,) out.
+    """
+    for k in range(positions.size):
+        copy(data, positions[k] + offset, out, k * size, size)
+
+
+@compiled
+def view(
+    data: Bytes,
+    starts: Ints,
+    sizes: Ints,
+    out: NDArray[np.uint32],
+    characters: Bytes,
+    text: Bytes,
+) -> int:
+    """Strings as Arrow's views of them (n, 4): size, then all of it, or else where the text is.
+
+    Args:
+        data: (bytes,) where they lie.
+        starts: (n,) where each begins.
+        sizes: (n,) bytes of each.
+        out: (n, 4) out.
+        characters: (n, 16) the bytes of `out`.
+        text: out, those that do not fit into their views, as far as there is room.
+
+    Returns:
+        The bytes of `text` that they need.
+    """
+    to = 0
+    for k in range(starts.size):
+        at, size = starts[k], sizes[k]
+        out[k, 0] = size
+        out[k, 1] = 0
+        out[k, 2] = 0
+        out[k, 3] = 0
+        for byte in range(min(size, np.int64(_INLINE))):
+            characters[k, 4 + byte] = data[at + byte]
+        if size <= _INLINE:
+            continue
+        out[k, 2] = 0
+        out[k, 3] = to
+        if to + size <= text.size:
+            copy(data, at, text, to, size)
+        to += size
+    return to
+
+
+@compiled
+def _copy(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
+    to = 0
+    for k in range(starts.size):
+        copy(data, starts[k], out, to, sizes[k])
+        to += sizes[k]
+
+
+@compiled
+def _find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, found: Ints) -> None:
+    first = 0
+    for row in range(counts.size):
+        found[row] = -1
+        for k in range(counts[row]):
+            at = starts[first + k]
+            same = sizes[first + k] == name.size
+            byte = 0
+            while same and byte < name.size:
+                same = data[at + byte] == name[byte]
+                byte += 1
+            if same:
+                found[row] = k
+                break
+        first += counts[row]
+
+
+def find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Ints:
+    """Where in each list of strings a name comes first, -1 where it does not.
+
+    Args:
+        data: what the strings lie in.
+        starts: (strings,) where each begins; the lists' strings follow one another.
+        sizes: (strings,) bytes of each.
+        counts: (lists,) strings of each list.
+        name: what is looked for.
+    """
+    found = np.empty(counts.size, np.int64)
+    # a copy, since numba would compile anew for an array that cannot be written
+    encoded = np.array(bytearray(name.encode()))
+    _find(data, starts, sizes, counts, encoded, found)
+    return found
+
+
+def values(data: Bytes, positions: Ints, offset: int, kind: str, *, swap: bool) -> Ints:
+    """Values of one kind, 64 bits each, at `positions + offset`."""
+    out = np.empty(positions.size, np.int64)
+    load(data, positions, offset, LOADS[kind], swap, out)
+    return out
+
+
+def views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
+    """Strings as Arrow's views (n, 4), with the text of those that do not fit into theirs."""
+    out = np.empty((starts.size, 4), np.uint32)
+    text = np.empty(int(sizes[sizes > _INLINE].sum()), np.uint8)
+    view(data, starts, sizes, out, out.view(np.uint8), text)
+    return out, text
+
+
+def concatenated(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
+    """Concatenate stretches of bytes, of so many bytes each, at some starts."""
+    out = np.empty(int(sizes.sum()), np.uint8)
+    _copy(data, starts, sizes, out)
+    return out
+
+
+def numbers(stored: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
+    """Numbers of one kind, from their bytes."""
+    dtype = DTYPES[kind]
+    bits = stored.view(f"u{dtype.itemsize}")
+    return (bits.byteswap() if swap else bits).view(dtype)

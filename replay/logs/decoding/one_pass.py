@@ -1,0 +1,120 @@
+"""One pass over a batch: walk some messages, then gather from them what lies at fixed places.
+
+About a thousand messages fit into the processor's near caches, and are still there when their
+columns are gathered; a batch does not.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.compiled import uncounted
+from replay.logs.decoding.direct_fields import Gathering
+from replay.logs.decoding.gather_values import copy_equal, load, view
+from replay.logs.decoding.walk_program import Encoding, Messages, Noted, Outcome, Template, walk
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+_ROWS_AT_ONCE: Final = 1024
+
+
+class Gathered(NamedTuple):
+    """What a pass gathers; of `n` rows those of whole messages are filled, the first ones."""
+
+    #: (values, n) 64 bits each
+    values: Ints
+    #: one array behind the other, n rows of each
+    arrays: Bytes
+    #: (texts, n, 4) views of strings, and the bytes of those that do not fit into theirs
+    views: NDArray[np.uint32]
+    long_bytes: Ints
+    #: (texts, n, 16) the bytes of `views`
+    characters: Bytes
+    #: for text that is not kept
+    nowhere: Bytes
+
+
+def room_for(gathering: Gathering, rows: int) -> Gathered:
+    """Memory for so many rows."""
+    texts = gathering.text_marks.size
+    views = np.empty((texts, rows, 4), np.uint32)
+    return Gathered(
+        np.empty((gathering.value_marks.size, rows), np.int64),
+        np.empty(int(gathering.array_bytes.sum()) * rows, np.uint8),
+        views,
+        np.zeros(texts, np.int64),
+        views.view(np.uint8),
+        np.empty(0, np.uint8),
+    )
+
+
+@uncounted
+def one_pass(
+    messages: Messages,
+    encoding: Encoding,
+    steps: Ints,
+    noted: Noted,
+    template: Template,
+    gathering: Gathering,
+    gathered: Gathered,
+    outcome: Outcome,
+) -> None:
+    """Walk and gather messages.
+
+    Args:
+        messages: all of them.
+        encoding: of all of them.
+        steps: the program.
+        noted: takes the marks.
+        template: none remembered.
+        gathering: what is gathered.
+        gathered: takes it.
+        outcome: what becomes of each message, out.
+    """
+    filled = noted.filled
+    count = messages.begins.size
+    for first in range(0, count, _ROWS_AT_ONCE):
+        row = filled[0]
+        end = min(first + _ROWS_AT_ONCE, count)
+        walk(messages, first, end, encoding, steps, noted, template, outcome)
+        _gather(messages.data, noted, gathering, gathered, encoding.swap, row, filled[0])
+
+
+@uncounted
+def _gather(
+    data: Bytes,
+    noted: Noted,
+    gathering: Gathering,
+    gathered: Gathered,
+    swap: bool,
+    first: int,
+    end: int,
+) -> None:
+    table, marks, _, _, _ = noted
+    value_marks, value_offsets, value_loads = gathering[:3]
+    array_marks, array_offsets, array_bytes, text_marks = gathering[3:]
+    values, arrays, views, long_bytes, characters, nowhere = gathered
+    for k in range(value_marks.size):
+        base = table[value_marks[k], 1]
+        positions = marks[base + first : base + end]
+        load(data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end])
+    rows = values.shape[1]
+    above = 0
+    for k in range(array_marks.size):
+        base, size = table[array_marks[k], 1], array_bytes[k]
+        positions = marks[base + first : base + end]
+        out = arrays[above + first * size : above + end * size]
+        copy_equal(data, positions, array_offsets[k], size, out)
+        above += rows * size
+    for k in range(text_marks.size):
+        base, sizes = table[text_marks[k], 1], table[text_marks[k] + 1, 1]
+        long_bytes[k] += view(
+            data,
+            marks[base + first : base + end],
+            marks[sizes + first : sizes + end],
+            views[k, first:end],
+            characters[k, first:end],
+            nowhere,
+        )

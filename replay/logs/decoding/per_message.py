@@ -1,0 +1,76 @@
+"""Messages to columns one at a time, by a library: for types that no plan can express."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import polars as pl
+
+from replay.logs.decoding.decoder import Decoded, Submit, schema_of
+from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.decoding_libraries import Library
+from replay.logs.messages.message_fields import ALL, Field, PathStep
+from replay.logs.messages.message_types import MessageType
+from replay.logs.messages.raw_batch import RawBatch
+
+
+class MessageByMessage:
+    """How to read fields of one type without a plan."""
+
+    def __init__(self, kind: MessageType, fields: Sequence[Field]) -> None:
+        self._kind = kind
+        self._fields = tuple(fields)
+
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:  # noqa: ARG002 - objects need the lock
+        """See `Decoder.begin`."""
+        return lambda: self.decode(batch)
+
+    def decode(self, batch: RawBatch) -> Decoded:
+        """Decode messages one by one; one that the library refuses costs its row."""
+        rows: list[tuple[Any, ...]] = []
+        faults: list[str] = []
+        times = batch.log_times.tolist()
+        for time, data in zip(times, batch.messages(), strict=True):
+            try:
+                rows.append((time, *self._values(data)))
+            except BrokenBytesError as error:
+                faults.append(str(error))
+        frame = pl.DataFrame(rows, schema=schema_of(self._fields), orient="row")
+        return Decoded(frame, len(faults), faults[0] if faults else "")
+
+    def _values(self, data: bytes) -> tuple[Any, ...]:
+        message = self._kind.decode(data)
+        library = self._kind.library
+        stamp = None
+        if self._kind.record.has_header:
+            stamp = library.stamp_ns(library.get(library.get(message, "header"), "stamp"))
+        return (stamp, *(_value(library, message, f.steps, f.kind) for f in self._fields))
+
+
+def _value(library: Library, message: Any, steps: Sequence[PathStep], kind: str) -> Any:
+    for number, step in enumerate(steps, 1):
+        value = library.get(message, step.name)
+        if value is None:
+            return None
+        if step.element == ALL:
+            return [
+                _value(library, element, steps[number:], kind)
+                for element in library.elements(value)
+            ]
+        if step.element is not None:
+            is_by_name = isinstance(step.element, str)
+            names = library.elements(library.get(message, "name")) if is_by_name else ()
+            value = _pick(names, library.elements(value), step.element)
+        if value is None:
+            return None
+        message = value
+    return library.stamp_ns(message) if kind == "stamp" else library.convert(message, kind)
+
+
+def _pick(names: Sequence[Any], values: Sequence[Any], element: int | str) -> Any:
+    if isinstance(element, int):
+        number = element
+    elif element in names:
+        number = list(names).index(element)
+    else:
+        return None
+    return values[number] if number < len(values) else None

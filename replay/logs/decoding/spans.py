@@ -1,0 +1,136 @@
+"""Spans: stretches of a message whose layout its definition fixes."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from replay.logs.decoding.field_places import Inline, InlineArray, InlineRecord, InlineValue
+from replay.logs.decoding.wire import WIDTHS, Wire
+from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
+
+#: A definition whose messages must be larger than this describes none that exists.
+LARGEST_BYTES: Final = 2**30
+
+
+class NoPlanError(Exception):
+    """Why a type has no columnar plan, in a line."""
+
+
+@dataclass(slots=True)
+class Span:
+    """Numbers at fixed distances from a first byte at a multiple of `alignment`."""
+
+    alignment: int
+    size: int = 0
+
+    def place(self, alignment: int, size: int) -> int | None:
+        """Append `size` bytes and return their offset; None where padding would vary."""
+        if alignment > self.alignment:
+            return None
+        offset = -(-self.size // alignment) * alignment
+        self.size = offset + size
+        return offset
+
+
+def alignment_of(kind: str, wire: Wire) -> int:
+    """The alignment of a number or a stamp."""
+    return min(4 if kind == "stamp" else width_of(kind), wire.max_alignment)
+
+
+def width_of(kind: str) -> int:
+    """The bytes of a number or a stamp.
+
+    Raises:
+        NoPlanError: there is no place for such a number in a column.
+    """
+    if kind == "stamp":
+        return 8
+    if kind not in WIDTHS:
+        raise NoPlanError(f"no plan for a {kind}")
+    return WIDTHS[kind]
+
+
+def members(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
+    """The fields as stored: an empty message takes a byte in CDR."""
+    return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
+
+
+def place_in(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None:
+    """Put a field into a span; None where it has no fixed place there."""
+    if isinstance(kind, Scalar):
+        if kind.kind == "string":
+            return None
+        offset = span.place(alignment_of(kind.kind, wire), width_of(kind.kind))
+        return None if offset is None else Inline(offset, kind.kind)
+    if isinstance(kind, RecordType):
+        fields: dict[str, InlineValue] = {}
+        for name, field in members(kind, wire):
+            placed = place_in(span, field, wire)
+            if placed is None:
+                return None
+            fields[name] = placed
+        return InlineRecord(fields)
+    if kind.length is None or fixed_size(kind.element, wire) is None:
+        return None
+    if is_delimited(kind, wire) and span.place(4, 4) is None:
+        return None
+    return _place_array(span, kind.element, kind.length, wire)
+
+
+def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> InlineArray | None:
+    fixed = fixed_size(element, wire)
+    assert fixed is not None
+    one, value = fixed
+    size = (length - 1) * stride_of(one) + one.size if length else 0
+    offset = span.place(one.alignment, size)
+    return None if offset is None else InlineArray(offset, length, stride_of(one), value)
+
+
+def fixed_size(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
+    """An element as a span of its own; None where its size depends on the message."""
+    span = Span(first_alignment(element, wire))
+    value = place_in(span, element, wire)
+    return None if value is None else (span, value)
+
+
+def stride_of(span: Span) -> int:
+    """The distance of elements that follow one another."""
+    return -(-span.size // span.alignment) * span.alignment
+
+
+def first_alignment(kind: FieldType, wire: Wire) -> int:
+    """The alignment of the first number in a field, be it the length of a string."""
+    if isinstance(kind, RecordType):
+        filled = (f for _, f in members(kind, wire) if smallest_size(f, wire))
+        first = next(filled, None)
+        return 1 if first is None else first_alignment(first, wire)
+    if isinstance(kind, Scalar) and kind.kind != "string":
+        return alignment_of(kind.kind, wire)
+    if isinstance(kind, ListOf) and kind.length is not None and not is_delimited(kind, wire):
+        return first_alignment(kind.element, wire)
+    return wire.counted
+
+
+def is_delimited(kind: ListOf, wire: Wire) -> bool:
+    """Whether a list is preceded by its size in bytes; a stamp is a message, no number."""
+    is_number = isinstance(kind.element, Scalar) and kind.element.kind in WIDTHS
+    return wire.delimited_lists and not is_number
+
+
+def smallest_size(kind: FieldType, wire: Wire) -> int:
+    """The bytes that a field takes at least, padding aside.
+
+    Raises:
+        NoPlanError: they are more than a message can have.
+    """
+    if isinstance(kind, Scalar):
+        size = 4 if kind.kind == "string" else width_of(kind.kind)
+    elif isinstance(kind, RecordType):
+        size = sum(smallest_size(field, wire) for _, field in members(kind, wire))
+    elif kind.length is None:
+        smallest_size(kind.element, wire)
+        size = 4
+    else:
+        size = kind.length * smallest_size(kind.element, wire)
+    if size > LARGEST_BYTES:
+        raise NoPlanError("a field is larger than any message")
+    return size

@@ -1,0 +1,457 @@
+"""The walk: a program over messages, noting where things lie.
+
+Compiled by numba and cached on disk. It reads nothing outside a message: every length is held
+against what is left of the message before anything moves, and every element of a list takes at
+least a byte, so that a message of n bytes costs at most a multiple of n steps.
+
+Most messages repeat the one before: where things lie depends on the size of a message and on the
+lengths of its strings and lists, and on nothing else. Strings mostly are names of frames and
+joints, so that they are compared as well, and what is the same is UTF-8 again. A message that
+repeats all of these has the marks of the one before, moved.
+
+An array that one compiled function hands to another costs as much as a step where references to it
+are counted; here none are (`estimators.compiled.uncounted`).
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.compiled import compiled, inlined, uncounted
+from replay.logs.decoding.decode_program import Op, Operand
+from replay.logs.decoding.unaligned import fetch, load32, load64
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+# plain integers: numba freezes them into the machine code
+_SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)
+(_OP, _ALIGNMENT, _SIZE, _STRIDE, _LENGTH, _MARK, _NODE, _JUMP) = (int(c) for c in Operand)
+
+#: What can be wrong with a message, by the number that the walk gives.
+FAULTS: Final = (
+    "",
+    "it ends before its fields do",
+    "a string is longer than what is left of it",
+    "a string lacks its terminator",
+    "a string is no UTF-8",
+    "a list is longer than what is left of it",
+    "it goes on behind its last field",
+)
+_ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS))
+#: What stands in the place of an encapsulation that a message is too short for.
+TOO_SHORT: Final = -1
+_NOT_ASCII: Final = np.uint64(0x8080808080808080).astype(np.int64)
+
+#: Messages of one topic are apart from each other; the processor is told of what comes.
+_AHEAD: Final = 16
+_LINE_BYTES: Final = 64
+
+#: A template with more to compare, or more to note, is not remembered.
+_MOST_CHECKS: Final = 64
+_MOST_NOTES: Final = 256
+#: After so many messages in a row that repeat nothing, only every so many-th is remembered.
+_PATIENCE: Final = 8
+_LATER: Final = 64
+
+
+class Messages(NamedTuple):
+    """Messages of one encoding."""
+
+    #: (bytes,) what they lie in
+    data: Bytes
+    #: (n,) where each begins, behind its encapsulation; alignment counts from there
+    begins: Ints
+    #: (n,) bytes of each from there on
+    sizes: Ints
+
+
+class Encoding(NamedTuple):
+    """What of an encoding the walk needs."""
+
+    #: strings end in a NUL, and up to 3 bytes may pad a message
+    cdr: bool
+    #: numbers are big-endian
+    swap: bool
+    #: alignment of the lengths of strings and lists
+    counted: int
+
+
+class Noted(NamedTuple):
+    """What a walk notes."""
+
+    #: (marks, 3) of each mark: its node, where its values begin in `marks`, and for how many
+    #: elements there is room; more are only counted
+    table: Ints
+    #: values by mark and element of its node
+    marks: Ints
+    #: (nodes,) how many elements each node has; messages that are not whole leave nothing, so that
+    #: those of node 0 are the whole messages
+    filled: Ints
+    #: (nodes,) scratch, `filled` before the message
+    kept: Ints
+    #: (depth,) scratch, elements to go of the lists being walked
+    left: Ints
+
+
+class Template(NamedTuple):
+    """The layout of a message, for those that repeat it."""
+
+    #: (checks, 2) bytes that must be the same: from the message's begin on, and how many
+    checks: Ints
+    #: (notes, 4) the mark, the element of its node counted from the message's first, a position
+    #: from the message's begin on for the mark, and a count for it or for the next; -1 for neither
+    notes: Ints
+    #: (nodes,) how many elements it has of each node, but for the messages' own
+    elements: Ints
+    #: checks and notes that there are, -1 checks where none is remembered; begin and size of the
+    #: message, and where it ended; messages in a row that repeated nothing
+    state: Ints
+
+
+class Outcome(NamedTuple):
+    """What became of messages."""
+
+    #: (n,) what is wrong with each, see `FAULTS`
+    faults: NDArray[np.int8]
+    #: (n,) the byte where it ends, or where that was found
+    places: Ints
+
+
+def no_template(nodes: int) -> Template:
+    """Memory for a template, none remembered."""
+    state = np.array([-1, 0, 0, 0, 0, 0])
+    checks, notes = np.empty((_MOST_CHECKS, 2), np.int64), np.empty((_MOST_NOTES, 4), np.int64)
+    return Template(checks, notes, np.zeros(nodes, np.int64), state)
+
+
+@uncounted
+def walk(
+    messages: Messages,
+    first: int,
+    end: int,
+    encoding: Encoding,
+    steps: Ints,
+    noted: Noted,
+    template: Template,
+    outcome: Outcome,
+) -> None:
+    """Walk messages and note the marks of those that are whole.
+
+    Args:
+        messages: several.
+        first: the first of them to walk.
+        end: behind the last of them.
+        encoding: of all of them.
+        steps: the program.
+        noted: takes their marks.
+        template: of the message before the first, if one is remembered; then of the last.
+        outcome: of each, out.
+    """
+    data, begins, sizes = messages
+    faults, places = outcome
+    table, marks, filled, kept, left = noted
+    checks, notes, elements, state = template
+    check_count, note_count, other, other_size, other_end, walked = state
+    for message in range(first, end):
+        begin, size = begins[message], sizes[message]
+        _fetch_ahead(data, begins, sizes, message)
+        is_known = check_count >= 0 and size == other_size
+        if is_known and _repeats(data, begin, other, checks, check_count):
+            _note_again(table, marks, filled, notes, note_count, begin)
+            _add_elements(filled, elements)
+            faults[message] = 0
+            places[message] = other_end
+            walked = 0
+            continue
+        check_count = 0 if walked < _PATIENCE or walked % _LATER == 0 else -1
+        walked += 1
+        _copy_counts(filled, kept)
+        at = step = depth = fault = note_count = 0
+        while step < steps.shape[0]:
+            place, count, told, stop, at, fault = _read(
+                data, begin, at, size, steps, step, encoding
+            )
+            if fault != 0:
+                break
+            check_count = _check(checks, check_count, told, stop)
+            mark = steps[step, _MARK]
+            if mark >= 0:
+                node = steps[step, _NODE]
+                element = int(filled[node])
+                check_count, note_count = _remember(
+                    notes, check_count, note_count, mark, element - int(kept[node]), place, count
+                )
+                _write(table, marks, mark, element, place, count, begin)
+            step, depth = _follow(steps, step, filled, left, depth, count)
+        if fault == 0 and size - at > (3 if encoding.cdr else 0):
+            fault = _GOES_ON
+        faults[message] = fault
+        places[message] = at
+        if fault == 0:
+            other, other_size, other_end = begin, size, at
+            _count_elements(filled, kept, elements)
+        else:
+            check_count = -1
+            _copy_counts(kept, filled)
+    state[0], state[1], state[2] = check_count, note_count, other
+    state[3], state[4], state[5] = other_size, other_end, walked
+
+
+@inlined
+def _fetch_ahead(data: Bytes, begins: Ints, sizes: Ints, message: int) -> None:
+    """Tell the processor of a message to come."""
+    if message + _AHEAD < begins.size:
+        begin = begins[message + _AHEAD]
+        for line in range(begin, begin + sizes[message + _AHEAD], _LINE_BYTES):
+            fetch(data, line)
+
+
+@inlined
+def _repeats(data: Bytes, begin: int, other: int, checks: Ints, count: int) -> bool:
+    """Whether a message has the bytes of another of its size wherever these tell the layout."""
+    gap = other - begin
+    same = True
+    check = 0
+    while same and check < count:
+        at = begin + checks[check, 0]
+        last = at + checks[check, 1]
+        while same and at + 8 <= last:
+            same = load64(data, at) == load64(data, at + gap)
+            at += 8
+        while same and at < last:
+            same = data[at] == data[at + gap]
+            at += 1
+        check += 1
+    return same
+
+
+@inlined
+def _note_again(
+    table: Ints, marks: Ints, filled: Ints, notes: Ints, count: int, begin: int
+) -> None:
+    """Note the marks of a message that repeats another's layout."""
+    for number in range(count):
+        mark = notes[number, 0]
+        element = filled[table[mark, 0]] + notes[number, 1]
+        _write(table, marks, mark, element, notes[number, 2], notes[number, 3], begin)
+
+
+@inlined
+def _write(
+    table: Ints, marks: Ints, mark: int, element: int, place: int, count: int, begin: int
+) -> None:
+    """Note the position and the count of an element, each unless it is -1, if there is room."""
+    if element < table[mark, 2]:
+        if place >= 0:
+            marks[table[mark, 1] + element] = begin + place
+            mark += 1
+        if count >= 0:
+            marks[table[mark, 1] + element] = count
+
+
+@inlined
+def _remember(
+    notes: Ints, checks: int, count: int, mark: int, element: int, place: int, value: int
+) -> tuple[int, int]:
+    """Add a note to the template: how many checks and notes it has, -1 checks for too many."""
+    if checks < 0:
+        return checks, count
+    if count == _MOST_NOTES:
+        return -1, count
+    notes[count, 0] = mark
+    notes[count, 1] = element
+    notes[count, 2] = place
+    notes[count, 3] = value
+    return checks, count + 1
+
+
+@inlined
+def _copy_counts(filled: Ints, out: Ints) -> None:
+    for node in range(filled.size):
+        out[node] = filled[node]
+
+
+@inlined
+def _add_elements(filled: Ints, elements: Ints) -> None:
+    """Count a message and the elements of its lists."""
+    for node in range(1, filled.size):
+        filled[node] += elements[node]
+    filled[0] += 1
+
+
+@inlined
+def _count_elements(filled: Ints, kept: Ints, elements: Ints) -> None:
+    """Count a message, and say how many elements its lists have."""
+    for node in range(1, filled.size):
+        elements[node] = filled[node] - kept[node]
+    filled[0] += 1
+
+
+@inlined
+def _follow(
+    steps: Ints, step: int, filled: Ints, left: Ints, depth: int, count: int
+) -> tuple[int, int]:
+    """The step that follows, and how many lists it is in."""
+    op = steps[step, _OP]
+    if op == _NEXT:
+        node = steps[step, _NODE]
+        if node >= 0:
+            filled[node] += 1
+        left[depth - 1] -= 1
+        if left[depth - 1] > 0:
+            return steps[step, _JUMP], depth
+        return step + 1, depth - 1
+    if op == _LIST:
+        if count == 0:
+            return steps[step, _JUMP], depth
+        left[depth] = count
+        return step + 1, depth + 1
+    return step + 1, depth
+
+
+@inlined
+def _read(
+    data: Bytes, begin: int, at: int, size: int, steps: Ints, step: int, encoding: Encoding
+) -> tuple[int, int, int, int, int, int]:
+    """Read what a step says that there is.
+
+    Returns:
+        Its position and count, each -1 where it has none; from where to where the message tells
+        its layout; where the message goes on; and a fault.
+    """
+    op = steps[step, _OP]
+    if op == _NEXT:
+        return -1, -1, at, at, at, 0
+    if op == _SPAN:
+        alignment = steps[step, _ALIGNMENT]
+        at = (at + alignment - 1) & -alignment
+        if steps[step, _SIZE] > size - at:
+            return -1, -1, at, at, at, _ENDS
+        return at, -1, at, at, at + steps[step, _SIZE], 0
+    count, told, at, fault = _length(data, begin, at, size, encoding, steps[step, _LENGTH])
+    if fault != 0:
+        return -1, -1, told, at, at, fault
+    if op == _TEXT:
+        place, count, end, fault = _text(data, begin, at, size, count, encoding.cdr)
+        return place, count, told, end, end, fault
+    if op == _STRIDED:
+        place, end, fault = _strided(steps, step, at, size, count)
+        return place, count, told, at, end if fault == 0 else at, fault
+    # each element has at least a byte; the first comparison keeps the product from overflowing
+    is_long = count > size - at or count * steps[step, _SIZE] > size - at
+    return -1, count, told, at, at, _LONG_LIST if is_long else 0
+
+
+@inlined
+def _length(
+    data: Bytes, begin: int, at: int, size: int, encoding: Encoding, known: int
+) -> tuple[int, int, int, int]:
+    """The length of a string or list; where that stands and ends unless it is known; a fault."""
+    if known >= 0:
+        return known, at, at, 0
+    at = (at + encoding.counted - 1) & -encoding.counted
+    if size - at < 4:
+        return 0, at, at, _ENDS
+    length = load32(data, begin + at)
+    if encoding.swap:
+        length = (
+            length >> 24 | (length >> 8 & 0xFF00) | (length & 0xFF00) << 8 | (length & 0xFF) << 24
+        )
+    return length, at, at + 4, 0
+
+
+@inlined
+def _text(
+    data: Bytes, begin: int, at: int, size: int, length: int, cdr: bool
+) -> tuple[int, int, int, int]:
+    """Where a string begins, its bytes without a terminator, where it ends, and a fault."""
+    if length > size - at:
+        return at, length, at, _LONG_TEXT
+    stop, count = at + length, length
+    if cdr and length > 0:
+        count -= 1
+        if data[begin + at + count] != 0:
+            return at, count, stop, _NO_NUL
+    byte, last = begin + at, begin + at + count
+    while byte + 8 <= last and load64(data, byte) & _NOT_ASCII == 0:
+        byte += 8
+    while byte < last and data[byte] < 0x80:
+        byte += 1
+    is_text = byte == last or _is_utf8(data, byte, last)
+    return at, count, stop, 0 if is_text else _NO_UTF8
+
+
+@inlined
+def _strided(steps: Ints, step: int, at: int, size: int, count: int) -> tuple[int, int, int]:
+    """Where the elements of a list begin that have one size, where they end, and a fault."""
+    span = 0
+    if count > 0:
+        alignment = steps[step, _ALIGNMENT]
+        at = (at + alignment - 1) & -alignment
+        # the comparison keeps the product from overflowing
+        if count > size - at:
+            return at, at, _LONG_LIST
+        span = (count - 1) * steps[step, _STRIDE] + steps[step, _SIZE]
+    return at, at + span, _LONG_LIST if span > size - at else 0
+
+
+@inlined
+def _check(checks: Ints, count: int, begin: int, end: int) -> int:
+    """Add bytes to compare, a length or a string; how many such there are, -1 for too many."""
+    if count < 0 or end == begin:
+        return count
+    if count == _MOST_CHECKS:
+        return -1
+    checks[count, 0] = begin
+    checks[count, 1] = end - begin
+    return count + 1
+
+
+def encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
+    """The two bytes (n,) that name each message's encoding, most significant first."""
+    kinds = np.empty(offsets.size, np.int64)
+    _name_encodings(data, offsets, lengths, kinds)
+    return kinds
+
+
+@compiled
+def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints) -> None:
+    for k in range(offsets.size):
+        if k + _AHEAD < offsets.size:
+            fetch(data, offsets[k + _AHEAD])
+        at = offsets[k]
+        kinds[k] = np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
+
+
+@uncounted
+def _is_utf8(data: NDArray[np.uint8], start: int, end: int) -> bool:
+    """Whether bytes are UTF-8 as Unicode defines it (table 3-7), which Python decodes too."""
+    at = start
+    while at < end:
+        first = data[at]
+        at += 1
+        if first < 0x80:
+            continue
+        if 0xC2 <= first <= 0xDF:
+            more = 1
+        elif 0xE0 <= first <= 0xEF:
+            more = 2
+        elif 0xF0 <= first <= 0xF4:
+            more = 3
+        else:
+            return False
+        if more > end - at:
+            return False
+        second = data[at]
+        # overlong forms, surrogates, what lies beyond U+10FFFF
+        low = 0xA0 if first == 0xE0 else 0x90 if first == 0xF0 else 0x80
+        high = 0x9F if first == 0xED else 0x8F if first == 0xF4 else 0xBF
+        if second < low or second > high:
+            return False
+        for k in range(1, more):
+            if data[at + k] & 0xC0 != 0x80:
+                return False
+        at += more
+    return True

@@ -1,0 +1,152 @@
+"""Types of JSON messages, from the JSON schema that an MCAP file keeps of them.
+
+JSON may hold anything anywhere, in a schema as in a message: every value is looked at before it is
+used.
+"""
+
+import json
+from collections.abc import Sequence
+from typing import Any, Final
+
+from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.decoding_libraries import CONVERT, Library, int64
+from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
+
+_KINDS: Final = {
+    "number": "float64",
+    "integer": "int64",
+    "boolean": "bool",
+    "string": "string",
+}
+#: how times and durations are written
+_STAMPS: Final = ({"sec", "nsec"}, {"sec", "nanosec"})
+_DEEPEST: Final = 32
+_MOST_FIELDS: Final = 20_000
+
+
+def json_type(name: str, schema: str) -> MessageType:
+    """The type that a JSON schema describes.
+
+    Raises:
+        BrokenBytesError: it is no JSON schema, describes no fields, or too many.
+    """
+    root = _parsed(schema or "{}")
+    record = _Schema(root).field(root, 0)
+    # an object without properties is a message of its time alone
+    is_object = isinstance(root, dict) and root.get("type") == "object"
+    is_empty = is_object and not root.get("properties")
+    if not isinstance(record, RecordType) or not (record.fields or is_empty):
+        raise BrokenBytesError("its JSON schema lists no properties")
+    return MessageType(RecordType(name, record.fields), ros1=False, decode=_decode, library=JSON)
+
+
+def _parsed(text: str | bytes) -> Any:
+    try:
+        # numbers of thousands of digits are refused by Python itself, larger ones than 64 bits here
+        return json.loads(text, parse_int=lambda digits: int64(int(digits)))
+    except (ValueError, RecursionError) as error:
+        raise BrokenBytesError(error) from error
+
+
+class _Schema:
+    """Turns a schema into records, all of what it refers to inside them."""
+
+    def __init__(self, root: Any) -> None:
+        self._root = root
+        self._left = _MOST_FIELDS
+
+    def field(self, schema: Any, depth: int) -> FieldType | None:
+        """The type of a value; None for one that can be of several, which is left out."""
+        schema = self._referred(schema)
+        self._left -= 1
+        if self._left < 0 or depth > _DEEPEST:
+            raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields, or {_DEEPEST} levels")
+        kind = _kind(schema)
+        if kind == "array":
+            element = self.field(schema.get("items", {}), depth + 1)
+            if element is None or isinstance(element, ListOf):
+                return None
+            return ListOf(element, None)
+        if kind != "object":
+            return Scalar(_KINDS[kind]) if kind in _KINDS else None
+        properties = schema.get("properties", {})
+        if not isinstance(properties, dict):
+            raise BrokenBytesError("the properties in its JSON schema are no JSON object")
+        if set(properties) in _STAMPS:
+            return Scalar("stamp")
+        fields = ((_text(name), self.field(inner, depth + 1)) for name, inner in properties.items())
+        return RecordType(
+            str(schema.get("title", "object")),
+            tuple((name, kind) for name, kind in fields if kind is not None),
+        )
+
+    def _referred(self, schema: Any) -> dict[str, Any]:
+        for _ in range(_DEEPEST):
+            if not isinstance(schema, dict):
+                return {}
+            reference = schema.get("$ref")
+            if not isinstance(reference, str) or not reference.startswith("#/"):
+                return schema
+            schema = self._root
+            for step in reference.removeprefix("#/").split("/"):
+                if not isinstance(schema, dict) or step not in schema:
+                    raise BrokenBytesError(f"it lacks what it refers to: {reference}")
+                schema = schema[step]
+        raise BrokenBytesError("its references go in circles")
+
+
+def _kind(schema: dict[str, Any]) -> str | None:
+    """The one type that a schema allows beside null; None where there are several."""
+    named = schema.get("type", "object" if "properties" in schema else [])
+    allowed = named if isinstance(named, list) else [named]
+    if not all(isinstance(kind, str) for kind in allowed):
+        raise BrokenBytesError("a type in its JSON schema is no text")
+    kinds = {str(kind) for kind in allowed} - ({"null"} if isinstance(named, list) else set())
+    return kinds.pop() if len(kinds) == 1 else None
+
+
+def _text(value: Any) -> str:
+    """A string: JSON can spell half of a character, which no column and no name of one holds."""
+    text = str(value)
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise BrokenBytesError(error) from error
+    return text
+
+
+def _decode(data: bytes) -> Any:
+    message = _parsed(data)
+    if not isinstance(message, dict):
+        raise BrokenBytesError("the message is no JSON object")
+    return message
+
+
+def _get(message: Any, name: str) -> Any:
+    return message.get(name) if isinstance(message, dict) else None
+
+
+def _elements(values: Any) -> Sequence[Any]:
+    if not isinstance(values, list):
+        raise BrokenBytesError(f"{type(values).__name__} in the place of a list")
+    return values
+
+
+def _convert(value: Any, kind: str) -> Any:
+    if kind == "string":
+        return _text(value)
+    try:
+        number = CONVERT.get(kind, int)(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise BrokenBytesError(error) from error
+    return int64(number) if kind == "int64" else number
+
+
+def _stamp_ns(stamp: Any) -> int:
+    if not isinstance(stamp, dict) or "sec" not in stamp:
+        raise BrokenBytesError(f"{type(stamp).__name__} in the place of a time")
+    nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
+    return int64(_convert(stamp["sec"], "int64") * 10**9 + _convert(nanoseconds, "int64"))
+
+
+JSON: Final = Library("json", _get, _stamp_ns, _elements, _convert)

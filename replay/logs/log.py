@@ -1,0 +1,260 @@
+"""What a log offers; nothing else of a reader is used."""
+
+import weakref
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.run_record import Loss
+from estimators.errors import LogError
+from estimators.file_digest import file_sha256
+from replay.logs.tables import TableHints, TimeAxis
+
+__all__ = ["TABLE", "Checked", "Log", "TableHints", "TimeAxis"]
+
+if TYPE_CHECKING:
+    from replay.logs.messages.message_types import LeafField
+
+#: The one topic of a table.
+TABLE: Final = "table"
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What was read to check a log."""
+
+    messages: int
+    #: of the messages, unpacked
+    message_bytes: int
+    #: CRCs that agree; most formats have none
+    crcs: int
+
+
+def _nothing_stays_open() -> None:
+    pass
+
+
+class Log(ABC):
+    """An opened log. Open it with `replay.open_log`, use it as a context manager.
+
+    Attributes:
+        path: what was opened: a file, or a rosbag2 directory.
+        format: of the log, for people.
+    """
+
+    #: the columns of `topics()`
+    TOPICS_SCHEMA: ClassVar[pl.Schema] = pl.Schema(
+        {
+            "topic": pl.String,
+            "type": pl.String,
+            "encoding": pl.String,
+            "messages": pl.Int64,
+            "start_ns": pl.Int64,
+            "end_ns": pl.Int64,
+            "rate_hz": pl.Float64,
+            "longest_gap_s": pl.Float64,
+            "fields": pl.List(pl.String),
+            "problem": pl.String,
+            "decoder": pl.String,
+        }
+    )
+
+    def __init__(
+        self, path: Path, log_format: str, close: Callable[[], None] = _nothing_stays_open
+    ) -> None:
+        """Begin open.
+
+        Args:
+            path: what was opened.
+            log_format: its format, for people.
+            close: releases it; no method of the log itself, which would keep it for ever.
+        """
+        self.path: Final = path
+        self.format: Final = log_format
+        # closes also where nobody does: `run(open_log(path), machine)` is meant to be written
+        self._close = weakref.finalize(self, close)
+
+    @property
+    @abstractmethod
+    def files(self) -> tuple[Path, ...]:
+        """Every file that is read, for the provenance."""
+
+    @cached_property
+    def digests(self) -> tuple[str, ...]:
+        """The SHA-256 of every file, in hexadecimal."""
+        return tuple(file_sha256(path) for path in self.files)
+
+    @abstractmethod
+    def topics(self) -> pl.DataFrame:
+        """What is in the log, a row a topic, without decoding a message.
+
+        Columns: topic, type (in ROS 2 spelling, `sensor_msgs/msg/Imu`, also for ROS 1), encoding
+        (String), messages (Int64), start_ns, end_ns (Int64 log times, null when empty), rate_hz
+        (Float64 mean rate, null below two messages), longest_gap_s (Float64, likewise), fields
+        (List[String], dotted leaves; a list shows as `effort[]`), problem (String: why it cannot
+        be decoded, else null), decoder (String: columnar, or rosbags, json, protobuf for a type
+        that is read message by message, some fifty times slower; null where there is a problem).
+        """
+
+    def read(
+        self,
+        topic: str,
+        fields: Sequence[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> pl.DataFrame:
+        """Read fields of one topic, in log-time order (stable).
+
+        Args:
+            topic: its name, as `topics()` lists it (a table has the one topic `table`).
+            fields: dotted names (`angular_velocity.z`), an element by index (`covariance[0]`) or,
+                in a message with a `name` list, by name (`effort[left]`), or a list as a whole
+                (`effort[]`). Checked against the message definition before any message is decoded.
+            start_ns: first log time, inclusive.
+            end_ns: last log time, inclusive.
+
+        Returns:
+            log_time_ns (Int64), header_stamp_ns (Int64, null where there is none), then a column
+            a field, named as asked: Float64 for floats, Int64 for integers (UInt64 for uint64,
+            so that no value is lost), Int64 nanoseconds for stamps and durations
+            (`header.stamp`), Boolean, String. A whole list is a List, one in another for each
+            `[]`, in which numbers keep their size (List[Float32], List[UInt8]). An element that a
+            message does not have is null. Messages that are not whole have no row, whichever
+            fields are asked for.
+
+        Raises:
+            LogError: no such topic or field (with the choices), or a topic that cannot be decoded.
+        """
+        return self.read_many({topic: fields}, start_ns, end_ns)[topic]
+
+    def read_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> dict[str, pl.DataFrame]:
+        """Read fields of several topics in one pass over the log, each as `read` gives it.
+
+        Args:
+            fields: by topic.
+            start_ns: first log time, inclusive.
+            end_ns: last log time, inclusive.
+
+        Raises:
+            LogError: as `read`.
+        """
+        self._check_open()
+        return self._read_many(fields, start_ns, end_ns)
+
+    def scan(
+        self,
+        topic: str,
+        fields: Sequence[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> Iterator[pl.DataFrame]:
+        """Read fields of one topic as `read` does, a batch of rows at a time.
+
+        Where an index gives the time of every chunk, memory is bounded by the chunks that overlap.
+        Batches follow each other in log-time order; a message that lies outside the times that its
+        index gives comes late, and is among the losses.
+
+        Raises:
+            LogError: as `read`.
+        """
+        self._check_open()
+        return self._scan(topic, fields, start_ns, end_ns)
+
+    def _scan(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[pl.DataFrame]:
+        """Read from a log that is open, all at once where a format has no batches."""
+        yield self._read_many({topic: fields}, start_ns, end_ns)[topic]
+
+    def topic_names(self) -> list[str]:
+        """The topics, whether or not they can be decoded."""
+        return self.topics()["topic"].to_list()
+
+    def leaf_fields(
+        self, topic: str, fields: Sequence[str] | None = None
+    ) -> "tuple[LeafField, ...]":
+        """What the columns of fields hold.
+
+        Args:
+            topic: its name.
+            fields: as for `read`; all that `topics()` names where None.
+
+        Raises:
+            LogError: as `read`.
+        """
+        from replay.logs.messages.message_types import LeafField  # its libraries are slow to import
+
+        described = self.topics().filter(topic=topic)["fields"].to_list()
+        names = fields if fields is not None else described[0] if described else ()
+        read = self.read(topic, names, start_ns=0, end_ns=0)
+        return tuple(LeafField(name, read.schema[name]) for name in dict.fromkeys(names))
+
+    @abstractmethod
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        """Read from a log that is open; see `read_many`."""
+
+    @abstractmethod
+    def losses(self) -> tuple[Loss, ...]:
+        """What could not be read so far: damage, topics without a decoder."""
+
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of how the log is written, where nobody said it."""
+        return ()
+
+    def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002
+        """The units that the log itself states, by field of a topic."""
+        return {}
+
+    @abstractmethod
+    def check(self) -> Checked:
+        """Read everything and believe no index; what is wrong is then among the losses.
+
+        Every message of every topic is walked or decoded to its end, every CRC compared, and what
+        an index says compared with what is there.
+        """
+
+    def _check_open(self) -> None:
+        if not self._close.alive:
+            raise LogError(f"{self.path}: the log was closed; open it again")
+
+    @staticmethod
+    def _timing(log_times: NDArray[np.int64]) -> dict[str, Any]:
+        """The columns of `topics()` that follow from log times (n,) in ns and any order."""
+        times = np.sort(log_times)
+        count = int(times.size)
+        start = int(times[0]) if count else None
+        end = int(times[-1]) if count else None
+        span_s = (int(times[-1]) - int(times[0])) / 1e9 if count else 0.0
+        return {
+            "messages": count,
+            "start_ns": start,
+            "end_ns": end,
+            "rate_hz": (count - 1) / span_s if span_s > 0 else None,
+            "longest_gap_s": int(np.diff(times).max()) / 1e9 if count > 1 else None,
+        }
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._close()

@@ -1,0 +1,104 @@
+"""The formats that can be read: one table of suffixes, one dispatcher."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from estimators.errors import LogError
+from replay.logs.log import Log, TimeAxis
+
+# The libraries behind the formats are imported when a log of theirs is opened: they are slow to
+# import, and `payscope --help` needs none of them.
+
+
+def _open_bag(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+    from replay.logs.bag import BagFile
+    from replay.logs.message_log import MessageLog
+
+    return MessageLog(path, "ROS 1 bag", BagFile)
+
+
+def _open_mcap(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+    from replay.logs.mcap import McapFile
+    from replay.logs.message_log import MessageLog
+
+    return MessageLog(path, "MCAP", McapFile)
+
+
+def _open_db3(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+    from replay.logs.message_log import MessageLog
+    from replay.logs.sqlite import Db3File
+
+    return MessageLog(path, "rosbag2 SQLite", Db3File)
+
+
+def _open_table(path: Path, time: TimeAxis | None) -> Log:
+    from replay.logs.table_log import TableLog
+
+    return TableLog(path, time)
+
+
+def _open_recording(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+    from replay.logs.recording_log import RecordingLog
+
+    return RecordingLog(path)
+
+
+def _open_directory(path: Path) -> Log:
+    from replay.logs.message_log import MessageLog
+    from replay.logs.rosbag2 import METADATA, Rosbag2Directory, storage_files
+
+    if not (path / METADATA).exists() and not storage_files(path):
+        logs = sorted(p.name for p in path.iterdir() if p.suffix.lower() in OPENERS)
+        remedy = f"; name one of its logs: {', '.join(logs)}" if logs else ""
+        raise LogError(
+            f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
+            f"and .mcap or .db3 files{remedy}"
+        )
+    return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
+
+
+#: Suffixes of tables. A folder of logs is searched for the first two alone: the others are of notes
+#: as well.
+TABLES: Final = (
+    *(".csv", ".parquet", ".tsv", ".txt", ".dat", ".log", ".asc", ".arrow", ".feather", ".xlsx"),
+)
+#: What opens a file, by its suffix.
+OPENERS: Final[dict[str, Callable[[Path, TimeAxis | None], Log]]] = {
+    ".bag": _open_bag,
+    ".mcap": _open_mcap,
+    ".db3": _open_db3,
+    **dict.fromkeys(TABLES, _open_table),
+    ".rrd": _open_recording,
+}
+
+
+def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
+    """Open a log by its suffix; a directory is a rosbag2 recording.
+
+    Args:
+        path: a `.bag`, `.mcap`, `.db3` file, a table (`TABLES`), a rosbag2 directory, or a
+            recording (`.rrd`), whose channels are read as its replay read them.
+        time: where a table keeps its time; guessed from the column names where None. Logs of
+            messages have their own log times and need none.
+
+    Raises:
+        LogError: no such file, an unknown suffix, or a file that is not what its suffix says.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            return _open_directory(path)
+        if not path.exists():
+            raise LogError(f"{path}: no such file or directory")
+        opener = OPENERS.get(path.suffix.lower())
+        if opener is None:
+            raise LogError(
+                f"{path}: no reader for '{path.suffix}'; a log is {', '.join(OPENERS)} "
+                "or a rosbag2 directory"
+            )
+        if path.stat().st_size == 0:
+            raise LogError(f"{path}: the file is empty (0 bytes)")
+        return opener(path, time)
+    except OSError as error:
+        raise LogError(f"{path}: cannot be opened: {error.strerror or error}") from error

@@ -1,0 +1,5 @@
+"""MCAP files."""
+
+from replay.logs.mcap.mcap_file import McapFile
+
+__all__ = ["McapFile"]

@@ -1,0 +1,109 @@
+"""The index of an MCAP file: the summary at its end, and the message indexes behind each chunk."""
+
+import zlib
+from collections.abc import Mapping
+from io import BytesIO
+from struct import Struct
+from typing import Final
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
+from mcap.stream_reader import StreamReader
+from numpy.typing import NDArray
+
+from replay.logs.blocks import Block
+from replay.logs.mcap.mcap_records import FOOTER, MAGIC, MESSAGE_INDEX
+from replay.logs.messages.broken_bytes import BROKEN_BYTES
+from replay.logs.storage import FileBytes
+
+#: opcode, length, start of the summary, start of its offsets, CRC of the summary
+_FOOTER: Final = Struct("<BQQQI")
+#: opcode, length, channel, length of the entries
+_MESSAGE_INDEX: Final = Struct("<BQHI")
+
+
+class SummaryError(Exception):
+    """Why the summary is not used, in a few words."""
+
+
+class Summary:
+    """What the summary repeats of the file; empty where there is none, or it is damaged."""
+
+    def __init__(self, file: FileBytes) -> None:
+        #: why it is not used, empty where nothing is wrong
+        self.fault = ""
+        self.channels: dict[int, Channel] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.chunks: list[ChunkIndex] = []
+        self.message_count: int | None = None
+        #: whether it has a CRC, which agrees
+        self.is_sealed = False
+        try:
+            section = self._section(file)
+        except SummaryError as fault:
+            self.fault = str(fault)
+            return
+        stream = BytesIO(section + MAGIC)
+        reader = StreamReader(stream, skip_magic=True, record_size_limit=len(section))
+        try:
+            records = list(reader.records) if section else []
+        except (McapError, *BROKEN_BYTES) as fault:
+            self.fault = f"its summary cannot be read ({' '.join(str(fault).split())})"
+            return
+        for record in records:
+            if isinstance(record, Channel):
+                self.channels[record.id] = record
+            elif isinstance(record, Schema):
+                self.schemas[record.id] = record
+            elif isinstance(record, ChunkIndex):
+                self.chunks.append(record)
+            elif isinstance(record, Statistics):
+                self.message_count = record.message_count
+
+    def _section(self, file: FileBytes) -> bytes:
+        """The bytes from the summary up to the magic; none where there is no summary."""
+        end = file.size - len(MAGIC)
+        footer = file.read(end - _FOOTER.size, _FOOTER.size)
+        if len(footer) < _FOOTER.size or footer[0] != FOOTER or file.read(end, len(MAGIC)) != MAGIC:
+            raise SummaryError("does not end with a footer and the MCAP magic")
+        _, _, start, _, crc = _FOOTER.unpack(footer)
+        if not start:
+            return b""
+        section = file.read(start, end - start)
+        # 0 says that the writer computed none; it covers all but itself
+        if crc and zlib.crc32(section[:-4]) != crc:
+            raise SummaryError("the CRC of its summary is wrong")
+        self.is_sealed = crc != 0
+        return section
+
+
+def damaged_block(chunk: ChunkIndex) -> Block:
+    """A chunk that is not where its index says."""
+    return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
+
+
+def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np.int64]] | None:
+    """Log times (as 64 bits) by channel, from the message indexes of a chunk.
+
+    None where they are not whole, or share bytes, or there are none.
+    """
+    offsets = chunk.message_index_offsets
+    begin = chunk.chunk_start_offset + chunk.chunk_length
+    if not offsets or min(offsets.values()) < begin:
+        return None
+    section = file.read(begin, chunk.message_index_length)
+    left = len(section)
+    times: dict[int, NDArray[np.int64]] = {}
+    for key, offset in offsets.items():
+        at = offset - begin
+        if at + _MESSAGE_INDEX.size > len(section):
+            return None
+        opcode, _, channel, size = _MESSAGE_INDEX.unpack_from(section, at)
+        at += _MESSAGE_INDEX.size
+        left -= _MESSAGE_INDEX.size + size
+        is_whole = left >= 0 and at + size <= len(section) and size % 16 == 0
+        if opcode != MESSAGE_INDEX or channel != key or not is_whole:
+            return None
+        times[key] = np.frombuffer(section, "<i8", size // 8, at)[::2].astype(np.int64)
+    return times

@@ -1,0 +1,266 @@
+"""Message definitions: from the text in a log, or from a ROS 2 release where a log has none.
+
+Each type is compiled by itself, so that a definition that cannot be parsed (service `_Event`
+types, which rosbag2 stores as the service) costs its topic and not the log.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from textwrap import shorten
+from typing import Any, Final
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import Typesdict
+from rosbags.serde import SerdeError
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
+from rosbags.typesys.store import Typestore
+
+from estimators.errors import one_line
+from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
+from replay.logs.messages.message_types import (
+    COLUMN_DTYPES,
+    STAMP_TYPES,
+    FieldType,
+    ListOf,
+    MessageType,
+    RecordType,
+    Scalar,
+    ValueNames,
+)
+from replay.logs.storage import Connection
+
+#: Releases whose bags carry no definitions, newest first, then the newest one for later types.
+_RELEASES: Final = (
+    Stores.ROS2_HUMBLE,
+    Stores.ROS2_GALACTIC,
+    Stores.ROS2_FOXY,
+    Stores.ROS2_ELOQUENT,
+    Stores.ROS2_DASHING,
+    Stores.LATEST,
+)
+_DECODABLE: Final = {
+    "ros1": ("ros1msg",),
+    "cdr": ("ros2msg", "ros2idl", ""),
+    "json": ("jsonschema",),
+    "protobuf": ("protobuf",),
+}
+_IDL_SEPARATOR: Final = "=" * 80 + "\n"
+_INTEGERS: Final = frozenset(
+    ("byte", "char", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+)
+#: parts request from reply
+_SERVICE_RULE: Final = "---"
+#: rosbags gives an empty ROS 2 message the byte that DDS sends for it
+_PLACEHOLDER: Final = "structure_needs_at_least_one_member"
+_EMPTY_STRUCT: Final = re.compile(r"(struct\s+\w+\s*\{)\s*\}")
+#: Far beyond any type that a robot sends; a few lines of a definition can ask for much more.
+_MOST_FIELDS: Final = 20_000
+_DEEPEST: Final = 64
+_LARGEST_ARRAY: Final = 2**30
+#: rosbags writes code for each element of an array of messages or strings
+_MOST_ELEMENTS: Final = 2**16
+
+
+class DefinitionError(Exception):
+    """Why messages of a connection cannot be decoded, in a line."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(one_line(text))
+
+
+def compile_type(connection: Connection) -> MessageType:
+    """Make the decoder of one connection.
+
+    Raises:
+        DefinitionError: its encoding has no decoder, or its definition cannot be used.
+    """
+    return _compiled(replace(connection, id=0, topic=""))
+
+
+#: The logs of a fleet have the same types, and parsing takes milliseconds each.
+@lru_cache(maxsize=256)
+def _compiled(connection: Connection) -> MessageType:
+    formats = _DECODABLE.get(connection.encoding)
+    if formats is None or connection.definition_format not in formats:
+        kind = shorten(connection.definition_format, 80) or "no"
+        raise DefinitionError(
+            f"no decoder for encoding '{connection.encoding}' with {kind} definition; "
+            "there is one for cdr (ros2msg, ros2idl), ros1 (ros1msg), json (jsonschema), protobuf"
+        )
+    if connection.encoding in ("json", "protobuf"):
+        return _self_described(connection)
+    if _SERVICE_RULE in connection.definition.split("\n"):
+        raise DefinitionError(
+            f"the log holds the definition of a service in place of {connection.type}'s own, "
+            "as rosbag2 does for service events"
+        )
+    if _is_empty(connection):
+        return MessageType(RecordType(connection.type, ()), ros1=False, decode=lambda _: None)
+    store = _typestore(connection)
+    record = _Records(store, ros1=connection.encoding == "ros1").record(connection.type)
+    return MessageType(record, connection.encoding == "ros1", _decoder(store, connection))
+
+
+def _is_empty(connection: Connection) -> bool:
+    """Whether it is a package's own `Empty`, of which the definition is no text at all."""
+    is_named = connection.type.rpartition("/")[2] == "Empty" and connection.encoding == "cdr"
+    return is_named and not connection.definition.strip()
+
+
+def _self_described(connection: Connection) -> MessageType:
+    try:
+        if connection.encoding == "json":
+            from replay.logs.json_types import json_type
+
+            return json_type(connection.type, connection.definition)
+        from replay.logs.protobuf_types import protobuf_type
+
+        descriptors = connection.definition.encode(errors="surrogateescape")
+        return protobuf_type(connection.type, descriptors)
+    except BrokenBytesError as error:
+        reason = shorten(str(error), 160)
+        raise DefinitionError(
+            f"the definition of {connection.type} cannot be used: {reason}"
+        ) from error
+
+
+def _typestore(connection: Connection) -> Typestore:
+    text = connection.definition
+    if not text.strip() and connection.definition_format in ("", "ros2msg"):
+        return _released(connection.type)
+    store = get_typestore(Stores.EMPTY)
+    # rosbag2 joins IDL files with a rule and a line "IDL: name"
+    is_idl = connection.definition_format == "ros2idl"
+    is_joined = is_idl and text.startswith(f"{_IDL_SEPARATOR}IDL: ")
+    joined = text.split(_IDL_SEPARATOR)[1:]
+    parts = [idl.partition("\n")[2] for idl in joined] if is_joined else [text]
+    if is_idl:  # rosbags' grammar wants a member in every struct
+        parts = [_EMPTY_STRUCT.sub(rf"\1 uint8 {_PLACEHOLDER}; }}", part) for part in parts]
+    types: Typesdict = {}
+    try:
+        for part in parts:
+            types |= (
+                get_types_from_idl(part) if is_idl else get_types_from_msg(part, connection.type)
+            )
+        store.register(types)
+    except (TypesysError, SyntaxError, *BROKEN_BYTES) as error:
+        reason = shorten(str(error), 160)
+        raise DefinitionError(
+            f"the definition of {connection.type} cannot be parsed: {reason}"
+        ) from error
+    return store
+
+
+def _released(name: str) -> Typestore:
+    for release in _RELEASES:
+        store = get_typestore(release)
+        if name in store.fielddefs:
+            return store
+    if not name:
+        raise DefinitionError("the log does not say of what type its messages are")
+    raise DefinitionError(
+        f"the log carries no definition of {name}, and no ROS 2 release knows the type; "
+        "record it with ROS 2 Iron or newer, which stores definitions"
+    )
+
+
+class _Records:
+    """Turns definitions into records, all of what they name inside them."""
+
+    def __init__(self, store: Typestore, *, ros1: bool) -> None:
+        self._store = store
+        self._byte = Scalar("int8" if ros1 else "uint8")
+        self._left = _MOST_FIELDS
+
+    def record(self, name: str, above: tuple[str, ...] = (), repeated: int = 1) -> RecordType:
+        if name in above:
+            raise DefinitionError(f"the definition of {name} contains itself")
+        if name not in self._store.fielddefs:
+            raise DefinitionError(f"the definition of {above[0] if above else name} lacks {name}")
+        if len(above) == _DEEPEST:
+            raise DefinitionError(f"the definition of {above[0]} is deeper than {_DEEPEST} levels")
+        within = (*above, name)
+        fields: list[tuple[str, FieldType]] = []
+        for field, description in self._store.fielddefs[name][1]:
+            self._left -= 1
+            if self._left < 0:
+                raise DefinitionError(f"{within[0]} has more than {_MOST_FIELDS} fields")
+            if field != _PLACEHOLDER:
+                fields.append((field, self._field(description, within, repeated)))
+        return RecordType(name, tuple(fields), value_names(self._store.fielddefs[name]))
+
+    def _field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
+        node, detail = description
+        if node == Nodetype.NAME:
+            # rosbags refuses other definitions of these
+            if detail in STAMP_TYPES:
+                return Scalar("stamp")
+            return self.record(detail, above, repeated)
+        if node == Nodetype.BASE:
+            kind = detail[0]
+            if kind not in COLUMN_DTYPES:
+                raise DefinitionError(f"{above[-1]} has a field of type {kind}, not supported")
+            return self._byte if kind == "byte" else Scalar(kind)
+        length = detail[1] if node == Nodetype.ARRAY else None
+        element = self._field(detail[0], above, repeated * (length or 1))
+        assert not isinstance(element, ListOf), "ROS has no lists of lists"
+        if length is not None:
+            numbers = isinstance(element, Scalar) and element.kind != "string"
+            most = _LARGEST_ARRAY if numbers else _MOST_ELEMENTS // repeated
+            if length > most:
+                raise DefinitionError(
+                    f"{above[-1]} has an array of {length} elements, not supported"
+                )
+        return ListOf(element, length)
+
+
+def value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
+    """The fields of a definition that are enumerations, with the names of their values.
+
+    ROS has constants and no enumerations. A constant belongs to the integer field whose name in
+    capitals begins its own (`STATUS_FIX` to `status`); where no constant begins so, all of one type
+    belong to the only field of that type (`ERROR` to the `level` of a DiagnosticStatus).
+    """
+    constants, described = definition
+    numbers = [(n, kind, v) for n, kind, v in constants if type(v) is int and kind != "bool"]
+    integers = {
+        name: detail[0]
+        for name, (node, detail) in described
+        if node == Nodetype.BASE and detail[0] in _INTEGERS
+    }
+    # the longest name first: STATUS_CODE_OK is no value of `status` where there is a `status_code`
+    by_length = sorted(integers, key=len, reverse=True)
+    found: dict[str, dict[int, str]] = {}
+    for constant, _, value in numbers:
+        owner = next((f for f in by_length if constant.startswith(f"{f.upper()}_")), None)
+        if owner is not None:
+            found.setdefault(owner, {}).setdefault(value, constant)
+    if not found:
+        for kind in {kind for _, kind, _ in numbers}:
+            owners = [name for name, of_kind in integers.items() if of_kind == kind]
+            if len(owners) == 1:
+                for constant, constant_kind, value in numbers:
+                    if constant_kind == kind:
+                        found.setdefault(owners[0], {}).setdefault(value, constant)
+    return tuple((name, tuple(values.items())) for name, values in found.items())
+
+
+def _decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:
+    decode = store.deserialize_ros1 if connection.encoding == "ros1" else store.deserialize_cdr
+
+    def decoded(data: bytes) -> Any:
+        try:
+            return decode(data, connection.type)
+        # the last: rosbags writes code for a long double that calls what it does not have
+        except (SerdeError, *BROKEN_BYTES, NameError) as error:
+            raise BrokenBytesError(error) from error
+
+    return decoded

@@ -1,0 +1,249 @@
+"""A log of messages: a container, the types of its topics, and the fields picked from them."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.run_record import Loss
+from estimators.errors import LogError, nearest
+from replay.logs.decoding.decoder import Tally, schema_of
+from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
+from replay.logs.log import Checked, Log
+from replay.logs.message_definitions import DefinitionError, compile_type
+from replay.logs.messages.message_fields import OWN_COLUMNS, Field, FieldError, resolve
+from replay.logs.messages.message_types import LeafField, MessageType, leaf_fields, leaves
+from replay.logs.messages.raw_batch import RawBatch
+from replay.logs.storage import Connection, Container, LossList, no_times
+
+if TYPE_CHECKING:
+    from replay.logs.decoding.batch_stream import Stream
+
+#: Recorders write messages a little out of order; when they fall back further, a clock was set.
+_CLOCK_JUMP_NS: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Topic:
+    connections: tuple[Connection, ...]
+    #: None where there is a problem
+    kind: MessageType | None
+    problem: str | None
+
+
+class MessageLog(Log):
+    """A log whose topics hold messages: ROS 1 bag, MCAP, rosbag2."""
+
+    def __init__(
+        self, path: Path, log_format: str, open_container: Callable[[Path], Container]
+    ) -> None:
+        self._container = open_container(path)
+        super().__init__(path, log_format, self._container.close)
+        self._read_losses = LossList()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that is read."""
+        return self._container.files
+
+    def topics(self) -> pl.DataFrame:
+        """What is in the log; see `Log.topics`."""
+        return self._topic_table
+
+    @cached_property
+    def _topics(self) -> dict[str, _Topic]:
+        self._check_open()
+        by_name: dict[str, list[Connection]] = {}
+        for connection in self._container.connections:
+            by_name.setdefault(connection.topic, []).append(connection)
+        return {name: _agree(tuple(by_name[name])) for name in sorted(by_name)}
+
+    @cached_property
+    def _topic_table(self) -> pl.DataFrame:
+        rows = [{"topic": name, **self._summary(topic)} for name, topic in self._topics.items()]
+        return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
+
+    def _summary(self, topic: _Topic) -> dict[str, object]:
+        log_times = [self._container.log_times(c.id) for c in topic.connections]
+        return {
+            "type": ", ".join(dict.fromkeys(c.type for c in topic.connections)),
+            "encoding": ", ".join(dict.fromkeys(c.encoding for c in topic.connections)),
+            **self._timing(np.concatenate(log_times)),
+            "fields": list(leaves(topic.kind.record)) if topic.kind else [],
+            "problem": topic.problem,
+            "decoder": decoder_name(topic.kind) if topic.kind else None,
+        }
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        readings = {topic: self._reading(topic, names) for topic, names in fields.items()}
+        streams = {
+            c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
+        }
+        groups = self._container.groups(list(streams), start_ns, end_ns)
+        self._take_all((group.batches for group in groups), streams)
+        return {topic: self._finish(topic, reading) for topic, reading in readings.items()}
+
+    def _scan(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[pl.DataFrame]:
+        from replay.logs.decoding.batch_stream import drain_all
+
+        stream = self._reading(topic, fields)
+        ids = [connection.id for connection in self._topics[topic].connections]
+        try:
+            yield from drain_all(self._container.groups(ids, start_ns, end_ns), stream)
+        except GeneratorExit:  # the rest is not requested
+            self._note(topic, stream.tally)
+            raise
+        self._judge(topic, stream.tally)
+
+    def topic_names(self) -> list[str]:
+        """The topics; see `Log.topic_names`."""
+        return list(self._topics)
+
+    def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
+        """What the columns of fields hold; see `Log.leaf_fields`."""
+        self._check_open()
+        kind = self._usable(topic).kind
+        assert kind is not None, "it is usable"
+        leaves = {leaf.name: leaf for leaf in leaf_fields(kind.record)}
+        if fields is None:
+            return tuple(leaf for name, leaf in leaves.items() if name not in OWN_COLUMNS)
+        resolved = self._resolve(topic, fields, kind)
+        return tuple(leaves.get(f.name, LeafField(f.name, f.dtype)) for f in resolved)
+
+    def _usable(self, topic: str) -> _Topic:
+        """A topic that can be decoded."""
+        found = self._topics.get(topic)
+        if found is None:
+            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
+        if found.kind is None:
+            raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
+        return found
+
+    def _reading(self, topic: str, fields: Sequence[str]) -> "Stream":
+        from replay.logs.decoding.batch_stream import Stream
+
+        kind = self._usable(topic).kind
+        assert kind is not None, "it is usable"
+        picked = self._resolve(topic, fields, kind)
+        return Stream(make_decoder(kind, picked), schema_of(picked))
+
+    def _take_all(self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "Stream"]) -> None:
+        # numba is slow to import, and a log can be described without it
+        from replay.logs.decoding.batch_stream import take_all
+
+        take_all(groups, streams)
+
+    def _finish(self, topic: str, stream: "Stream") -> pl.DataFrame:
+        frame = stream.finish()
+        self._judge(topic, stream.tally)
+        return frame
+
+    def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
+        try:
+            return [resolve(name, kind.record) for name in dict.fromkeys(fields)]
+        except FieldError as error:
+            raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
+
+    def _judge(self, topic: str, tally: Tally) -> None:
+        kind = self._topics[topic].kind
+        assert kind is not None, "it was read"
+        if tally.undecodable and not tally.rows:
+            raise LogError(
+                f"{self.path}: topic '{topic}' cannot be read: none of its {tally.undecodable:,} "
+                f"messages fits the definition of {kind.record.name}: {tally.first_fault}"
+            )
+        self._note(topic, tally)
+
+    def _note(self, topic: str, tally: Tally) -> None:
+        if tally.undecodable:
+            total = tally.rows + tally.undecodable
+            self._read_losses.note(
+                self.path,
+                f"{tally.undecodable:,} of {total:,} messages cannot be decoded: "
+                f"{tally.first_fault}",
+                topic,
+            )
+        if tally.back_ns > _CLOCK_JUMP_NS:
+            self._read_losses.note(
+                self.path,
+                f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "
+                "by them, so that what was recorded one after another may overlap",
+                topic,
+            )
+
+    def check(self) -> Checked:
+        """Read and decode everything; see `Log.check`."""
+        self._check_open()
+        # without a field to gather, a message is still walked to its end
+        streams = {t: self._reading(t, ()) for t, topic in self._topics.items() if topic.kind}
+        topics = {c.id: c.topic for c in self._container.connections}
+        times = {key: [no_times()] for key in topics}
+        message_bytes = 0
+
+        def counted() -> Iterator[list[RawBatch]]:
+            nonlocal message_bytes
+            for group, _ in self._container.groups(list(topics), None, None):
+                for batch in group:
+                    times[batch.connection_id].append(batch.log_times)
+                    message_bytes += int(batch.lengths.sum())
+                yield [batch for batch in group if topics[batch.connection_id] in streams]
+
+        group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
+        self._take_all(counted(), group_by_key)
+        for topic, stream in streams.items():
+            stream.finish()
+            self._note(topic, stream.tally)
+        crcs = self._container.check()
+        found = {key: np.concatenate(parts) for key, parts in times.items()}
+        if not self._container.losses:  # which would be why they differ
+            self._compare_index(found)
+        return Checked(sum(each.size for each in found.values()), message_bytes, crcs)
+
+    def _compare_index(self, found: Mapping[int, NDArray[np.int64]]) -> None:
+        """Say where the log times (n,) of the messages, by connection, are not the index's."""
+        for connection in self._container.connections:
+            there, said = found[connection.id], self._container.log_times(connection.id)
+            if not np.array_equal(np.sort(there), np.sort(said)):
+                self._read_losses.note(
+                    self.path,
+                    f"the index lists {said.size:,} messages, {there.size:,} are there, or their "
+                    "log times differ",
+                    connection.topic,
+                )
+
+    def losses(self) -> tuple[Loss, ...]:
+        """What could not be read so far."""
+        # before the container's losses: counting messages may find some
+        undecodable = [
+            Loss(source=self.path.name, topic=row["topic"], what=row["problem"])
+            for row in self.topics().iter_rows(named=True)
+            if row["problem"] and row["messages"]
+        ]
+        return (*self._container.losses, *undecodable, *self._read_losses)
+
+
+def _agree(connections: tuple[Connection, ...]) -> _Topic:
+    """Merge the connections of a topic, which is right only if their types are the same."""
+    try:
+        distinct = dict.fromkeys(replace(connection, id=0) for connection in connections)
+        kinds = [compile_type(connection) for connection in distinct]
+    except DefinitionError as error:
+        return _Topic(connections, None, str(error))
+    encodings = {connection.encoding for connection in connections}
+    if len({kind.record for kind in kinds}) > 1 or len(encodings) > 1:
+        types = ", ".join(dict.fromkeys(f"{c.type} ({c.encoding})" for c in connections))
+        return _Topic(
+            connections,
+            None,
+            f"{len(connections)} connections whose definitions differ: {types}",
+        )
+    return _Topic(connections, kinds[0], None)

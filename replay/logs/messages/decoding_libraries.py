@@ -1,0 +1,59 @@
+"""Libraries that decode one message at a time, and how their messages are taken apart.
+
+All that is here raises `BrokenBytesError` for a value that is not what the definition says.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from rosbags.typesys.base import normalize_fieldname
+
+from replay.logs.messages.broken_bytes import BrokenBytesError
+
+
+def int64(value: int) -> int:
+    """The same number.
+
+    Raises:
+        BrokenBytesError: a column of 64-bit integers cannot hold it.
+    """
+    if not -(2**63) <= value < 2**63:
+        raise BrokenBytesError(f"{value} is no 64-bit integer")
+    return value
+
+
+def _same(values: Any) -> Any:
+    return values
+
+
+@dataclass(frozen=True, slots=True)
+class Library:
+    """A library, by its name."""
+
+    name: str
+    #: a field of a message, by its name; None where the message does not have it
+    get: Callable[[Any, str], Any]
+    #: a time or duration in ns
+    stamp_ns: Callable[[Any], int]
+    #: what a list holds
+    elements: Callable[[Any], Sequence[Any]] = _same
+    #: a value as a column of a kind holds it
+    convert: Callable[[Any, str], Any] = lambda value, kind: CONVERT.get(kind, int)(value)
+
+
+#: By kind; all others are integers.
+CONVERT: Final[dict[str, Callable[[Any], Any]]] = {
+    "bool": bool,
+    "string": str,
+    "wstring": str,
+    **dict.fromkeys(("float32", "float64", "float128"), float),
+    # rosbags reads the octet of ROS 2, whose kind this is too, as a signed number
+    "uint8": lambda value: int(value) & 0xFF,
+}
+
+ROSBAGS: Final = Library(
+    "rosbags",
+    lambda message, name: getattr(message, normalize_fieldname(name)),
+    lambda stamp: int(stamp.sec) * 10**9 + int(stamp.nanosec),
+)

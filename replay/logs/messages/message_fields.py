@@ -1,0 +1,131 @@
+"""Fields of messages: parse a dotted name, and check it against the message definition."""
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+import polars as pl
+
+from estimators.errors import nearest
+from replay.logs.messages.message_types import (
+    COLUMN_DTYPES,
+    ELEMENT_DTYPES,
+    ListOf,
+    RecordType,
+    Scalar,
+    leaves,
+)
+
+#: What every frame has beside the fields.
+OWN_COLUMNS: Final = ("log_time_ns", "header_stamp_ns")
+#: `effort[]`: every element of a list.
+ALL: Final = ""
+_STEP = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\[(?P<element>[^\]]*)\])?(?:\.(?=.)|$)")
+
+
+class FieldError(Exception):
+    """Why a field cannot be read, with the choices, in a line."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathStep:
+    """From a message to one of its fields, or to elements of a list in it.
+
+    `element` is None for the field itself, an index, a name that the message's `name` list holds
+    at the same place, or `ALL`.
+    """
+
+    name: str
+    element: int | str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field as asked for, and the way to it."""
+
+    name: str
+    kind: str
+    steps: tuple[PathStep, ...]
+
+    @property
+    def dtype(self) -> pl.DataType:
+        """What its column holds: a list for each `[]` on the way."""
+        spreads = sum(step.element == ALL for step in self.steps)
+        dtype = (ELEMENT_DTYPES if spreads else COLUMN_DTYPES)[self.kind]
+        for _ in range(spreads):
+            dtype = pl.List(dtype)
+        return dtype
+
+
+def resolve(name: str, record: RecordType) -> Field:
+    """Find a field of a message type.
+
+    Args:
+        name: `angular_velocity.z`, `covariance[0]`, `effort[left]`, or all of a list, `effort[]`.
+        record: the type.
+
+    Raises:
+        FieldError: there is no such field, or it is not a single value.
+    """
+    if name in OWN_COLUMNS:
+        raise FieldError(f"'{name}' is a column of every topic; a field of that name is not read")
+    steps = _parse(name)
+    here = Scalar("") if not steps else record
+    walked = ""
+    for step in steps:
+        kind = here.get(step.name) if isinstance(here, RecordType) else None
+        if kind is None:
+            raise FieldError(f"no field {name!r}; {nearest(name, leaves(record))}")
+        walked = f"{walked}.{step.name}".lstrip(".")
+        if isinstance(kind, ListOf):
+            assert isinstance(here, RecordType)
+            _check_element(walked, step, kind, here)
+            kind = kind.element
+        elif step.element is not None:
+            raise FieldError(f"'{walked}' is no list; ask for it without [{step.element}]")
+        walked += "" if step.element is None else f"[{step.element}]"
+        here = kind
+    if isinstance(here, RecordType):
+        inside = ", ".join(f"{walked}.{leaf}" for leaf in leaves(here))
+        raise FieldError(f"'{name}' is a {here.name}; name one of {inside}")
+    return Field(name, here.kind, steps)
+
+
+def _parse(name: str) -> tuple[PathStep, ...]:
+    steps: list[PathStep] = []
+    at = 0
+    while at < len(name) or not steps:
+        match = _STEP.match(name, at)
+        if match is None:
+            raise FieldError(
+                f"{name!r} is no field name; write angular_velocity.z, covariance[0], effort[left]"
+            )
+        steps.append(PathStep(match["name"], _element(match["element"])))
+        at = match.end()
+    return tuple(steps)
+
+
+def _element(text: str | None) -> int | str | None:
+    if text is None or not (text.isascii() and text.isdigit()):
+        return text
+    # lists count in 32 bits; Python refuses to read numbers of thousands of digits
+    return int(text) if len(text) < 19 else 2**63 - 1
+
+
+def _check_element(walked: str, step: PathStep, kind: ListOf, parent: RecordType) -> None:
+    by_name = f" or by name, {walked}[NAME]" if parent.has_names else ""
+    if step.element is None:
+        raise FieldError(f"'{walked}' is a list; pick an element by index, {walked}[0]{by_name}")
+    if step.element == ALL:
+        return
+    if isinstance(step.element, str):
+        if not parent.has_names:
+            raise FieldError(
+                f"'{walked}[{step.element}]' picks by name, but {parent.name} has no list 'name'; "
+                f"use an index, {walked}[0]"
+            )
+    elif kind.length is not None and step.element >= kind.length:
+        raise FieldError(
+            f"'{walked}[{step.element}]' is beyond its end; it has {walked}[0] to "
+            f"{walked}[{kind.length - 1}]"
+        )

@@ -1,0 +1,144 @@
+"""The types of messages as a tree, independent of the library that parsed the definition."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
+
+import polars as pl
+
+from replay.logs.messages.decoding_libraries import ROSBAGS, Library
+
+STAMP_TYPES: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+HEADER_TYPE: Final = "std_msgs/msg/Header"
+
+#: What a scalar becomes in a column. A stamp is nanoseconds. uint64 keeps its full range.
+COLUMN_DTYPES: Final[dict[str, pl.DataType]] = {
+    "bool": pl.Boolean(),
+    "string": pl.String(),
+    "wstring": pl.String(),
+    "float32": pl.Float64(),
+    "float64": pl.Float64(),
+    "float128": pl.Float64(),
+    "uint64": pl.UInt64(),
+    "stamp": pl.Int64(),
+    **dict.fromkeys(
+        ("byte", "char", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64"),
+        pl.Int64(),
+    ),
+}
+
+#: What it becomes in a column of lists, where a number keeps its size: an image stays bytes.
+ELEMENT_DTYPES: Final[dict[str, pl.DataType]] = {
+    **COLUMN_DTYPES,
+    "float32": pl.Float32(),
+    "byte": pl.Int8(),
+    "int8": pl.Int8(),
+    "int16": pl.Int16(),
+    "int32": pl.Int32(),
+    "char": pl.UInt8(),
+    "uint8": pl.UInt8(),
+    "uint16": pl.UInt16(),
+    "uint32": pl.UInt32(),
+}
+
+
+#: The values of an enumeration with their names.
+ValueNames: TypeAlias = tuple[tuple[int, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A number, a string, or a stamp (time or duration, in ns)."""
+
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class ListOf:
+    """A list of scalars or messages; `length` is None where it varies."""
+
+    element: "Scalar | RecordType"
+    length: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class RecordType:
+    """A message type: its fields in order."""
+
+    name: str
+    fields: tuple[tuple[str, "FieldType"], ...]
+    #: by the fields that are enumerations: their values with the names that the definition gives
+    value_names: tuple[tuple[str, "ValueNames"], ...] = field(default=(), compare=False)
+
+    def get(self, name: str) -> "FieldType | None":
+        """The type of a field, or None."""
+        return dict(self.fields).get(name)
+
+    @property
+    def has_header(self) -> bool:
+        """Whether its messages carry a header stamp."""
+        header = self.get("header")
+        return (
+            isinstance(header, RecordType)
+            and header.name == HEADER_TYPE
+            and header.get("stamp") == Scalar("stamp")
+        )
+
+    @property
+    def has_names(self) -> bool:
+        """Whether elements of its lists can be picked by the names in its list `name`."""
+        return self.get("name") == ListOf(Scalar("string"), None)
+
+
+FieldType = Scalar | ListOf | RecordType
+
+
+@dataclass(frozen=True, slots=True)
+class MessageType:
+    """How one topic's messages look, and what turns the stored bytes into an object of them."""
+
+    record: RecordType
+    ros1: bool
+    decode: Callable[[bytes], Any]
+    #: whose objects `decode` gives
+    library: Library = ROSBAGS
+
+
+@dataclass(frozen=True, slots=True)
+class LeafField:
+    """Something in a message that can be a column."""
+
+    #: dotted; a list shows as `effort[]`
+    name: str
+    #: as `Log.read` gives it
+    dtype: pl.DataType
+    #: of the lists on the way, from the outside in; None where a length varies
+    lengths: tuple[int | None, ...] = ()
+    value_names: ValueNames = ()
+    #: whether it is the stamp of a header, in ns since 1970
+    is_stamp: bool = False
+
+
+def leaf_fields(
+    record: RecordType, prefix: str = "", lengths: tuple[int | None, ...] = ()
+) -> Iterator[LeafField]:
+    """Everything in a message that can be a column, in the order of the definition."""
+    named = dict(record.value_names)
+    for name, kind in record.fields:
+        path, inner, around = f"{prefix}{name}", kind, lengths
+        if isinstance(kind, ListOf):
+            path, inner, around = f"{path}[]", kind.element, (*lengths, kind.length)
+        if isinstance(inner, RecordType):
+            yield from leaf_fields(inner, f"{path}.", around)
+            continue
+        assert isinstance(inner, Scalar), "there are no lists of lists"
+        dtype = (ELEMENT_DTYPES if around else COLUMN_DTYPES)[inner.kind]
+        for _ in around:
+            dtype = pl.List(dtype)
+        is_stamp = record.name == HEADER_TYPE and inner.kind == "stamp"
+        yield LeafField(path, dtype, around, named.get(name, ()), is_stamp)
+
+
+def leaves(record: RecordType) -> Iterator[str]:
+    """Dotted names of everything that can be a column; a list shows as `effort[]`."""
+    return (leaf.name for leaf in leaf_fields(record))

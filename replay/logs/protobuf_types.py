@@ -1,0 +1,143 @@
+"""Types of protobuf messages, from the descriptors that an MCAP file keeps of them."""
+
+from typing import Any, Final
+
+from google.protobuf.descriptor import Descriptor, FieldDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message import DecodeError
+from google.protobuf.message_factory import GetMessageClass
+
+from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.decoding_libraries import Library, int64
+from replay.logs.messages.message_types import FieldType, ListOf, MessageType, RecordType, Scalar
+
+_KINDS: Final = {
+    FieldDescriptor.CPPTYPE_DOUBLE: "float64",
+    FieldDescriptor.CPPTYPE_FLOAT: "float32",
+    FieldDescriptor.CPPTYPE_INT32: "int32",
+    FieldDescriptor.CPPTYPE_INT64: "int64",
+    FieldDescriptor.CPPTYPE_UINT32: "uint32",
+    FieldDescriptor.CPPTYPE_UINT64: "uint64",
+    FieldDescriptor.CPPTYPE_BOOL: "bool",
+    FieldDescriptor.CPPTYPE_ENUM: "int32",
+    FieldDescriptor.CPPTYPE_STRING: "string",
+}
+_STAMPS: Final = ("google.protobuf.Timestamp", "google.protobuf.Duration")
+_MOST_FIELDS: Final = 20_000
+
+
+def protobuf_type(name: str, descriptors: bytes) -> MessageType:
+    """The type `name` of a serialized `FileDescriptorSet`.
+
+    Raises:
+        BrokenBytesError: they are no descriptors, lack the type, or describe too many fields.
+    """
+    try:
+        files = FileDescriptorSet.FromString(descriptors)
+    except DecodeError as error:
+        raise _unusable(error) from error
+    pool = _pool(files)
+    try:
+        descriptor = pool.FindMessageTypeByName(name)
+        read = GetMessageClass(descriptor).FromString
+    except (KeyError, TypeError) as error:
+        raise _unusable(error) from error
+
+    def decode(data: bytes) -> Any:
+        try:
+            return read(data)
+        except DecodeError as error:
+            raise BrokenBytesError(error) from error
+
+    record = _Types().record(descriptor, ())
+    return MessageType(record, ros1=False, decode=decode, library=PROTOBUF)
+
+
+def _unusable(why: object) -> BrokenBytesError:
+    return BrokenBytesError(f"its protobuf descriptors cannot be used: {why}")
+
+
+def _pool(files: FileDescriptorSet) -> DescriptorPool:
+    """A pool of files, each added after those that it depends on."""
+    pool = DescriptorPool()
+    waiting = list(files.file)
+    added: set[str] = set()
+    while waiting:
+        ready = [file for file in waiting if added.issuperset(file.dependency)]
+        if not ready:
+            raise _unusable(f"{waiting[0].name} depends on files that are not there")
+        for file in ready:
+            try:
+                pool.Add(file)
+            except TypeError as error:
+                raise _unusable(error) from error
+            added.add(file.name)
+        waiting = [file for file in waiting if file.name not in added]
+    return pool
+
+
+class _Types:
+    """Turns descriptors into records, all of what they refer to inside them."""
+
+    def __init__(self) -> None:
+        self._left = _MOST_FIELDS
+
+    def record(self, descriptor: Descriptor, above: tuple[str, ...]) -> RecordType:
+        """A message type; fields that contain it again, and maps, are left out."""
+        within = (*above, descriptor.full_name)
+        fields = ((field.name, self._field(field, within)) for field in descriptor.fields)
+        names = (
+            (field.name, tuple((value.number, value.name) for value in field.enum_type.values))
+            for field in descriptor.fields
+            if field.enum_type is not None
+        )
+        return RecordType(
+            descriptor.full_name,
+            tuple((name, kind) for name, kind in fields if kind is not None),
+            tuple(names),
+        )
+
+    def _field(self, field: FieldDescriptor, above: tuple[str, ...]) -> FieldType | None:
+        self._left -= 1
+        if self._left < 0:
+            raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields")
+        inner = field.message_type
+        if inner is None:
+            is_bytes = field.type == FieldDescriptor.TYPE_BYTES
+            if is_bytes and field.is_repeated:
+                return None
+            kind = ListOf(Scalar("uint8"), None) if is_bytes else Scalar(_KINDS[field.cpp_type])
+        elif _is_stamp(inner):
+            kind = Scalar("stamp")
+        elif inner.full_name in above or inner.GetOptions().map_entry:
+            return None
+        else:
+            kind = self.record(inner, above)
+        return ListOf(kind, None) if field.is_repeated and not isinstance(kind, ListOf) else kind
+
+
+def _is_stamp(descriptor: Descriptor) -> bool:
+    """Whether it is a time or a duration by its name and by its fields, which a log describes."""
+    kinds = {field.name: field.cpp_type for field in descriptor.fields if not field.is_repeated}
+    return (
+        descriptor.full_name in _STAMPS
+        and kinds.get("seconds") == FieldDescriptor.CPPTYPE_INT64
+        and kinds.get("nanos") == FieldDescriptor.CPPTYPE_INT32
+    )
+
+
+def _get(message: Any, name: str) -> Any:
+    field = message.DESCRIPTOR.fields_by_name[name]
+    is_absent = field.has_presence and not message.HasField(name)
+    if is_absent:
+        return None
+    try:
+        return getattr(message, name)
+    except UnicodeDecodeError as error:  # a text is decoded when it is asked for
+        raise BrokenBytesError(error) from error
+
+
+PROTOBUF: Final = Library(
+    "protobuf", _get, lambda stamp: int64(stamp.seconds * 10**9 + stamp.nanos)
+)

@@ -1,0 +1,121 @@
+"""A recording as a log: the channels that its replay read, as they were read."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.model.run_record import Loss
+from estimators.errors import LogError, nearest
+from recordings.rrd.reader import opened
+from recordings.rrd.stored_frames import StoredFrame
+from replay.logs.log import Checked, Log
+
+_STAMPS: Final = ("log_time_ns", "header_stamp_ns")
+_RAW: Final = "raw/"
+_FORMAT: Final = "recording"
+
+
+class RecordingLog(Log):
+    """What `run` wrote under `raw`; other fields of the log are not in it."""
+
+    def __init__(self, path: Path) -> None:
+        """Read what describes the recording.
+
+        Args:
+            path: the `.rrd` file.
+
+        Raises:
+            RecordingError: not a recording of payscope.
+            LogError: it keeps no channels.
+        """
+        super().__init__(path, _FORMAT)
+        with opened(path) as held:
+            about, stages = held.provenance, held.stages
+        self._losses = about.losses
+        self._missing: dict[str, Loss] = {}
+        channels: Mapping[str, Any] = about.machine.get("channels", {})
+        named = {channel.get("topic") for channel in channels.values()}
+        self._stage = {
+            _topic(stage.removeprefix(_RAW), named): stage
+            for stage in stages
+            if stage.startswith(_RAW)
+        }
+        self._fields = {
+            topic: [name for name in stages[stage] if name not in _STAMPS]
+            for topic, stage in self._stage.items()
+        }
+        if not self._stage:
+            raise LogError(
+                f"{path}: keeps no channels of its log (a review's recording does with --full); "
+                "replay the log itself"
+            )
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The recording."""
+        return (self.path,)
+
+    def topics(self) -> pl.DataFrame:
+        """The topics that were read; see `Log.topics`."""
+        with opened(self.path) as held:
+            times = {t: held.read(s, _STAMPS[:1]) for t, s in self._stage.items()}
+        rows = [
+            {
+                "topic": topic,
+                "type": _FORMAT,
+                "encoding": "columns",
+                **self._timing(times[topic]["log_time_ns"].to_numpy()),
+                "fields": fields,
+                "problem": None,
+                "decoder": "columnar",
+            }
+            for topic, fields in self._fields.items()
+        ]
+        return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        found: dict[str, pl.DataFrame] = {}
+        for topic, names in fields.items():
+            if topic not in self._stage:
+                raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._stage)}")
+            has = self._fields[topic]
+            for name in names:
+                if name not in has:
+                    raise LogError(
+                        f"{self.path}: topic '{topic}' was recorded without field '{name}'; "
+                        f"{nearest(name, has)}, or replay the log itself"
+                    )
+        with opened(self.path) as held:
+            for topic, names in fields.items():
+                frame = held.read(self._stage[topic], [*_STAMPS, *names])
+                self._note_missing(topic, held.manifest.frame(self._stage[topic]), frame.height)
+                time = pl.col("log_time_ns")
+                if start_ns is not None:
+                    frame = frame.filter(time >= start_ns)
+                if end_ns is not None:
+                    frame = frame.filter(time <= end_ns)
+                found[topic] = frame
+        return found
+
+    def check(self) -> Checked:
+        """Read every channel."""
+        read = self.read_many(self._fields)
+        return Checked(sum(frame.height for frame in read.values()), 0, 0)
+
+    def losses(self) -> tuple[Loss, ...]:
+        """Those of the log that was recorded, and rows that a recovered recording has lost."""
+        return (*self._losses, *self._missing.values())
+
+    def _note_missing(self, topic: str, stored: StoredFrame | None, height: int) -> None:
+        if stored is not None and height != stored.rows:
+            what = f"the recording has {height} of {stored.rows} rows"
+            self._missing[topic] = Loss(source=self.path.name, topic=topic, what=what)
+
+
+def _topic(stage: str, named: set[str | None]) -> str:
+    """The topic of a stage, which is named without the slash that most begin with."""
+    return f"/{stage}" if f"/{stage}" in named else stage

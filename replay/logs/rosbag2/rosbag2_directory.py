@@ -1,0 +1,252 @@
+"""The container of a rosbag2 directory: its storage files in the order of metadata.yaml."""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
+from itertools import chain, pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.run_record import Loss
+from estimators.errors import LogError
+from replay.logs.mcap import McapFile
+from replay.logs.rosbag2.rosbag2_metadata import METADATA, Metadata, MetadataError, read_metadata
+from replay.logs.rosbag2.rosbag2_zstd import unpack_file, unpack_messages
+from replay.logs.sqlite import Db3File
+from replay.logs.storage import (
+    END_NS,
+    UNKNOWN_NS,
+    Connection,
+    Container,
+    Group,
+    LossList,
+    no_times,
+    prefetch,
+)
+
+#: Parts of a split recording may reach into each other by as much.
+_OVERLAP_NS: Final = 1_000_000_000
+_STORAGE: Final[dict[str, Callable[[Path], Container]]] = {".mcap": McapFile, ".db3": Db3File}
+
+
+class Rosbag2Directory:
+    """A rosbag2 directory. It is read without metadata.yaml too, in the order of the names."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._parts: list[Container] = []
+        self._losses = LossList()
+        self._scratch = TemporaryDirectory(prefix="payscope-")
+        try:
+            metadata = self._read_metadata()
+            self.files: tuple[Path, ...] = self._open_parts(metadata)
+        except BaseException:
+            self.close()
+            raise
+        self._metadata = metadata
+        self._is_compared = False
+        self._merge(metadata)
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """Losses of the directory, then of each file."""
+        return [*self._losses, *(loss for part in self._parts for loss in part.losses)]
+
+    def _read_metadata(self) -> Metadata:
+        names = tuple(sorted((p.name for p in storage_files(self._path)), key=_by_number))
+        # a recorder that ends while it compresses leaves both; what it compressed from is whole
+        names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
+        if not (self._path / METADATA).exists():
+            what = (
+                "is missing, so the recorder did not finish or files were left behind: the files "
+                "found are read in the order of their names, and others may be missing"
+            )
+            self._losses.note(self._path / METADATA, what)
+            return Metadata(names)
+        try:
+            metadata = read_metadata(self._path)
+        except MetadataError as error:
+            what = f"cannot be read, so the files are read in the order of their names: {error}"
+            self._losses.note(self._path / METADATA, what)
+            return Metadata(names)
+        self._compare_names(metadata.names, names)
+        return metadata
+
+    def _compare_names(self, named: Sequence[str], found: Sequence[str]) -> None:
+        """Say where metadata.yaml names a file twice, or leaves out one that is there."""
+        for name, times in Counter(named).items():
+            if times > 1:
+                what = f"names {name} {times:,} times; it is read once"
+                self._losses.note(self._path / METADATA, what)
+        known = {name.removesuffix(".zstd") for name in named}
+        for name in found:
+            if name.removesuffix(".zstd") not in known:
+                self._losses.note(self._path / name, f"not read: {METADATA} does not name it")
+
+    def _open_parts(self, metadata: Metadata) -> tuple[Path, ...]:
+        opened: list[Path] = []
+        faults: list[str] = []
+        for name in dict.fromkeys(metadata.names):
+            path = self._path / name
+            try:
+                self._parts.append(self._open_part(path))
+                opened.append(path)
+            except (LogError, OSError) as error:
+                # a file that was unpacked is known by the name that it has here
+                fault = str(getattr(error, "strerror", None) or error).replace(
+                    f"{self._scratch.name}/", ""
+                )
+                faults.append(fault)
+                self._losses.note(path, f"not read: {fault}")
+        if not self._parts:
+            told = [str(loss) for loss in self._losses] or faults
+            raise LogError(
+                f"{self._path}: none of its bag files can be read: "
+                f"{'; '.join(told) or 'there is none'}"
+            )
+        yaml = self._path / METADATA
+        return (yaml, *opened) if yaml.exists() else tuple(opened)
+
+    def _open_part(self, path: Path) -> Container:
+        if not path.exists():
+            raise LogError(f"{METADATA} names {path.name}, which is not there")
+        if path.stat().st_size == 0:
+            raise LogError("the file is empty (0 bytes)")
+        stored = path
+        if path.suffix == ".zstd":
+            stored = Path(self._scratch.name, path.stem)
+            fault = unpack_file(path, stored)
+            if fault:
+                what = f"the compressed file is damaged, what comes before is read: {fault}"
+                self._losses.note(path, what)
+        opener = _STORAGE.get(stored.suffix)
+        if opener is None:
+            raise LogError(f"{path.name} is neither .mcap nor .db3")
+        return opener(stored)
+
+    def _merge(self, metadata: Metadata) -> None:
+        """Number the connections of all parts in one row."""
+        self._origin: list[tuple[int, int]] = []
+        merged: list[Connection] = []
+        for part_number, part in enumerate(self._parts):
+            for c in part.connections:
+                merged.append(replace(c, id=len(merged)))
+                self._origin.append((part_number, c.id))
+        seen = {c.topic for c in merged}
+        for topic in metadata.topics:
+            if topic.name not in seen:
+                merged.append(
+                    Connection(len(merged), topic.name, topic.type, topic.encoding, "", "")
+                )
+        self.connections: tuple[Connection, ...] = tuple(merged)
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """The log times of a connection of one of the files."""
+        self._compare_counts()
+        if connection_id >= len(self._origin):
+            return no_times()
+        part_number, inner = self._origin[connection_id]
+        return self._parts[part_number].log_times(inner)
+
+    def groups(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[Group]:
+        """Messages file by file."""
+        later = [part.earliest_ns() for part in self._parts[1:]]
+        for part_number, part in enumerate(self._parts):
+            behind = min(later[part_number:], default=END_NS)
+            outer = {
+                inner: key
+                for key, (number, inner) in enumerate(self._origin)
+                if number == part_number and key in connection_ids
+            }
+            if not outer:
+                continue
+            stored = part.groups(list(outer), start_ns, end_ns)
+            if self._metadata.message_zstd:
+                stored = prefetch(self._unpacked(part, stored))
+            for batches, floor_ns in stored:
+                renamed = [replace(b, connection_id=outer[b.connection_id]) for b in batches]
+                yield Group(renamed, min(floor_ns, behind))
+
+    def _unpacked(self, part: Container, stored: Iterator[Group]) -> Iterator[Group]:
+        lost: Counter[int] = Counter()
+        floor_ns = UNKNOWN_NS
+        for batches, next_floor_ns in stored:
+            for unpacked, damaged in chain.from_iterable(map(unpack_messages, batches)):
+                lost[unpacked.connection_id] += damaged
+                yield Group([unpacked], floor_ns)
+            floor_ns = next_floor_ns
+        topics = {c.id: c.topic for c in part.connections}
+        for key, count in lost.items():
+            if count:
+                self._losses.note(
+                    part.files[0], f"{count:,} messages cannot be decompressed", topics[key]
+                )
+
+    def _compare_counts(self) -> None:
+        """Say where metadata.yaml counts other messages than the files hold."""
+        if self._is_compared:
+            return
+        self._is_compared = True
+        self._compare_times()
+        held: Counter[str] = Counter()
+        for connection, (part_number, inner) in zip(self.connections, self._origin, strict=False):
+            held[connection.topic] += self._parts[part_number].log_times(inner).size
+        for topic in self._metadata.topics:
+            if topic.messages != held[topic.name]:
+                self._losses.note(
+                    self._path / METADATA,
+                    f"counts {topic.messages:,} messages, {held[topic.name]:,} are there",
+                    topic.name,
+                )
+        counted, total = self._metadata.messages, held.total()
+        if counted not in (None, total):
+            self._losses.note(
+                self._path / METADATA, f"counts {counted:,} messages in all, {total:,} are there"
+            )
+
+    def _compare_times(self) -> None:
+        """Say which files hold the same time: parts of one recording follow each other."""
+        spans: list[tuple[int, int, str]] = []
+        for part in self._parts:
+            times = np.concatenate([no_times(), *(part.log_times(c.id) for c in part.connections)])
+            if times.size:
+                spans.append((int(times.min()), int(times.max()), part.files[0].name))
+        for (_, end, first), (start, _, second) in pairwise(sorted(spans)):
+            if end - start > _OVERLAP_NS:
+                self._losses.note(
+                    self._path / second,
+                    f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may be no "
+                    "parts of one recording: what both hold counts twice; name one of them alone",
+                )
+
+    def earliest_ns(self) -> int:
+        """The earliest log time of all files."""
+        return min((part.earliest_ns() for part in self._parts), default=END_NS)
+
+    def check(self) -> int:
+        """Check every file."""
+        self._compare_counts()
+        return sum(part.check() for part in self._parts)
+
+    def close(self) -> None:
+        """Release the files."""
+        for part in self._parts:
+            part.close()
+        self._scratch.cleanup()
+
+
+def storage_files(folder: Path) -> list[Path]:
+    """The bag files in a folder, also those that are compressed as a whole."""
+    return [p for p in folder.iterdir() if Path(p.name.removesuffix(".zstd")).suffix in _STORAGE]
+
+
+def _by_number(name: str) -> list[tuple[int, str]]:
+    """Put shift_10 after shift_9."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]

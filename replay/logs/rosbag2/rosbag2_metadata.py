@@ -1,0 +1,169 @@
+"""metadata.yaml of a rosbag2 directory: the order of its files, and what was to be recorded."""
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any, Final
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from estimators.errors import LogError
+from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
+
+METADATA: Final = "metadata.yaml"
+#: A thousand topics take less.
+_LARGEST_BYTES: Final = 2**20
+
+
+class MetadataError(Exception):
+    """Why metadata.yaml is of no use, in a line."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnnouncedTopic:
+    """A topic as metadata.yaml lists it."""
+
+    name: str
+    type: str
+    encoding: str
+    messages: int
+
+
+@dataclass(frozen=True, slots=True)
+class Metadata:
+    """What metadata.yaml says."""
+
+    names: tuple[str, ...]
+    #: each message is compressed by itself
+    message_zstd: bool = False
+    topics: tuple[AnnouncedTopic, ...] = ()
+    #: of all topics; None where it does not say
+    messages: int | None = None
+
+
+def read_metadata(folder: Path) -> Metadata:
+    """Read metadata.yaml.
+
+    Raises:
+        MetadataError: it is damaged.
+        LogError: it names files outside the folder, or the messages have a compression other than
+            zstd.
+    """
+    path = folder / METADATA
+    if not path.is_file():  # a pipe would be waited for
+        raise MetadataError("it is no file")
+    if path.stat().st_size > _LARGEST_BYTES:
+        raise MetadataError(f"it has more than {_LARGEST_BYTES:,} bytes")
+    try:
+        return _parse(_load(path), folder)
+    except BrokenBytesError as error:
+        raise MetadataError(str(error)) from error
+
+
+def _load(path: Path) -> Any:
+    """What the file holds.
+
+    Raises:
+        BrokenBytesError: it is no YAML, or cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeError as error:
+        raise BrokenBytesError("it is no UTF-8 text") from error
+    except OSError as error:
+        raise BrokenBytesError(error.strerror or error) from error
+    try:
+        return YAML(typ="safe").load(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = "" if mark is None else f" in line {mark.line + 1}"
+        raise BrokenBytesError(f"{error.problem or error.context}{where}") from error
+    except RecursionError as error:
+        raise BrokenBytesError("it is nested too deeply") from error
+    except (YAMLError, AttributeError, *BROKEN_BYTES) as error:
+        raise _other_layout() from error
+
+
+def _other_layout() -> BrokenBytesError:
+    return BrokenBytesError("it is not laid out as rosbag2 does")
+
+
+def _parse(content: Any, folder: Path) -> Metadata:
+    information = _value(content, "rosbag2_bagfile_information")
+    if not isinstance(information, dict):
+        raise _other_layout()
+    messages = information.get("message_count")
+    mode = _text(information.get("compression_mode") or "none").lower()
+    fmt = _text(information.get("compression_format") or "zstd")
+    if mode != "none" and fmt != "zstd":
+        raise LogError(f"{folder}: compressed with {fmt}; only zstd can be read")
+    return Metadata(
+        tuple(
+            _inside(_text(name), folder)
+            for name in _list(_value(information, "relative_file_paths"))
+        ),
+        mode == "message",
+        tuple(
+            _announced(entry) for entry in _list(_value(information, "topics_with_message_count"))
+        ),
+        None if messages is None else _count(messages),
+    )
+
+
+def _announced(entry: Any) -> AnnouncedTopic:
+    topic = _value(entry, "topic_metadata")
+    return AnnouncedTopic(
+        _text(_value(topic, "name")),
+        _text(_value(topic, "type")),
+        _text(_value(topic, "serialization_format")),
+        _count(_value(entry, "message_count")),
+    )
+
+
+def _value(mapping: Any, key: str) -> Any:
+    if not isinstance(mapping, dict):
+        raise _other_layout()
+    if key not in mapping:
+        raise BrokenBytesError(f"it has no {key}")
+    return mapping[key]
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise _other_layout()
+    return value
+
+
+def _count(value: Any) -> int:
+    """A number of messages: YAML also knows numbers in quotes, and numbers without end."""
+    try:
+        return int(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise _other_layout() from error
+
+
+def _text(value: Any) -> str:
+    """A value that is text: YAML also knows lists of lists of lists, and half characters."""
+    if not isinstance(value, str):
+        raise _other_layout()
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise BrokenBytesError("it is no UTF-8 text") from error
+    return value
+
+
+def _inside(name: str, folder: Path) -> str:
+    """The file of the folder that metadata.yaml means.
+
+    Raises:
+        LogError: for a name that leads out of the folder.
+    """
+    path = PurePosixPath(name)
+    if path.is_absolute() or PureWindowsPath(name).drive or ".." in path.parts or "\\" in name:
+        raise LogError(
+            f"{folder / METADATA}: names '{name}', outside its folder; "
+            "relative_file_paths may only name files beside metadata.yaml"
+        )
+    # before version 4 the path began with the directory's own name
+    return name if (folder / name).exists() else path.name

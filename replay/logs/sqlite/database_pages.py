@@ -1,0 +1,114 @@
+"""The pages of a SQLite file (sqlite.org/fileformat2.html): whether they can be read as they are.
+
+What is unusual is not read here but by SQLite itself.
+"""
+
+import sqlite3
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.sqlite.row_query import fetch_all
+from replay.logs.storage import FileBytes
+
+MAGIC: Final = b"SQLite format 3\x00"
+#: The first byte of a page that holds rows.
+LEAF: Final = 13
+HEADER_BYTES: Final = 100
+#: Shares of a page in 255ths that a cell may take; the format fixes them.
+_FRACTIONS: Final = bytes([64, 32, 32])
+#: 1 with a rollback journal, 2 with a write-ahead log
+_VERSIONS: Final = (1, 2)
+_LEAST_USABLE: Final = 480
+#: SQLite locks this byte and those behind it; their page holds nothing.
+_LOCKED_BYTE: Final = 2**30
+_TOPIC, _TIME, _DATA = "topic_id", "timestamp", "data"
+
+
+class PageLayout(NamedTuple):
+    """How pages and the records of one table in them are laid out."""
+
+    page_bytes: int
+    #: of each page from its start; the rest is reserved for extensions
+    usable_bytes: int
+    #: Pages are counted from 1.
+    pages: int
+    #: the page that never holds anything
+    locked_page: int
+    #: where the table's tree begins
+    root: int
+    #: of a record, and which of them hold topic, time and message
+    columns: int
+    topic: int
+    time: int
+    data: int
+
+
+class RowFilter(NamedTuple):
+    """Which rows are wanted, and whether with their messages."""
+
+    #: topics, ascending, unless all are wanted
+    keys: NDArray[np.int64]
+    every_topic: bool
+    #: log times, both inclusive
+    first_ns: int
+    last_ns: int
+    with_data: bool
+
+
+def page_layout(file: FileBytes, database: sqlite3.Connection) -> PageLayout | None:
+    """The layout of table `messages`, None where SQLite has to read it.
+
+    Raises:
+        BrokenBytesError: SQLite cannot read its own tables.
+    """
+    head = file.read(0, HEADER_BYTES)
+    if len(head) < HEADER_BYTES or _is_unfinished(file.path):
+        return None
+    stored = int.from_bytes(head[16:18], "big")
+    page_bytes = 65_536 if stored == 1 else stored
+    usable = page_bytes - head[20]
+    pages = int.from_bytes(head[28:32], "big")
+    whole = (
+        head.startswith(MAGIC)
+        and page_bytes >= 512
+        and page_bytes & (page_bytes - 1) == 0
+        and head[18] in _VERSIONS
+        and head[19] in _VERSIONS
+        and usable >= _LEAST_USABLE
+        and head[21:24] == _FRACTIONS
+        # otherwise an old version wrote the file last, which did not count its pages
+        and head[24:28] == head[92:96]
+        and pages * page_bytes == file.size
+    )
+    record = _record(database)
+    if not whole or record is None or not 1 < record[0] <= pages:
+        return None
+    return PageLayout(page_bytes, usable, pages, _LOCKED_BYTE // page_bytes + 1, *record)
+
+
+def _is_unfinished(path: Path) -> bool:
+    """Whether what the file holds is not all that was written, or too much of it."""
+    beside = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
+    return any(each.exists() and each.stat().st_size > 0 for each in beside)
+
+
+def _record(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | None:
+    """The root of table `messages`, its columns, and where topic, time and message stand."""
+    found = fetch_all(
+        database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
+    )
+    columns = fetch_all(database, "PRAGMA table_xinfo(messages)")
+    if not found or type(found[0][0]) is not int:
+        return None
+    names = [str(name).lower() for _, name, *_ in columns]
+    # a column that is the key stands where ids do
+    kinds = {str(name).lower(): str(kind) for _, name, kind, _, _, key, _ in columns if not key}
+    # SQLite makes floats of integers in columns that are declared otherwise
+    are_integers = all("INT" in kinds.get(name, "").upper() for name in (_TOPIC, _TIME))
+    is_computed = any(is_hidden for *_, is_hidden in columns)
+    if not are_integers or _DATA not in kinds or is_computed or "rowid" in names:
+        return None
+    return found[0][0], len(names), names.index(_TOPIC), names.index(_TIME), names.index(_DATA)

@@ -1,0 +1,165 @@
+"""A cell of a leaf page of a SQLite table, compiled: a row of the table, or its beginning."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.compiled import uncounted
+from replay.logs.sqlite.database_pages import PageLayout
+from replay.logs.storage import LARGEST_BYTES
+
+#: A record's types: 0 null, 1 to 6 integers, 7 a float, 8 and 9 the integers 0 and 1, from 12 on
+#: even blobs and odd texts.
+_NULL: Final = 0
+_FLOAT: Final = 7
+_ZERO: Final = 8
+_ONE: Final = 9
+_BLOB: Final = 12
+
+#: What a cell may be: a message; damaged; of other types than a message, as SQLite asks nobody for
+#: types; or laid out as no recorder does, which SQLite shall read.
+MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
+
+
+@uncounted
+def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
+    """An unsigned integer of less than 8 bytes."""
+    value = np.int64(0)
+    for k in range(size):
+        value = (value << np.int64(8)) | np.int64(data[at + k])
+    return value  # pyright: ignore[reportReturnType] an int outside of numba
+
+
+@uncounted
+def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
+    """A two's complement integer of 1 to 8 bytes."""
+    value = np.int64(data[at])
+    if value > 127:
+        value -= np.int64(256)
+    for k in range(1, size):
+        value = (value << np.int64(8)) | np.int64(data[at + k])
+    return value  # pyright: ignore[reportReturnType] an int outside of numba
+
+
+@uncounted
+def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
+    """An integer of 1 to 9 bytes, and where it ends: -1 where not before `end`."""
+    value, bits, stop = np.int64(0), 0, -1
+    # with several ways out numba would count references to the data, which takes longer than this
+    while at < end and stop < 0:
+        byte = np.int64(data[at])
+        at += 1
+        if bits == 56:
+            value = (value << np.int64(8)) | byte
+            stop = at
+        else:
+            value = (value << np.int64(7)) | (byte & np.int64(127))
+            bits += 7
+            if byte < 128:
+                stop = at
+    return value, stop  # pyright: ignore[reportReturnType] an int outside of numba
+
+
+@uncounted
+def _size(kind: int) -> int:
+    """Bytes of a value of a record's type; -1 for what is no type."""
+    if kind >= _BLOB:
+        return (kind - _BLOB) // 2
+    if kind < 0 or kind > _ONE:
+        return -1
+    if kind <= 4:
+        return kind
+    if kind == 5:
+        return 6
+    return 8 if kind <= _FLOAT else 0
+
+
+@uncounted
+def _local_bytes(payload: int, usable: int) -> int:
+    """How much of a record stands in its leaf; the rest is on overflow pages."""
+    if payload <= usable - 35:
+        return payload
+    least = (usable - 12) * 32 // 255 - 23
+    some = least + (payload - least) % (usable - 4)
+    return some if some <= usable - 35 else least
+
+
+@uncounted
+def parse_cell(
+    data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout, with_data: bool
+) -> tuple[int, int, int, int, int, int, int, int]:
+    """What the cell at `at` holds, in a page that has its cells in [begin, end).
+
+    Returns:
+        Which of the four above it is, and its id; topic, time; where the message begins, its
+        bytes, and those of them in the leaf; and where the leaf's part of the record ends.
+    """
+    damaged = (DAMAGED, 0, 0, 0, 0, 0, 0, 0)
+    payload, row_id, at, stop = _open_cell(data, at, begin, end, layout)
+    if stop < 0:
+        return damaged
+    head, field = _varint(data, at, stop)
+    if field < 0 or head < 0 or head > stop - at:
+        return damaged
+    what = MESSAGE if payload <= LARGEST_BYTES else UNUSUAL
+    head_end = body = at + head
+    column, topic, time, message, length = 0, 0, 0, 0, 0
+    while field < head_end:
+        kind, field = _varint(data, field, head_end)
+        size = _size(kind)
+        if field < 0 or size < 0 or size > at + payload - body:
+            return damaged
+        if column == layout.data:
+            message, length = body, size
+            if with_data and (kind < _BLOB or kind % 2 == 1):
+                what = max(what, NO_MESSAGE)
+        elif column == layout.topic:
+            topic, found = _integer(data, body, kind, size, stop)
+            what = max(what, found)
+        elif column == layout.time:
+            time, found = _integer(data, body, kind, size, stop)
+            what = max(what, found)
+        body += size
+        column += 1
+    if field != head_end or body != at + payload:
+        return damaged
+    local = min(length, stop - message)
+    # columns that were added later, and columns behind a message on overflow pages
+    if column < layout.columns or local < 0 or (local < length and message + length < body):
+        what = UNUSUAL
+    return what, row_id, topic, time, message, length, local, stop
+
+
+@uncounted
+def _open_cell(
+    data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout
+) -> tuple[int, int, int, int]:
+    """The bytes of a cell's record, its id, where it begins, and where its part in the leaf ends.
+
+    The last is -1 where the cell is damaged.
+    """
+    damaged = (0, 0, 0, -1)
+    if at < begin or at >= end:
+        return damaged
+    payload, at = _varint(data, at, end)
+    if at < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
+        return damaged
+    row_id, at = _varint(data, at, end)
+    if at < 0:
+        return damaged
+    here = _local_bytes(payload, layout.usable_bytes)
+    stop = at + here
+    if stop + (4 if here < payload else 0) > end:
+        return damaged
+    return payload, row_id, at, stop
+
+
+@uncounted
+def _integer(data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int) -> tuple[int, int]:
+    """An integer column, and whether it is one that a message has."""
+    if kind in (_NULL, _FLOAT) or kind > _ONE:
+        return 0, NO_MESSAGE
+    if at + size > stop:
+        return 0, UNUSUAL
+    return (kind - _ZERO if size == 0 else _signed(data, at, size)), MESSAGE

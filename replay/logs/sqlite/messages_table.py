@@ -1,0 +1,121 @@
+"""Table `messages` of a rosbag2 database: its pages as they are, and by SQLite what is left."""
+
+import sqlite3
+from collections.abc import Callable, Collection, Generator, Iterator
+from typing import Final
+
+import numpy as np
+
+from replay.logs.sqlite.database_pages import PageLayout, RowFilter, page_layout
+from replay.logs.sqlite.row_query import LEAST_ID, Row, TableRows, read_rows, sqlite_call
+from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch
+
+_TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
+_MESSAGES: Final = _TIMES.replace("timestamp", "timestamp, data")
+#: SQLite has gone through a smaller file before the compiled code is loaded.
+_LEAST_BYTES: Final = 256 * 2**20
+_LEAST_NS: Final = -(2**63)
+_MOST_NS: Final = 2**63 - 1
+
+
+class _NoMessageError(Exception):
+    """A row has values of other types than a message."""
+
+
+class MessageTable:
+    """Rows of the table in the order of their ids.
+
+    Raises:
+        BrokenBytesError: it has other columns, or SQLite cannot read its own tables.
+    """
+
+    def __init__(
+        self, database: sqlite3.Connection, file: FileBytes, note: Callable[[str], None]
+    ) -> None:
+        """Look how the table is stored.
+
+        Args:
+            database: opened.
+            file: the same.
+            note: told what was lost, a sentence a damaged place.
+        """
+        with sqlite_call():
+            database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
+        self._database = database
+        self._file = file
+        self._note = note
+        self._layout = page_layout(file, database)
+
+    def times(self) -> Iterator[TableRows]:
+        """Rows without their messages."""
+        everything = RowFilter(np.empty(0, np.int64), True, _LEAST_NS, _MOST_NS, False)
+        if self._layout is not None and self._file.size < _LEAST_BYTES:
+            faults: list[str] = []
+            found = list(self._from_sqlite(LEAST_ID, everything, faults.append))
+            # what is damaged is told once, as the messages' pages tell it
+            return iter(found) if not faults else self._rows(everything)
+        return self._rows(everything)
+
+    def messages(
+        self, topic_ids: Collection[int], first_ns: int, last_ns: int
+    ) -> Iterator[TableRows]:
+        """Rows of some topics, from one log time to another, both inclusive."""
+        keys = np.array(sorted(topic_ids), np.int64)
+        first, last = (max(_LEAST_NS, min(each, _MOST_NS)) for each in (first_ns, last_ns))
+        return self._rows(RowFilter(keys, False, first, last, True))
+
+    def _rows(self, wanted: RowFilter) -> Iterator[TableRows]:
+        after: int | None = LEAST_ID
+        if self._layout is not None:
+            after = yield from self._from_pages(self._layout, wanted)
+        if after is not None:
+            yield from self._from_sqlite(after, wanted, self._note)
+
+    def _from_pages(
+        self, layout: PageLayout, wanted: RowFilter
+    ) -> Generator[TableRows, None, int | None]:
+        from replay.logs.sqlite.page_walk import PageWalk  # compiled code
+
+        walk = PageWalk(self._file, layout, wanted, self._note)
+        yield from prefetch(iter(walk))
+        return walk.left_after
+
+    def _from_sqlite(
+        self, after: int, wanted: RowFilter, note: Callable[[str], None]
+    ) -> Iterator[TableRows]:
+        query = _MESSAGES if wanted.with_data else _TIMES
+        has_blob = wanted.with_data
+        for rows in read_rows(self._database, query, after, note, has_blob=has_blob):
+            try:
+                found = _columns(rows, has_blob=has_blob)
+            except _NoMessageError:  # SQLite asks nobody for types
+                whole = [row for row in rows if _is_message(row)]
+                lost = len(rows) - len(whole)
+                note(f"{lost:,} rows from row {rows[0][0]} on hold no message")
+                found = _columns(whole, has_blob=has_blob)
+            time = found.rows[TIME]
+            use = (time >= wanted.first_ns) & (time <= wanted.last_ns)
+            if not wanted.every_topic:
+                use &= np.isin(found.rows[KEY], wanted.keys)
+            yield found if use.all() else TableRows(found.data, found.rows[:, use])
+
+
+def _columns(rows: list[Row], *, has_blob: bool) -> TableRows:
+    messages = [row[3] for row in rows] if has_blob else []
+    if {*map(type, messages)} - {bytes}:
+        raise _NoMessageError("a message that is no blob")
+    columns = np.zeros((4, len(rows)), np.int64)
+    for column, place in ((KEY, 1), (TIME, 2)):
+        numbers = np.array([row[place] for row in rows])
+        if rows and numbers.dtype != np.int64:
+            raise _NoMessageError("a number that is no integer")
+        columns[column] = numbers
+    if has_blob:
+        columns[LENGTH] = [len(message) for message in messages]
+        columns[OFFSET] = np.cumsum(columns[LENGTH]) - columns[LENGTH]
+    return TableRows(np.frombuffer(b"".join(messages), np.uint8), columns)
+
+
+def _is_message(row: Row) -> bool:
+    types = tuple(map(type, row))
+    return types in ((int, int, int), (int, int, int, bytes))

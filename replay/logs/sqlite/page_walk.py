@@ -1,0 +1,162 @@
+"""Go through a SQLite table page by page."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.sqlite.database_pages import PageLayout, RowFilter
+from replay.logs.sqlite.leaf_pages import leaf_pages, page_ranges, read_ranges
+from replay.logs.sqlite.leaf_scan import (
+    AT_LEAF,
+    FIRST_ODD,
+    GAPS,
+    ID,
+    LAST_ID,
+    ODD,
+    PAGE,
+    ROW,
+    Tables,
+    scan_leaves,
+)
+from replay.logs.sqlite.overflow_chains import Chains
+from replay.logs.sqlite.row_query import LEAST_ID, MOST_ID, TableRows
+from replay.logs.storage import FileBytes
+
+#: Leaves that are read at once. Who decodes them finds them in the processor's cache; steps twice
+#: or half as large take a tenth longer.
+_LEAF_BYTES: Final = 2 * 2**20
+#: Messages that are joined from overflow pages behind them, unless a single one is larger.
+_JOINED_BYTES: Final = 4 * 2**20
+_MOST_ROWS: Final = 65_536
+_MOST_SPILLED: Final = 8192
+_MOST_GAPS: Final = 1024
+_FIRST_LEAVES: Final = 64
+
+
+@dataclass(slots=True)
+class _Memory:
+    data: NDArray[np.uint8] = field(
+        default_factory=lambda: np.empty(_LEAF_BYTES + _JOINED_BYTES, np.uint8)
+    )
+    rows: NDArray[np.int64] = field(default_factory=lambda: np.empty((5, _MOST_ROWS), np.int64))
+
+
+class PageWalk:
+    """Rows of a table in the order of their ids, over damaged pages, up to one that is unusual."""
+
+    def __init__(
+        self, file: FileBytes, layout: PageLayout, wanted: RowFilter, note: Callable[[str], None]
+    ) -> None:
+        """Begin at the first row.
+
+        Args:
+            file: the database.
+            layout: of its pages.
+            wanted: which rows.
+            note: told what was lost, a sentence a damaged place.
+        """
+        self._file = file
+        self._layout = layout
+        self._wanted = wanted
+        self._note = note
+        self._chains = Chains(file, layout)
+        self._spills = np.empty((5, _MOST_SPILLED), np.int64)
+        self._gaps = np.empty((2, _MOST_GAPS), np.int64)
+        self._state = np.zeros(7, np.int64)
+        self._state[LAST_ID] = LEAST_ID
+        self._torn = self._first_torn = 0
+        #: once it ended: the id behind which rows are left to SQLite, None if none are
+        self.left_after: int | None = LEAST_ID
+
+    def __iter__(self) -> Iterator[TableRows]:
+        try:
+            leaves = leaf_pages(self._file, self._layout)
+            if leaves is not None:
+                yield from self._steps(leaves)
+        except (OSError, MemoryError):
+            pass  # SQLite says what is the matter, or has another way
+        self._note_losses()
+
+    def _steps(self, leaves: NDArray[np.uint32]) -> Iterator[TableRows]:
+        memories = (_Memory(), _Memory())
+        at, step, reach = 0, 0, _FIRST_LEAVES
+        is_usual = True
+        while is_usual and at < leaves.size:
+            rows, is_usual = self._read(leaves[at : at + reach], memories[step % 2])
+            self.left_after = int(self._state[LAST_ID])
+            yield rows
+            # large messages fill a step from few leaves, and others would be read for nothing
+            done = int(self._state[AT_LEAF])
+            reach = 2 * (done + 1)
+            at += done
+            step += 1
+        if is_usual:
+            self.left_after = None
+
+    def _read(self, leaves: NDArray[np.uint32], memory: _Memory) -> tuple[TableRows, bool]:
+        """Rows from some leaves on, and whether what follows is usual."""
+        size = self._layout.page_bytes
+        ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
+        if not read_ranges(self._file, ranges, size, memory.data):
+            raise OSError("the file became shorter")
+        tail = int(ranges.begin[-1] + ranges.pages[-1] * size)
+        self._state[AT_LEAF] = 0
+        found, spilled, joined_bytes, is_usual = scan_leaves(
+            memory.data,
+            slots,
+            self._layout,
+            self._wanted,
+            tail,
+            _JOINED_BYTES,
+            self._state,
+            Tables(memory.rows, self._spills, self._gaps),
+        )
+        data, rows = memory.data, memory.rows[:, :found]
+        if spilled:
+            if tail + joined_bytes > data.size:
+                data = np.empty(tail + joined_bytes, np.uint8)
+                data[:tail] = memory.data[:tail]
+            self._chains.join(data, ranges, memory.rows, self._spills, spilled)
+            rows = self._without_torn(rows, self._spills[:, :spilled])
+        return TableRows(data, rows), is_usual
+
+    def _without_torn(
+        self, rows: NDArray[np.int64], spills: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        torn = spills[ROW, spills[PAGE] == 0]
+        if not torn.size:
+            return rows
+        if not self._torn:
+            self._first_torn = int(rows[ID, torn[0]])
+        self._torn += torn.size
+        return np.delete(rows, torn, axis=1)
+
+    def _note_losses(self) -> None:
+        found, odd, first_odd = self._state[[GAPS, ODD, FIRST_ODD]].tolist()
+        for before, until in self._gaps[:, :found].T.tolist():
+            self._note(f"the database is damaged: {_lost(before, until)} lost")
+        if found > _MOST_GAPS:
+            self._note(f"{found - _MOST_GAPS:,} more places of the database are damaged")
+        if self._torn:
+            what = f"the database is damaged: {self._torn:,} messages are torn and lost"
+            self._note(f"{what}, the first is of row {self._first_torn}")
+        if odd:
+            self._note(f"{odd:,} rows from row {first_odd} on hold no message")
+
+
+def _lost(before: int, until: int) -> str:
+    """The rows between two ids, as far as these tell."""
+    if until == MOST_ID:
+        return "all rows are" if before == LEAST_ID else f"rows from {before + 1} on are"
+    if before == LEAST_ID:
+        return f"rows before {until} are"
+    if until == before + 2:
+        return f"row {before + 1} is"
+    # ids out of order are damaged themselves
+    in_order = until > before + 1
+    return (
+        f"rows from {before + 1} to {until - 1} are" if in_order else f"rows near row {before} are"
+    )

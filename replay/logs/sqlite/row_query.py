@@ -1,0 +1,199 @@
+"""Rows of a SQLite table by SQLite itself, in the order of their ids, over what is damaged."""
+
+import sqlite3
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.logs.messages.broken_bytes import BrokenBytesError
+
+LEAST_ID: Final = -(2**63)
+MOST_ID: Final = 2**63 - 1
+#: A batch ends with either.
+_MOST_ROWS: Final = 8192
+_MOST_BYTES: Final = 8 * 2**20
+#: Rows fetched before their size is looked at.
+_MOST_STEP: Final = 32
+
+Row = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TableRows:
+    """Rows of messages, whose memory may be used again for those after the next."""
+
+    #: holds the messages
+    data: NDArray[np.uint8]
+    #: (4 or more, n): what `records` gives rows of, and more
+    rows: NDArray[np.int64]
+
+
+@contextmanager
+def sqlite_call() -> Generator[None]:
+    """Guard calls of SQLite, and nothing else.
+
+    Raises:
+        BrokenBytesError: the database is damaged; Python's module also stumbles over messages that
+            are no text. A wrong use of the module is our own error and stays what it is.
+    """
+    try:
+        yield
+    except (sqlite3.ProgrammingError, sqlite3.InterfaceError):
+        raise
+    except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
+        raise BrokenBytesError(error) from error
+
+
+def fetch_all(database: sqlite3.Connection, query: str) -> list[Row]:
+    """All rows of a query.
+
+    Raises:
+        BrokenBytesError: the database is damaged.
+    """
+    with sqlite_call():
+        return database.execute(query).fetchall()
+
+
+def read_rows(
+    database: sqlite3.Connection,
+    query: str,
+    after: int,
+    note: Callable[[str], None],
+    *,
+    has_blob: bool,
+) -> Iterator[list[Row]]:
+    """Rows of a table in batches.
+
+    Args:
+        database: opened.
+        query: gives rows behind the rowid that is its parameter, ordered by rowid, which is the
+            first column.
+        after: the rowid behind which rows are read.
+        note: told what was lost, a sentence a damaged place.
+        has_blob: whether the last column is one, whose size then bounds the batches.
+    """
+    while True:
+        fault: BrokenBytesError | None = None
+        try:
+            for rows in _batches(database, query, after, has_blob=has_blob):
+                whole = rows if _increases(after, rows) else list(_increasing(after, rows))
+                if whole:
+                    yield whole
+                    after = whole[-1][0]
+                if len(whole) < len(rows):
+                    note(f"the database is damaged behind row {after}: its rows go in circles")
+                    return
+        except BrokenBytesError as error:
+            fault = error
+        if fault is None:
+            return
+        # the rows before the fault that were on their way are lost with it: take them singly
+        rows = list(_singly(database, query, after))
+        if rows:
+            yield rows
+            after = rows[-1][0]
+        following = _behind_damage(database, query, after)
+        until = "on" if following is None else f"to {following}"
+        note(f"the database is damaged ({fault}): rows from {after + 1} {until} are lost")
+        if following is None:
+            return
+        after = following
+
+
+def _batches(
+    database: sqlite3.Connection, query: str, after: int, *, has_blob: bool
+) -> Iterator[list[Row]]:
+    """Rows in batches up to damage, which is raised once the rows before it were given."""
+    rows: list[Row] = []
+    size = 0
+    step = _MOST_STEP if has_blob else _MOST_ROWS
+    with sqlite_call():
+        cursor = database.execute(query, (after,))
+    part: list[Row] | None = None
+    while part is None or part:
+        try:
+            with sqlite_call():
+                part = list(islice(cursor, step))
+        except BrokenBytesError:
+            if rows:
+                yield rows
+            raise
+        rows += part
+        if has_blob:
+            fetched = sum([len(row[-1]) for row in part if row[-1].__class__ is bytes])
+            size += fetched
+            step = max(1, min(_MOST_STEP, _MOST_BYTES * len(part) // (fetched + 1)))
+        if rows and (not part or len(rows) >= _MOST_ROWS or size >= _MOST_BYTES):
+            yield rows
+            rows, size = [], 0
+
+
+def _first(database: sqlite3.Connection, query: str, after: int) -> Row | None:
+    """The first row behind an id.
+
+    Raises:
+        BrokenBytesError: the database is damaged there.
+    """
+    with sqlite_call():
+        row = database.execute(f"{query} LIMIT 1", (after,)).fetchone()
+    if row is not None and row[0] <= after:
+        raise BrokenBytesError("the tree leads back")
+    return row
+
+
+def _singly(database: sqlite3.Connection, query: str, after: int) -> Iterator[Row]:
+    """Rows up to a fault, at most a batch."""
+    for _ in range(_MOST_ROWS):
+        try:
+            row = _first(database, query, after)
+        except BrokenBytesError:
+            return
+        if row is None:
+            return
+        yield row
+        after = row[0]
+
+
+def _increases(after: int, rows: list[Row]) -> bool:
+    """Whether ids can be as many different ones as there are rows.
+
+    A damaged tree may lead to the same page again and again.
+    """
+    return rows[0][0] > after and rows[-1][0] - rows[0][0] >= len(rows) - 1
+
+
+def _increasing(after: int, rows: list[Row]) -> Iterator[Row]:
+    """Rows up to one whose id is not behind the one before."""
+    for row in rows:
+        if row[0] <= after:
+            return
+        after = row[0]
+        yield row
+
+
+def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
+    """The id behind which a row can be read again, None where there is none."""
+
+    def first(gap: int) -> int | None:
+        row = _first(database, query, min(after + gap, MOST_ID))
+        return None if row is None else row[0]
+
+    fails, works, found = 0, 0, None
+    while not works and fails < 2**63:
+        gap = max(1, 2 * fails)
+        try:
+            found, works = first(gap), gap
+        except BrokenBytesError:
+            fails = gap
+    while works - fails > 1:
+        gap = (fails + works) // 2
+        try:
+            found, works = first(gap), gap
+        except BrokenBytesError:
+            fails = gap
+    return None if found is None else found - 1

@@ -1,0 +1,210 @@
+"""The container of rosbag2's SQLite storage (`.db3`), with or without its directory."""
+
+import sqlite3
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.run_record import Loss
+from estimators.errors import LogError
+from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.raw_batch import RawBatch
+from replay.logs.sqlite.database_pages import HEADER_BYTES, MAGIC
+from replay.logs.sqlite.messages_table import MessageTable
+from replay.logs.sqlite.row_query import fetch_all
+from replay.logs.sqlite.torn_end import describe_tear, unclosed_bytes
+from replay.logs.storage import (
+    END_NS,
+    KEY,
+    LENGTH,
+    OFFSET,
+    TIME,
+    UNKNOWN_NS,
+    Connection,
+    Damage,
+    FileBytes,
+    Group,
+    group_by_key,
+    no_times,
+)
+
+#: Smaller databases are read whole before the first row is given, sorted by log time.
+_LEAST_BYTES_TO_ORDER: Final = 64 * 2**20
+
+
+class Db3File:
+    """A `.db3` file. Before ROS 2 Iron it carries no message definitions."""
+
+    def __init__(self, path: Path) -> None:
+        self.files: tuple[Path, ...] = (path,)
+        self._damage = Damage(path.name)
+        self._times: dict[int, NDArray[np.int64]] | None = None
+        with ExitStack() as opened:
+            file = FileBytes(path)
+            opened.callback(file.close)
+            head = file.read(0, HEADER_BYTES)
+            if not head.startswith(MAGIC):
+                raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
+            if tear := describe_tear(head, file.size):
+                self._damage.note(tear)
+            journal = path.with_name(f"{path.name}-wal")
+            unfinished = journal.exists() and journal.stat().st_size > 0
+            if unfinished and (unclosed := unclosed_bytes(journal)):
+                self._damage.note(
+                    f"the recorder did not finish it: the last {unclosed:,} bytes of "
+                    f"{journal.name} are messages that it never committed, and are not read"
+                )
+            self._size = file.size
+            #: by how much log times go back from the latest so far, at most; None until known
+            self._back_ns: int | None = None
+            self._database = _connect(path, unfinished=unfinished)
+            opened.callback(self._database.close)
+            try:
+                self.connections: tuple[Connection, ...] = self._connections()
+                self._table = MessageTable(self._database, file, self._damage.note)
+            except BrokenBytesError as error:
+                raise LogError(
+                    f"{path}: not readable as a rosbag2 database ({error}); "
+                    "it should have the tables 'topics' and 'messages'"
+                ) from error
+            self._opened = opened.pop_all()
+
+    def _connections(self) -> tuple[Connection, ...]:
+        found = fetch_all(self._database, "SELECT name FROM sqlite_master WHERE type = 'table'")
+        tables = {name for (name,) in found}
+        if not tables >= {"topics", "messages"}:
+            raise BrokenBytesError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
+        definitions: dict[str, tuple[str, str]] = {}
+        if "message_definitions" in tables:
+            definitions = {
+                name: (text, encoding)
+                for name, text, encoding in fetch_all(
+                    self._database,
+                    "SELECT topic_type, encoded_message_definition, encoding"
+                    " FROM message_definitions WHERE typeof(encoded_message_definition) = 'text'"
+                    " AND typeof(encoding) = 'text'",
+                )
+            }
+        topics = fetch_all(
+            self._database,
+            "SELECT id, name, type, serialization_format,"
+            " typeof(id) = 'integer' AND typeof(name) = 'text' AND typeof(type) = 'text'"
+            " AND typeof(serialization_format) = 'text' FROM topics ORDER BY id",
+        )
+        whole = [row for *row, is_topic in topics if is_topic]
+        if len(whole) < len(topics):
+            self._damage.note(f"{len(topics) - len(whole):,} of its topics are damaged")
+        if not whole and fetch_all(self._database, "SELECT 1 FROM messages LIMIT 1"):
+            self._damage.note("it holds messages and no topic that they are of")
+        return tuple(
+            Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
+            for key, topic, kind, encoding in whole
+        )
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        return self._damage.losses({})
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """The log times of a topic; the first call goes through the whole table."""
+        if self._times is None:
+            parts: dict[int, list[NDArray[np.int64]]] = {}
+            for found in self._table.times():
+                for key, at in group_by_key(found.rows[KEY]):
+                    parts.setdefault(key, []).append(found.rows[TIME, at])
+            self._times = {key: self._since_1970(key, np.concatenate(parts[key])) for key in parts}
+            for key in self._times.keys() - {c.id for c in self.connections}:
+                count = self._times[key].size
+                self._damage.note(f"{count:,} messages of topic {key}, which has no definition")
+        return self._times.get(connection_id, no_times())
+
+    def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
+        early = int(np.count_nonzero(times < 0))
+        if early:
+            topic = next((c.topic for c in self.connections if c.id == key), "")
+            what = f"{early:,} messages have log times before the year 1970: not used"
+            self._damage.note(what, topic)
+        return times[times >= 0]
+
+    def groups(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[Group]:
+        """Messages as stored; a damaged page of the database costs that page."""
+        first = 0 if start_ns is None else max(start_ns, 0)
+        last = 2**63 - 1 if end_ns is None else end_ns
+        latest = UNKNOWN_NS
+        for found in self._table.messages(connection_ids, first, last):
+            rows = found.rows
+            batches = [
+                RawBatch(key, found.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
+                for key, at in group_by_key(rows[KEY])
+            ]
+            latest = max(latest, int(rows[TIME].max(initial=UNKNOWN_NS)))
+            yield Group(batches, self._floor_ns(latest))
+
+    def _floor_ns(self, latest: int) -> int:
+        """The log time before which nothing follows a row of the log time `latest`.
+
+        A database keeps rows in the order in which they were recorded, without an index by time;
+        by how much they go back is seen in a pass over all of them, which a small one is not worth.
+        """
+        if self._size < _LEAST_BYTES_TO_ORDER or latest == UNKNOWN_NS:
+            return UNKNOWN_NS
+        if self._back_ns is None:
+            most, back = UNKNOWN_NS, 0
+            for found in self._table.times():
+                times = found.rows[TIME]
+                if times.size:
+                    highest = np.maximum(np.maximum.accumulate(times), most)
+                    back = max(back, int((highest - times).max()))
+                    most = int(highest[-1])
+            self._back_ns = back
+        return max(latest - self._back_ns, UNKNOWN_NS)
+
+    def earliest_ns(self) -> int:
+        """The earliest log time, as SQLite finds it."""
+        try:
+            ((earliest,),) = fetch_all(self._database, "SELECT min(timestamp) FROM messages")
+        except BrokenBytesError:
+            return UNKNOWN_NS
+        if earliest is None:
+            return END_NS
+        return earliest if isinstance(earliest, int) else UNKNOWN_NS
+
+    def check(self) -> int:
+        """Let SQLite check its pages; it keeps no CRCs."""
+        try:
+            ((answer,),) = fetch_all(self._database, "PRAGMA quick_check(1)")
+        except BrokenBytesError as error:
+            answer = str(error)
+        if answer != "ok" and not self._damage:
+            self._damage.note(f"the database is damaged ({' '.join(answer.split())})")
+        return 0
+
+    def close(self) -> None:
+        """Release the file."""
+        self._opened.close()
+
+
+def _connect(path: Path, *, unfinished: bool) -> sqlite3.Connection:
+    # immutable reads files on read-only media, but is blind to messages still in a -wal file
+    mode = "mode=ro" if unfinished else "mode=ro&immutable=1"
+    try:
+        database = sqlite3.connect(
+            f"{path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
+        )
+        # without it, SQLite refuses a file whose end is torn off; the mode keeps it from writing
+        database.execute("PRAGMA writable_schema = ON")
+    except sqlite3.Error as error:
+        raise LogError(f"{path}: cannot be opened: {error}") from error
+    database.text_factory = _decode
+    return database
+
+
+def _decode(text: bytes) -> str:
+    return text.decode(errors="replace")

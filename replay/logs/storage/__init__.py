@@ -1,0 +1,34 @@
+"""What containers of every format share: connections, bytes of files, rows of messages, losses."""
+
+from replay.logs.storage.container import (
+    END_NS,
+    LARGEST_BYTES,
+    UNKNOWN_NS,
+    Connection,
+    Container,
+    Group,
+    no_times,
+)
+from replay.logs.storage.file_bytes import FileBytes, ReadBuffer
+from replay.logs.storage.loss_text import Damage, LossList
+from replay.logs.storage.message_rows import KEY, LENGTH, OFFSET, TIME, group_by_key, prefetch
+
+__all__ = [
+    "END_NS",
+    "KEY",
+    "LARGEST_BYTES",
+    "LENGTH",
+    "OFFSET",
+    "TIME",
+    "UNKNOWN_NS",
+    "Connection",
+    "Container",
+    "Damage",
+    "FileBytes",
+    "Group",
+    "LossList",
+    "ReadBuffer",
+    "group_by_key",
+    "no_times",
+    "prefetch",
+]

@@ -1,0 +1,284 @@
+"""Tables as logs: text, Parquet, Arrow and spreadsheets, of rows with a time."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import polars as pl
+
+from analysis.model.run_record import Loss
+from estimators.errors import LogError, nearest
+from replay.logs.log import TABLE, Checked, Log, TimeAxis
+from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.storage import LossList
+from replay.logs.tables import (
+    NS_PER_UNIT,
+    CsvColumns,
+    DialectError,
+    TableHints,
+    TableTimes,
+    TimeError,
+    find_times,
+)
+
+if TYPE_CHECKING:
+    from replay.logs.tables.parquet_columns import ParquetColumns
+
+_FORMATS: Final = {
+    "parquet": "Parquet table",
+    "xlsx": "Excel table",
+    "csv": "CSV table",
+}
+#: Columns that an error names.
+_NAMED: Final = 20
+_STAMPS: Final = ("log_time_ns", "header_stamp_ns")
+_TRUTHS: Final = ["true", "false"]
+_WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
+#: Rows that may share a time: more that all do have none.
+_FEW: Final = 2
+#: Characters of a cell that a loss quotes.
+_LONGEST: Final = 40
+
+
+class TableLog(Log):
+    """A table whose rows are the messages of one topic. Columns are read as they are asked for.
+
+    Where pairs of time and value stand side by side, each time is a topic: `table`, `table/2` ….
+    """
+
+    def __init__(self, path: Path, time: TimeAxis | None) -> None:
+        self._suffix = path.suffix.lower().removeprefix(".")
+        copies = ExitStack()
+        super().__init__(path, _FORMATS.get(self._suffix, "text table"), copies.close)
+        self._losses = LossList()
+        self._hints = time.table if time else TableHints()
+        try:
+            self._columns = self._open(copies)
+        except BrokenBytesError as error:
+            raise LogError(f"{path}: not a {self._suffix} table: {error}") from error
+        except DialectError as error:
+            raise LogError(f"{path}: {error} {_WHERE}") from error
+        found = self._find_times(time)
+        self._check(found)
+        names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
+        self._parts = dict(zip(names, found, strict=True))
+        self._stamps: dict[str, pl.Series] = {}
+        self._notes = [*self._columns.notes]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The table's file."""
+        return (self.path,)
+
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of the table's dialect and time."""
+        for topic in self._parts:
+            self._times(topic)
+        return tuple(f"{self.path.name}: {note}" for note in dict.fromkeys(self._notes))
+
+    def units(self, topic: str) -> dict[str, str]:
+        """The units that names, a row of units or metadata state, by field."""
+        inside = set(self._fields(topic)) if topic in self._parts else set[str]()
+        return {c.name: c.unit for c in self._columns.columns if c.unit and c.name in inside}
+
+    def _open(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
+        if self._suffix in ("parquet", "arrow", "feather"):
+            # pyarrow is slow to import
+            from replay.logs.tables.parquet_columns import open_arrow
+
+            return open_arrow(self.path)
+        path = self.path
+        if self._suffix == "xlsx":
+            from replay.logs.tables.excel import as_text
+
+            path = as_text(path, self._hints.sheet, copies)
+        columns = CsvColumns(path, self._hints)
+        copies.callback(columns.close)
+        return columns
+
+    def _find_times(self, given: TimeAxis | None) -> list[tuple[TableTimes, list[str]]]:
+        columns = self._columns.names
+        if given is not None and given.unit not in (None, *NS_PER_UNIT):
+            raise LogError(
+                f"{self.path}: no unit of time '{given.unit}'; use {', '.join(NS_PER_UNIT)}"
+            )
+        if given is not None and given.column is not None and given.column not in columns:
+            meant = nearest(given.column, columns)
+            raise LogError(
+                f"{self.path}: no column '{given.column}' for the time; "
+                f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
+            )
+        found = find_times(self._columns.columns, self._columns.head, given)
+        if found is None:
+            more = f" and {len(columns) - _NAMED} more" if len(columns) > _NAMED else ""
+            named = ", ".join(map(repr, columns[:_NAMED]))
+            raise LogError(
+                f"{self.path}: no time column among {named}{more}; "
+                'name it in the machine file: [log] time = "COLUMN", time_unit = "s", or where '
+                "there is none, [log] rate_hz = the rows in a second"
+            )
+        return found
+
+    def _check(self, found: Sequence[tuple[TableTimes, list[str]]]) -> None:
+        """Look at all rows of a text once, and read its times on the way."""
+        if not isinstance(self._columns, CsvColumns):
+            return
+        times = [column for axis, _ in found for column in axis.columns]
+        try:
+            self._columns.check(times, partial(self._losses.note, self.path))
+        except BrokenBytesError as error:
+            raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
+
+    def _times(self, topic: str) -> pl.Series:
+        """Log time of each row, null where it has none."""
+        if topic not in self._stamps:
+            self._stamps[topic] = self._find_stamps(self._parts[topic][0])
+        return self._stamps[topic]
+
+    def _find_stamps(self, axis: TableTimes) -> pl.Series:
+        cells = list(self._cells(axis.columns).values())
+        try:
+            found = axis.stamps(cells, self._columns.rows)
+        except TimeError as error:
+            raise LogError(
+                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {error}. "
+                "Set [log] time and time_unit in the machine file"
+            ) from error
+        times = found.stamps
+        # one row has no spacing that would tell anything
+        self._notes += found.notes
+        if times.null_count():
+            self._losses.note(
+                self.path, f"{times.null_count()} of {times.len()} rows have no time: dropped"
+            )
+        there = times.drop_nulls()
+        backwards = int((there.diff() < 0).sum())
+        if backwards:
+            self._losses.note(
+                self.path, f"the time goes back at {backwards} rows: sorted by time", TABLE
+            )
+        if there.len() > _FEW and there.min() == there.max():
+            raise LogError(
+                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: all rows have the "
+                "same; name another column: [log] time"
+            )
+        return times.alias("log_time_ns")
+
+    def _cells(self, names: Sequence[str]) -> dict[str, pl.Series]:
+        try:
+            return self._columns.read(names)
+        except BrokenBytesError as error:
+            columns = "', '".join(names)
+            raise LogError(f"{self.path}: column '{columns}' cannot be read: {error}") from error
+
+    def _fields(self, topic: str) -> list[str]:
+        return [name for name in self._parts[topic][1] if name and name not in _STAMPS]
+
+    def topics(self) -> pl.DataFrame:
+        """The one topic, or one a time column; see `Log.topics`."""
+        rows = [
+            {
+                "topic": topic,
+                "type": TABLE,
+                "encoding": self._suffix,
+                **self._timing(self._times(topic).drop_nulls().to_numpy()),
+                "fields": self._fields(topic),
+                "problem": None,
+                "decoder": "columnar",
+            }
+            for topic in self._parts
+        ]
+        return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}
+
+    def _read(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
+    ) -> pl.DataFrame:
+        if topic not in self._parts:
+            many = ", ".join(f"'{each}'" for each in self._parts)
+            has = f"the one topic '{TABLE}'" if len(self._parts) == 1 else f"the topics {many}"
+            raise LogError(f"{self.path}: no topic '{topic}'; a table has {has}")
+        choices = self._fields(topic)
+        for field in fields:
+            if field not in choices:
+                raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
+        cells = self._cells(list(dict.fromkeys(fields)))
+        columns = [self._values(cells.pop(field)) for field in dict.fromkeys(fields)]
+        times = self._times(topic)
+        frame = pl.DataFrame(
+            [times, pl.Series("header_stamp_ns", [None] * times.len(), dtype=pl.Int64), *columns]
+        )
+        if start_ns is None and end_ns is None and times.null_count() == 0 and times.is_sorted():
+            return frame
+        inside = pl.col("log_time_ns").is_not_null()
+        if start_ns is not None:
+            inside &= pl.col("log_time_ns") >= start_ns
+        if end_ns is not None:
+            inside &= pl.col("log_time_ns") <= end_ns
+        return frame.filter(inside).sort("log_time_ns", maintain_order=True)
+
+    def _values(self, values: pl.Series) -> pl.Series:
+        if isinstance(self._columns, CsvColumns):
+            return self._typed(values) if values.dtype == pl.String else values
+        if values.dtype.is_float() or values.dtype.is_decimal():
+            return values.cast(pl.Float64)
+        if values.dtype.is_integer() and values.dtype != pl.UInt64:
+            return values.cast(pl.Int64)
+        if values.dtype == pl.Duration:
+            return values.dt.total_nanoseconds()
+        if values.dtype.is_temporal():
+            since_midnight = values.dtype == pl.Time
+            return values.to_physical() if since_midnight else values.dt.timestamp("ns")
+        keeps = values.dtype.is_integer() or values.dtype == pl.Boolean
+        return values if keeps else values.cast(pl.String)
+
+    def _typed(self, text: pl.Series) -> pl.Series:
+        """Integers, numbers, booleans or text: the first that at least half of the cells are."""
+        text = text.str.strip_chars()
+        present = text.filter(text.is_not_null() & (text != ""))
+        as_integers = text.cast(pl.Int64, strict=False)
+        if as_integers.count() == present.len() > 0:
+            return as_integers
+        if present.len() and present.str.to_lowercase().is_in(_TRUTHS).all():
+            return text.str.to_lowercase() == "true"
+        numbers = text.cast(pl.Float64, strict=False)
+        if numbers.count() * 2 < present.len():
+            return text
+        faults = text.filter(numbers.is_null() & text.is_not_null() & (text != ""))
+        if faults.len():
+            self._losses.note(
+                self.path,
+                f"{faults.len()} cells of column '{text.name}' are no numbers, "
+                f"the first is '{_short(faults[0])}'",
+                TABLE,
+            )
+        return numbers
+
+    def check(self) -> Checked:
+        """Read every column; see `Log.check`."""
+        self._check_open()
+        fields = {field for topic in self._parts for field in self._fields(topic)}
+        message_bytes = 0
+        for name in self._columns.names:
+            try:
+                column = self._cells([name])[name]
+                column = self._values(column) if name in fields else column
+            except LogError as error:
+                self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
+            else:
+                message_bytes += int(column.estimated_size())
+        return Checked(sum(self._times(t).count() for t in self._parts), message_bytes, crcs=0)
+
+    def losses(self) -> tuple[Loss, ...]:
+        """What could not be read so far."""
+        return tuple(self._losses)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"

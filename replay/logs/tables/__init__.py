@@ -1,0 +1,29 @@
+"""Tables as people have them: encoding → preamble → separator and decimal → names → time → frame.
+
+A reading of a text is taken only where every other one is impossible; what was recognised is a note
+of the log, and what is ambiguous is an error that names the key of `[log]` that answers it.
+"""
+
+from replay.logs.tables.axis import RowTimes, TableTimes, find_times
+from replay.logs.tables.csv_columns import CsvColumns
+from replay.logs.tables.dialect import Dialect, DialectError, sniff
+from replay.logs.tables.hints import TableHints, TimeAxis
+from replay.logs.tables.text import Utf8Text, as_utf8, head_lines
+from replay.logs.tables.times import NS_PER_UNIT, TimeError
+
+__all__ = [
+    "NS_PER_UNIT",
+    "CsvColumns",
+    "Dialect",
+    "DialectError",
+    "RowTimes",
+    "TableHints",
+    "TableTimes",
+    "TimeAxis",
+    "TimeError",
+    "Utf8Text",
+    "as_utf8",
+    "find_times",
+    "head_lines",
+    "sniff",
+]

@@ -1,0 +1,233 @@
+"""The rows of a text table: too long, too short, or torn where its writer stopped in one."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+from polars.exceptions import PolarsError
+
+from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.tables.dialect import BLANKS, sniff, some_cells
+from replay.logs.tables.hints import TableHints
+from replay.logs.tables.text import Utf8Text, as_utf8, head_lines, with_tabs
+
+#: Stands in no text: a line is one cell.
+_NO_SEPARATOR: Final = "\x1f"
+_TAIL: Final = f"{_NO_SEPARATOR}tail"
+_BEYOND: Final = f"{_NO_SEPARATOR}beyond"
+_SHORT: Final = f"{_NO_SEPARATOR}short"
+_LONG: Final = f"{_NO_SEPARATOR}long"
+#: A cell that polars reads as the same integer, or float, whether as text first or at once.
+_WHOLE: Final = re.compile(r"-?\d{1,18}")
+_FLOAT: Final = re.compile(r"-?\d+\.?\d*([eE][+-]?\d+)?")
+#: A number with a decimal comma; a date with one is none.
+_COMMA: Final = r"^(\s*[+-]?\d*),(\d*(?:[eE][+-]?\d+)?\s*)$"
+
+
+class CsvColumns:
+    """The columns of a text table.
+
+    Attributes:
+        columns: their names, with units.
+        names: their names.
+        rows: how many there are; known when `check` has looked at all of them.
+        notes: what was recognised.
+    """
+
+    def __init__(self, path: Path, hints: TableHints) -> None:
+        """Look at the beginning of it.
+
+        Raises:
+            BrokenBytesError: it is no table.
+            DialectError: how it is written is not known.
+        """
+        self._text = as_utf8(path, hints.encoding)
+        try:
+            self._dialect = sniff(head_lines(self._text.path), hints)
+            if self._dialect.separator == BLANKS:
+                text, self._text = self._text, with_tabs(self._text)
+                _remove(text)
+        except BaseException:
+            self.close()
+            raise
+        self.columns = self._dialect.columns
+        self.names = self._dialect.names
+        self.notes = (*self._text.notes, *self._dialect.notes)
+        self.rows = 0
+        self._height: int | None = None
+        self._kept: dict[str, pl.Series] = {}
+        self._types = {
+            name: _kind(some_cells(self._dialect, place)) for place, name in enumerate(self.names)
+        }
+
+    def close(self) -> None:
+        """Remove the copy of the text, if there is one."""
+        _remove(self._text)
+
+    @property
+    def preamble(self) -> tuple[str, ...]:
+        """Some lines above the names."""
+        return self._dialect.preamble
+
+    def head(self, place: int) -> list[str]:
+        """Some first cells of a column, those that are not empty."""
+        return some_cells(self._dialect, place)
+
+    def check(self, keep: Sequence[str], note: Callable[[str], None]) -> None:
+        """Look for rows that are too long, too short or torn, and read some columns on the way.
+
+        Rows with too few cells end in nulls; the last one, where no line end follows it, is torn
+        and left out, since its last cell may be half a number. (A last row that has all its cells
+        needs no line end: RFC 4180.)
+
+        Args:
+            keep: columns that are read in the same pass.
+            note: told what is lost, in a sentence.
+
+        Raises:
+            BrokenBytesError: the rows cannot be read.
+        """
+        if self._dialect.is_empty:
+            return
+        last = self.names[-1]
+        looked = self._read(
+            keep, pl.col(last).is_null().alias(_SHORT), pl.col(_BEYOND).is_not_null().alias(_LONG)
+        )
+        short, long = looked.pop(_SHORT), looked.pop(_LONG)
+        self.rows = short.len()
+        if long.any():
+            note("rows with more cells than the header: what is too much is not read")
+        lines = self._short_lines() if short.any() else []
+        end = self.rows + self._dialect.data_line
+        if lines and lines[-1] == end and not _ends_in_a_line_end(self._text.path):
+            note(f"its last row (line {lines.pop()}) is torn and not read")
+            self.rows -= 1
+        if lines:
+            note(
+                f"rows with fewer cells than the header: {len(lines):,}, the first in line "
+                f"{lines[0]}; the cells that they lack are not there"
+            )
+        self._kept = {name: series.head(self.rows) for name, series in looked.items()}
+
+    def read(self, names: Sequence[str]) -> dict[str, pl.Series]:
+        """Columns, (rows,) each, in one pass: numbers where every cell is one, else text.
+
+        Raises:
+            BrokenBytesError: one cannot be read.
+        """
+        if self._dialect.is_empty:
+            return {name: pl.Series(name, [], dtype=pl.String) for name in names}
+        new = [name for name in dict.fromkeys(names) if name not in self._kept]
+        read = self._read(new) if new else {}
+        return {
+            name: self._kept[name] if name in self._kept else read[name].head(self.rows)
+            for name in dict.fromkeys(names)
+        }
+
+    def _read(self, names: Sequence[str], *others: pl.Expr) -> dict[str, pl.Series]:
+        """Columns in a pass; a second one reads those as text that hold more than numbers."""
+        frame = _collected(self._scan(self._types).select(*names, *others))
+        self._check_height(frame)
+        found = {series.name: series for series in frame.get_columns()}
+        text = [n for n in names if found[n].dtype.is_numeric() and found[n].null_count()]
+        if text:
+            # an empty cell, or a fault: only the text tells
+            self._types.update(dict.fromkeys(text, pl.String()))
+            again = _collected(self._scan({}).select(text))
+            self._check_height(again)
+            found |= {series.name: series for series in again.get_columns()}
+        if self._dialect.decimal == ",":
+            found = {
+                name: column.str.replace(_COMMA, "$1.$2") if column.dtype == pl.String else column
+                for name, column in found.items()
+            }
+        return found
+
+    def _check_height(self, frame: pl.DataFrame) -> None:
+        """Where a quote is not closed, polars finds other rows in other columns."""
+        self._height = frame.height if self._height is None else self._height
+        if frame.height != self._height:
+            raise BrokenBytesError(
+                "a quote is opened and not closed: its rows cannot be told apart"
+            )
+
+    @property
+    def _separator(self) -> str:
+        return "\t" if self._dialect.separator == BLANKS else self._dialect.separator
+
+    def _scan(self, types: Mapping[str, pl.DataType]) -> pl.LazyFrame:
+        # text where a decimal comma, or a quoted cell, may be a fault that polars reads otherwise
+        plain = self._dialect.decimal == "."
+        schema = {
+            name: types.get(name, pl.String()) if plain else pl.String() for name in self.names
+        }
+        tail = [_TAIL] if self._dialect.has_tail else []
+        return pl.scan_csv(
+            self._text.path,
+            has_header=False,
+            # in the column beyond the last one is what a row has too much
+            schema=schema | dict.fromkeys([*tail, _BEYOND], pl.String()),
+            skip_lines=self._dialect.data_line,
+            separator=self._separator,
+            quote_char=None if self._dialect.separator == BLANKS else '"',
+            glob=False,
+            encoding="utf8-lossy",
+            ignore_errors=True,
+            truncate_ragged_lines=True,
+            missing_columns="insert",
+        )
+
+    def _short_lines(self) -> list[int]:
+        """The lines (from 1) with too few separators; none where cells go over lines."""
+        line = pl.col("line")
+        lines = pl.scan_csv(
+            self._text.path,
+            has_header=False,
+            schema={"line": pl.String},
+            skip_lines=self._dialect.data_line,
+            separator=_NO_SEPARATOR,
+            quote_char=None,
+            glob=False,
+            encoding="utf8-lossy",
+            truncate_ragged_lines=True,
+            row_index_name="number",
+            row_index_offset=self._dialect.data_line + 1,
+        )
+        odd_quotes = line.str.count_matches('"', literal=True) % 2 == 1
+        if _collected(lines.select(odd_quotes.any())).item():
+            return []
+        # an empty line is a row without a time, which is counted there
+        separators = line.str.count_matches(self._separator, literal=True)
+        is_short = separators < len(self.names) - 1
+        short = lines.filter(line.is_not_null() & is_short).select("number")
+        return _collected(short).to_series().to_list()
+
+
+def _kind(cells: Sequence[str]) -> pl.DataType:
+    """What the first cells of a column are."""
+    if not cells:
+        return pl.String()
+    if all(map(_WHOLE.fullmatch, cells)):
+        return pl.Int64()
+    return pl.Float64() if all(map(_FLOAT.fullmatch, cells)) else pl.String()
+
+
+def _remove(text: Utf8Text) -> None:
+    if text.copy is not None:
+        text.copy.cleanup()
+
+
+def _collected(frame: pl.LazyFrame) -> pl.DataFrame:
+    try:
+        return frame.collect(engine="streaming")
+    except (PolarsError, OSError) as error:
+        # polars spreads some messages over several lines
+        raise BrokenBytesError(str(error).strip().partition("\n")[0]) from error
+
+
+def _ends_in_a_line_end(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(-1, 2)
+        return file.read() in (b"\n", b"\r")

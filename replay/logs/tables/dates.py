@@ -1,0 +1,205 @@
+"""Dates and times of day as people write them, to integer nanoseconds."""
+
+import re
+from typing import Final
+
+import polars as pl
+
+from replay.logs.tables.times import TimeError
+
+_MONTHS: Final = (
+    "jan",
+    "feb",
+    "mar",
+    "apr",
+    "may",
+    "jun",
+    "jul",
+    "aug",
+    "sep",
+    "oct",
+    "nov",
+    "dec",
+)
+_MONTH: Final = "(?i:" + "|".join(_MONTHS) + ")[a-z]*"
+_CLOCK: Final = (
+    r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
+    r"\s*(?P<half>[AaPp])?\.?(?:[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+)
+#: Years first, as in ISO 8601; two numbers and a year; with the name of the month.
+_YEAR_FIRST: Final = r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})"
+_YEAR_LAST: Final = r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})[-/.](?P<y>\d{4}|\d{2})"
+_DAY_MONTH: Final = rf"(?P<d>\d{{1,2}})[-/. ]+(?P<name>{_MONTH})[-/., ]+(?P<y>\d{{4}})"
+_MONTH_DAY: Final = rf"(?P<name>{_MONTH})[-/. ]+(?P<d>\d{{1,2}}),?[-/. ]+(?P<y>\d{{4}})"
+_COMPACT: Final = r"(?P<y>\d{4})(?P<m>\d{2})(?P<d>\d{2})"
+_DATES: Final = (_YEAR_FIRST, _YEAR_LAST, _DAY_MONTH, _MONTH_DAY, _COMPACT)
+_WEEKDAY: Final = r"(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,?\s+)?"
+_COMPACT_CLOCK: Final = (
+    r"(?P<h>\d{2})(?P<min>\d{2})(?P<s>\d{2})(?:[.,](?P<frac>\d{1,9})\d*)?(?P<zone>Z)?"
+)
+_DAY_NS: Final = 86_400 * 10**9
+_HALF_DAY_NS: Final = _DAY_NS // 2
+#: A jump back over midnight by the clock of twelve hours.
+_TWELVE_NS: Final = (10 * 3600 * 10**9, 12 * 3600 * 10**9)
+#: Times of day that run over the hour: minutes and seconds.
+_MINUTES: Final = r"(?P<min>\d{1,3}):(?P<s>\d{2})[.,](?P<frac>\d{1,9})"
+
+
+def is_date(cell: str) -> bool:
+    """Whether a cell is a day without a time of day; of digits alone it is a number."""
+    return any(
+        re.fullmatch(_WEEKDAY + pattern, cell.strip()) for pattern in _DATES if pattern != _COMPACT
+    )
+
+
+def is_clock(cell: str) -> bool:
+    """Whether a cell is a time of day, with or without a day."""
+    text = cell.strip()
+    if re.fullmatch(_MINUTES, text) or re.fullmatch(_CLOCK, text):
+        return True
+    return _date_pattern(text) is not None
+
+
+def _date_pattern(text: str) -> str | None:
+    """The pattern of a day with a time of day behind it."""
+    for pattern in _DATES:
+        clock = _COMPACT_CLOCK if pattern == _COMPACT else _CLOCK
+        if re.fullmatch(rf"{_WEEKDAY}{pattern}(?:[T, ]\s*){clock}", text):
+            return rf"^{_WEEKDAY}{pattern}(?:[T, ]\s*){clock}$"
+    return None
+
+
+def clock_times(
+    dates: pl.Series | None, times: pl.Series, day_first: bool | None
+) -> tuple[pl.Series, tuple[str, ...]]:
+    """Log times of days and times of day.
+
+    Args:
+        dates: the days (rows,), None where the times have them, or there are none.
+        times: times of day (rows,), with or without days.
+        day_first: whether the day stands before the month, where it is given.
+
+    Returns:
+        Stamps, null where a cell is none; and notes.
+
+    Raises:
+        TimeError: the day and the month cannot be told apart.
+    """
+    text = times.str.strip_chars()
+    if dates is not None:
+        text = _joined(dates, text)
+    present = text.filter(text.is_not_null() & (text != ""))
+    if present.is_empty():
+        return pl.Series("log_time_ns", [None] * text.len(), dtype=pl.Int64), ()
+    first = str(present[0])
+    pattern = _date_pattern(first)
+    if pattern is None:
+        return _of_day(text, first)
+    part = _groups(text, pattern)
+    notes: list[str] = []
+    day = _days(part, day_first, notes)
+    stamps = day * _DAY_NS + _clock_ns(part)
+    if part.get_column("zone").drop_nulls().is_empty():
+        notes.append("the times name no zone: they are taken as UTC")
+    return stamps.alias("log_time_ns"), tuple(notes)
+
+
+def _joined(dates: pl.Series, times: pl.Series) -> pl.Series:
+    frame = pl.DataFrame({"date": dates.str.strip_chars(), "time": times})
+    return frame.select(pl.concat_str("date", "time", separator=" ")).to_series()
+
+
+def _groups(text: pl.Series, pattern: str) -> pl.DataFrame:
+    """The named parts of each cell, null where it does not fit; absent ones too."""
+    names = tuple(re.compile(pattern).groupindex)
+    found = text.str.extract_groups(pattern).struct.unnest()
+    found.columns = list(names)
+    missing = [n for n in ("h", "min", "s", "frac", "half", "zone") if n not in names]
+    return found.with_columns(pl.lit(None, dtype=pl.String).alias(name) for name in missing)
+
+
+def _whole(column: pl.Expr) -> pl.Expr:
+    return column.cast(pl.Int64, strict=False)
+
+
+def _clock_ns(part: pl.DataFrame) -> pl.Series:
+    hour, half = _whole(pl.col("h")), pl.col("half").str.to_lowercase()
+    hour = (
+        pl.when(half == "p").then(hour % 12 + 12).when(half == "a").then(hour % 12).otherwise(hour)
+    )
+    fraction = pl.col("frac").str.pad_end(9, "0").cast(pl.Int64, strict=False).fill_null(0)
+    zone = pl.col("zone").str.replace(":", "")
+    sign = pl.when(zone.str.starts_with("-")).then(-1).otherwise(1)
+    offset = (
+        sign * (_whole(zone.str.slice(1, 2)) * 3600 + _whole(zone.str.slice(3, 2)) * 60)
+    ).fill_null(0)
+    seconds = hour * 3600 + _whole(pl.col("min")) * 60 + _whole(pl.col("s")).fill_null(0) - offset
+    return part.select(seconds * 10**9 + fraction).to_series()
+
+
+def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Series:
+    """Days since 1970."""
+    if "one" in part.columns:
+        part = _day_and_month(part, day_first, notes)
+    if "name" in part.columns:
+        short = pl.col("name").str.slice(0, 3).str.to_lowercase()
+        number = short.replace_strict(list(_MONTHS), list(range(1, 13)), default=None)
+        part = part.with_columns(number.cast(pl.String).alias("m"))
+    written = pl.concat_str("y", pl.lit("-"), "m", pl.lit("-"), "d")
+    day = written.str.to_date("%Y-%m-%d", strict=False)
+    return part.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
+
+
+def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.DataFrame:
+    """Which of two numbers is the day: the one that exceeds 12."""
+    one, two = (part.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
+    short = part.get_column("y").drop_nulls().str.len_chars().to_list()
+    example = "/".join(str(part.row(0, named=True)[n]) for n in ("one", "two", "y"))
+    largest = [int(x.max() or 0) for x in (one, two)]  # pyright: ignore[reportArgumentType] of integers
+    if day_first is None:
+        dots = part.get_column("sign").drop_nulls().head(1).to_list() == ["."]
+        same = bool((one == two).all())
+        if short and short[0] == 2:
+            raise TimeError(
+                f"'{example}' has its year in two digits: set [log] day_first = true for day, "
+                "month, year, false for month, day, year"
+            )
+        if largest[0] > 12 or dots or same:
+            day_first = True
+        elif largest[1] > 12:
+            day_first = False
+        else:
+            raise TimeError(
+                f"'{example}' may begin with the day or the month: set [log] day_first = true or "
+                "false"
+            )
+        if not same:
+            notes.append(f"dates are taken with the {'day' if day_first else 'month'} first")
+    day, month = ("one", "two") if day_first else ("two", "one")
+    year = pl.when(pl.col("y").str.len_chars() == 2).then("20" + pl.col("y"))
+    return part.with_columns(
+        pl.col(day).alias("d"), pl.col(month).alias("m"), year.otherwise(pl.col("y")).alias("y")
+    )
+
+
+def _of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
+    """Times of day, which go on over midnight."""
+    pattern = f"^{_CLOCK}$"
+    if re.fullmatch(_MINUTES, first):
+        pattern = f"^{_MINUTES}$"
+    elif first.count(":") < 2:
+        raise TimeError(f"'{first}' may be hours and minutes or minutes and seconds")
+    part = _groups(text, pattern)
+    if pattern != f"^{_CLOCK}$":
+        part = part.with_columns(h=pl.lit("0"))
+    stamps = _clock_ns(part)
+    frame = pl.DataFrame({"t": stamps})
+    step = pl.col("t").forward_fill().diff()
+    has_halves = part.get_column("half").drop_nulls().len() > 0
+    back = frame.select(step).to_series()
+    twelve = ((back < -_TWELVE_NS[0]) & (back > -_TWELVE_NS[1])).any()
+    if twelve and not has_halves:
+        raise TimeError("it goes back by twelve hours: a clock without AM and PM is ambiguous")
+    days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
+    note = "its times are of a day that is not named: they are counted from its midnight"
+    return (stamps + days.cast(pl.Int64) * _DAY_NS).alias("log_time_ns"), (note,)

@@ -1,0 +1,412 @@
+"""The dialect of a table: separator, decimal sign, and where its names, units and data are.
+
+Every combination of separator and decimal sign is tried. One is impossible where its rows do not
+have the same number of cells, or where cells are made of digits and signs and are yet no number.
+"""
+
+import csv
+import re
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Final
+
+from replay.logs.tables.header import ColumnName, column_names, is_units
+from replay.logs.tables.hints import TableHints
+
+SEPARATORS: Final = (",", ";", "\t", "|")
+BLANKS: Final = " "
+_NAMED: Final = {",": "a comma", ";": "a semicolon", "\t": "a tab", "|": "|", " ": "blanks"}
+_NUMBERS: Final = {
+    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
+    ",": re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?"),
+}
+_WORDS_OF_NUMBERS: Final = frozenset({"nan", "inf", "-inf", "+inf", "-nan", "infinity"})
+#: 1.234 may be one and a bit, or a thousand.
+_THOUSANDS: Final = {
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+"),
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+"),
+}
+_TIME: Final = re.compile(
+    r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T, ]*)?\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?|[.,]\d+)?"
+    r"\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+    r"|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{8}T\d{6}([.,]\d+)?Z?"
+)
+#: A cell of these alone is meant for a number, or a time.
+_NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
+#: Rows that a column's kind is judged by, and the share of them that must agree.
+_ROWS: Final = 400
+_MOSTLY: Final = 0.8
+#: A short table is judged by so many rows.
+_FEW: Final = 8
+#: Data begin at a row of data of which so large a share of the next rows are data.
+_NEXT: Final = 9
+_NEXT_SHARE: Final = 2 / 3
+_COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
+_TRUTHS: Final = frozenset({"true", "false"})
+
+
+class DialectError(Exception):
+    """Why the dialect is not known, and the key that says it, in a line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How a text is a table.
+
+    Attributes:
+        separator: of cells; a blank stands for any number of them.
+        decimal: sign.
+        columns: in order.
+        data_line: lines before the data.
+        rows: some first rows of the data.
+        has_tail: whether each row ends in a separator, with no cell behind it.
+        notes: what was recognised.
+        preamble: lines above the names.
+    """
+
+    separator: str
+    decimal: str
+    columns: tuple[ColumnName, ...]
+    data_line: int
+    rows: tuple[tuple[str, ...], ...]
+    has_tail: bool = False
+    notes: tuple[str, ...] = ()
+    preamble: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """The columns' names."""
+        return [column.name for column in self.columns]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are names alone."""
+        return not self.rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    line: int  #: from 0
+    after: int  #: the line behind it
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    separator: str
+    decimal: str
+    rows: list[_Row]
+    first: int  #: index of the first row of data
+    width: int
+    faults: float  #: share of rows of another length, and of cells that are no number
+    decimals: int  #: cells with the decimal sign
+    thousands: int  #: cells that may as well be thousands
+
+
+def sniff(lines: Sequence[str], hints: TableHints) -> Dialect:
+    """Find the one reading of a text that is possible.
+
+    Args:
+        lines: its first lines.
+        hints: what is given.
+
+    Raises:
+        DialectError: there is none, or there are several.
+    """
+    # a cell of a damaged file may be all of it
+    csv.field_size_limit(min(sys.maxsize, 2**31 - 1))
+    separators = _given_separators(hints)
+    if hints.decimal not in (None, ".", ","):
+        raise DialectError(f"no decimal sign '{hints.decimal}'; [log] decimal is '.' or ','")
+    decimals = (hints.decimal,) if hints.decimal else (".", ",")
+    found = [
+        reading
+        for separator in separators
+        for reading in _readings(lines, separator, decimals, hints)
+    ]
+    if not found and hints.separator is None:
+        found = list(_readings(lines, BLANKS, decimals, hints))
+    sound = [reading for reading in found if not reading.faults] or found
+    best = [each for each in sound if each.faults <= min(e.faults for e in sound)]
+    if not best:
+        return _no_numbers(lines, separators, hints)
+    if len({each.separator for each in best}) > 1:
+        said = " or ".join(_NAMED[each] for each in dict.fromkeys(e.separator for e in best))
+        raise DialectError(f"its cells may be separated by {said}; set [log] separator")
+    reading = _decided(best, hints)
+    return _named(reading, lines, hints)
+
+
+def _given_separators(hints: TableHints) -> tuple[str, ...]:
+    if hints.separator is None:
+        return SEPARATORS
+    words = {"tab": "\t", "\\t": "\t", "comma": ",", "semicolon": ";", "blank": " ", "blanks": " "}
+    given = words.get(hints.separator.lower(), hints.separator)
+    if len(given.encode()) != 1 or given.isalnum() or given in "\"'.+-\n\r":
+        raise DialectError(
+            f"no separator '{hints.separator}'; [log] separator is ',', ';', '|', 'tab' or 'blanks'"
+        )
+    return (given,)
+
+
+def _decided(best: list[_Reading], hints: TableHints) -> _Reading:
+    """One of readings that differ by the decimal sign at most."""
+    with_sign = [each for each in best if each.decimals]
+    # where no cell has a sign, the signs mean the same
+    reading = (with_sign or best)[0]
+    clear = [each for each in with_sign if each.thousands < each.decimals]
+    if not hints.decimal and (len(with_sign) > 1 or (with_sign and not clear)):
+        # after a comma between cells, a point is no thousands' sign
+        if reading.separator == "," and reading.decimal == ".":
+            return reading
+        if len(clear) == 1:
+            return clear[0]
+        sign = reading.decimal
+        raise DialectError(
+            f"'{sign}' may be its decimal sign or separate thousands: all its numbers have three "
+            f'digits behind it; set [log] decimal = "{sign}" if it is the decimal sign'
+        )
+    return reading
+
+
+def _split(lines: Sequence[str], separator: str) -> Iterator[_Row]:
+    """The rows that are not empty, without blanks around their cells."""
+    if separator == BLANKS:
+        for number, line in enumerate(lines):
+            if cells := tuple(line.split()):
+                yield _Row(number, number + 1, cells)
+        return
+    reader = csv.reader(lines, delimiter=separator)
+    before = 0
+    while True:
+        try:
+            row = next(reader)
+        except StopIteration:
+            return
+        except csv.Error:
+            before = reader.line_num
+            continue
+        cells = tuple(cell.strip() for cell in row)
+        if any(cells):
+            yield _Row(before, reader.line_num, cells)
+        before = reader.line_num
+
+
+def _readings(
+    lines: Sequence[str], separator: str, decimals: Iterable[str], hints: TableHints
+) -> Iterator[_Reading]:
+    rows = list(_split(lines, separator))
+    below = max(hints.header_row or 0, hints.units_row or 0)
+    data = [row for row in rows if row.line >= below]
+    if not data:
+        return
+    # of the later half, or of what there is: preambles are at the beginning
+    later = data[-max(len(data) // 2, min(len(data) - 1, _FEW)) :][:_ROWS] or data
+    width = Counter(len(row.cells) for row in later).most_common(1)[0][0]
+    if width < 2:
+        # short rows below a longer header
+        width = max(len(row.cells) for row in data)
+        if width < 2:
+            return
+    for decimal in decimals:
+        reading = _reading(rows, later, width, (separator, decimal), below)
+        if reading is not None:
+            yield reading
+
+
+def _reading(
+    rows: list[_Row], later: list[_Row], width: int, signs: tuple[str, str], below: int
+) -> _Reading | None:
+    separator, decimal = signs
+    fitting = [row for row in later if len(row.cells) == width] or later
+    kinds = [
+        [_kind(row.cells[k], decimal) for row in fitting if k < len(row.cells)]
+        for k in range(width)
+    ]
+    numeric = [k for k, each in enumerate(kinds) if _is_numeric(each)]
+    if not numeric:
+        return None
+    odd = sum(each.count("odd") for each in kinds)
+    ragged = sum(len(row.cells) != width for row in later)
+    faults = odd / max(sum(map(len, kinds)), 1) + ragged / len(later)
+    if odd * 5 > sum(len(each) for each in kinds):
+        return None
+    is_data = [
+        row.line >= below
+        and (len(row.cells) > 1 or row is rows[-1])
+        and _is_data(row.cells, numeric, width, decimal)
+        for row in rows[:_ROWS]
+    ]
+    first = next(
+        (
+            k
+            for k, yes in enumerate(is_data)
+            if yes and sum(n := is_data[k : k + _NEXT]) >= _NEXT_SHARE * len(n)
+        ),
+        None,
+    )
+    if first is None:
+        return None
+    cells = [row.cells[k] for row in rows[first:] for k in numeric if k < len(row.cells)]
+    number = _NUMBERS[decimal]
+    signed = [c for c in cells if decimal in c and number.fullmatch(c)]
+    thousands = sum(_THOUSANDS[decimal].fullmatch(c) is not None for c in signed)
+    few = faults < 0.02
+    return _Reading(
+        separator, decimal, rows, first, width, 0.0 if few else faults, len(signed), thousands
+    )
+
+
+def _kind(cell: str, decimal: str) -> str:
+    if not cell:
+        return "empty"
+    if _NUMBERS[decimal].fullmatch(cell) or cell.lower() in _WORDS_OF_NUMBERS:
+        return "number"
+    if _TIME.fullmatch(cell) or cell.lower() in _TRUTHS:
+        return "time"
+    return "odd" if _NUMBERLIKE.fullmatch(cell) else "text"
+
+
+def _is_numeric(kinds: Sequence[str]) -> bool:
+    present = [kind for kind in kinds if kind != "empty"]
+    number = sum(kind in ("number", "time") for kind in present)
+    return bool(present) and number >= _MOSTLY * len(present)
+
+
+def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: str) -> bool:
+    if len(cells) > width + 1:
+        return False
+    kinds = [_kind(cells[k], decimal) for k in numeric if k < len(cells)]
+    told = [kind for kind in kinds if kind != "empty"]
+    return bool(told) and sum(k in ("number", "time") for k in told) >= _MOSTLY * len(told)
+
+
+def _no_numbers(lines: Sequence[str], separators: Sequence[str], hints: TableHints) -> Dialect:
+    """A header without data, or nothing that is a table."""
+    for separator in separators:
+        rows = list(_split(lines, separator))
+        if rows and len(rows) <= 2 and all(len(row.cells) > 1 for row in rows):
+            reading = _Reading(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
+            return _named(reading, lines, hints)
+    raise DialectError(
+        "its lines are no rows of cells with numbers; [log] separator, decimal and header_row say "
+        "how they are written"
+    )
+
+
+def _named(reading: _Reading, lines: Sequence[str], hints: TableHints) -> Dialect:
+    """Find the rows of names and units above the data."""
+    rows, width, separator = reading.rows, reading.width, reading.separator
+    above = [_header_row(row, separator, width, lines) for row in rows[: reading.first]]
+    names, units = _rows_of_names(above, width, hints)
+    data = [row.cells for row in rows[reading.first :]]
+    cells = list(names.cells) if names else [""] * width
+    # a separator at the end of each line
+    has_tail = not any(len(row) >= width and row[width - 1] for row in data) and bool(data)
+    has_tail = has_tail and width > 2 and (len(cells) < width or not cells[-1])
+    width -= has_tail
+    cells = cells[:width] if has_tail else cells
+    while len(cells) > width and not cells[-1]:
+        cells.pop()
+    if names is not None and len(cells) < width:
+        raise DialectError(
+            f"its header (line {names.line + 1}) has {len(cells)} cells, its rows {width}: "
+            f"separated by {_NAMED[separator]}; set [log] separator and decimal, or header_row"
+        )
+    dialect = Dialect(
+        separator,
+        reading.decimal,
+        tuple(column_names(cells, units.cells if units else ())),
+        rows[reading.first].line if reading.first < len(rows) else rows[-1].after,
+        tuple(data[:_ROWS]),
+        has_tail,
+        preamble=tuple(lines[: names.line if names else rows[0].line][:50]),
+    )
+    return replace(dialect, notes=tuple(_notes(dialect, names, units)))
+
+
+def _header_row(row: _Row, separator: str, width: int, lines: Sequence[str]) -> _Row:
+    """A row above the data without its comment sign; words in brackets belong to their name."""
+    text = _COMMENT.sub("", lines[row.line])
+    if separator != BLANKS:
+        if text == lines[row.line] or not row.cells:
+            return row
+        (first, *_) = list(_split([text], separator)) or [row]
+        return _Row(row.line, row.after, first.cells)
+    cells = text.split()
+    if len(cells) != width:
+        wide = [cell.strip() for cell in re.split(r"\t|\s{2,}", text.strip())]
+        if len(wide) == width:
+            return _Row(row.line, row.after, tuple(wide))
+        joint = re.sub(r"\s+(?=[\[(])", "\0", text.strip()).split()
+        cells = [cell.replace("\0", " ") for cell in joint]
+    return _Row(row.line, row.after, tuple(cells))
+
+
+def _rows_of_names(
+    above: list[_Row], width: int, hints: TableHints
+) -> tuple[_Row | None, _Row | None]:
+    by_line = {row.line + 1: row for row in above}
+    for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
+        if line and line not in by_line:
+            raise DialectError(f"[log] {key} = {line}: that line holds no cells above the data")
+    given = by_line.get(hints.header_row or -1)
+    stated = by_line.get(hints.units_row or -1)
+    if hints.header_row == 0:
+        return None, stated
+    if given is not None:
+        if stated is None and hints.units_row is None:
+            nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
+            stated = next((r for r in nearby if _fits(r, width) and is_units(r.cells)), None)
+        return given, stated
+    wide = [row for row in above if _fits(row, width) and row != stated]
+    if not wide:
+        return None, stated
+    if hints.units_row is None and stated is None and len(wide) > 2:
+        # below the units may stand a row of types
+        (*_, third, second, first) = wide
+        together = first.line - third.line <= 2
+        if together and is_units(second.cells) and not is_units(first.cells + third.cells):
+            return third, second
+    last, before = wide[-1], wide[-2] if len(wide) > 1 else None
+    if stated is not None or hints.units_row == 0 or before is None:
+        return last, stated
+    adjacent = last.line - before.line <= 2
+    if adjacent and is_units(last.cells) and is_units(before.cells):
+        raise DialectError(
+            f"lines {before.line + 1} and {last.line + 1} may both be its units; set [log] "
+            "units_row and header_row"
+        )
+    if adjacent and is_units(last.cells):
+        return before, last
+    return last, before if adjacent and is_units(before.cells) else None
+
+
+def _fits(row: _Row, width: int) -> bool:
+    """Whether a row is about all columns: one of a preamble has few cells."""
+    return len(row.cells) > 1 and len(row.cells) * 2 > width
+
+
+def _notes(dialect: Dialect, names: _Row | None, units: _Row | None) -> Iterator[str]:
+    said: list[str] = []
+    if dialect.separator != ",":
+        said.append(f"cells separated by {_NAMED[dialect.separator]}")
+    if dialect.decimal != ".":
+        said.append("a decimal comma")
+    if names is None and dialect.rows:
+        said.append("no row of names")
+    elif names is not None and names.line:
+        said.append(f"names in line {names.line + 1}")
+    if units is not None:
+        said.append(f"units in line {units.line + 1}")
+    if said:
+        yield f"the table is read with {', '.join(said)}"
+
+
+def some_cells(dialect: Dialect, column: int, count: int = 50) -> list[str]:
+    """Some first cells of a column that are not empty."""
+    cells = (row[column] for row in dialect.rows if column < len(row) and row[column])
+    return list(islice(cells, count))

@@ -1,0 +1,99 @@
+"""A sheet of an Excel file as a text table: the values that were kept, no formula is run."""
+
+import csv
+import tempfile
+from contextlib import ExitStack
+from datetime import date, datetime, time, timedelta
+from pathlib import Path
+from typing import Any, Final
+from zipfile import BadZipFile, ZipFile
+
+from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
+from replay.logs.tables.dialect import DialectError
+
+#: A workbook is packed: so many bytes at most when unpacked.
+_LARGEST: Final = 1 << 30
+_PIECE: Final = 1 << 20
+#: A table has so many rows at least.
+_FEWEST_ROWS: Final = 2
+
+
+def as_text(path: Path, sheet: str | None, copies: ExitStack) -> Path:
+    """Write a sheet as a CSV.
+
+    Args:
+        path: an `.xlsx` file.
+        sheet: its name, where there are several with data.
+        copies: removes the CSV when it closes.
+
+    Raises:
+        BrokenBytesError: it is no workbook, or unpacks to more than a gigabyte.
+        DialectError: the library for it is missing, or the sheet has to be named.
+    """
+    try:
+        from python_calamine import CalamineError, CalamineWorkbook
+    except ImportError:
+        raise DialectError(
+            "Excel files need another library: pip install 'payscope[excel]', or save the sheet as "
+            "CSV; nothing can be set"
+        ) from None
+    _check_size(path)
+    try:
+        with path.open("rb") as file:
+            book = CalamineWorkbook.from_object(file)
+            chosen = _chosen(book, sheet)
+            folder = copies.enter_context(tempfile.TemporaryDirectory(prefix="payscope-table-"))
+            place = Path(folder) / f"{path.stem}.csv"
+            with place.open("w", encoding="utf-8", newline="") as text:
+                writer = csv.writer(text)
+                for row in book.get_sheet_by_name(chosen).iter_rows():
+                    writer.writerow([_cell(value) for value in row])
+    except (CalamineError, *BROKEN_BYTES) as error:
+        raise BrokenBytesError(f"it cannot be read: {error}") from error
+    return place
+
+
+def _chosen(book: Any, sheet: str | None) -> str:
+    names: list[str] = book.sheet_names
+    if sheet is not None:
+        if sheet not in names:
+            raise DialectError(f"no sheet '{sheet}'; it has {', '.join(names)}; set [log] sheet")
+        return sheet
+    full = [name for name in names if book.get_sheet_by_name(name).height >= _FEWEST_ROWS]
+    if len(full) != 1:
+        raise DialectError(f"{len(full)} sheets hold rows ({', '.join(names)}); set [log] sheet")
+    return full[0]
+
+
+def _cell(value: Any) -> str:
+    """A value as a text table has it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() and abs(value) < 2**53 else repr(value)
+    if isinstance(value, datetime):
+        return value.isoformat(sep=" ")
+    if isinstance(value, time | date):
+        return value.isoformat()
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
+    return str(value)
+
+
+def _check_size(path: Path) -> None:
+    """Unpack it once, to nowhere: what a bomb says of its size is no proof."""
+    try:
+        with ZipFile(path) as archive:
+            left = _LARGEST
+            for member in archive.infolist():
+                with archive.open(member) as file:
+                    while piece := file.read(_PIECE):
+                        left -= len(piece)
+                        if left < 0:
+                            raise BrokenBytesError(
+                                f"it unpacks to more than {_LARGEST >> 30} GiB; save it as CSV"
+                            )
+    except (BadZipFile, NotImplementedError, RuntimeError, OSError, *BROKEN_BYTES) as error:
+        if isinstance(error, BrokenBytesError):
+            raise
+        raise BrokenBytesError(f"it is no workbook: {error}") from error

@@ -1,0 +1,116 @@
+"""Columns of a Parquet file, read with Arrow: polars' own reader can end the process on damage."""
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+import pyarrow as pa
+from pyarrow.parquet import ParquetFile
+
+from analysis.model.physical_units import spelt_unit
+from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
+from replay.logs.tables.header import ColumnName, split_unit
+
+#: Keys of a field's metadata that hold its unit.
+_UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
+
+
+def open_arrow(path: Path) -> "ParquetColumns":
+    """Columns of a Parquet file, or of an Arrow (Feather) file."""
+    return ParquetColumns(path) if path.suffix.lower() == ".parquet" else ArrowColumns(path)
+
+
+class ParquetColumns:
+    """The flat columns of one file, each read when it is asked for. Nothing stays open."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the footer.
+
+        Raises:
+            BrokenBytesError: it is no Parquet file, or a damaged one.
+        """
+        self._path = path
+        self.notes: tuple[str, ...] = ()
+        schema = self._read_schema()
+        flat = [field for field in schema if not pa.types.is_nested(field.type)]
+        self.columns = [_named(field.name, field.metadata or {}) for field in flat]
+        self.names = [column.name for column in self.columns]
+
+    def _read_schema(self) -> Any:
+        with _library_call(), ParquetFile(self._path) as file:
+            self._footer = file.metadata
+            return file.schema_arrow
+
+    def head(self, place: int) -> list[str]:  # noqa: ARG002 as of a text
+        """None: a column of a Parquet file has a type."""
+        return []
+
+    @property
+    def rows(self) -> int:
+        """How many rows the file has."""
+        return int(self._footer.num_rows)
+
+    def read(self, names: Sequence[str]) -> dict[str, pl.Series]:
+        """Columns, (rows,) each.
+
+        Raises:
+            BrokenBytesError: the pages of one are damaged.
+        """
+        return {name: self._read(name) for name in names}
+
+    def _read(self, name: str) -> pl.Series:
+        with _library_call():
+            column = self._column(name)
+            # polars takes it that text is UTF-8, and panics at names that are not
+            column.validate(full=True)
+            getattr(column.type, "tz", None)
+            series = pl.Series(name, column)
+        rows = self.rows
+        if series.len() != rows:
+            raise BrokenBytesError(f"{series.len():,} of {rows:,} rows are there")
+        return series
+
+    def _column(self, name: str) -> Any:
+        with ParquetFile(self._path, metadata=self._footer) as file:
+            return file.read([name])[name]
+
+
+class ArrowColumns(ParquetColumns):
+    """The flat columns of an Arrow file (Feather 2), likewise."""
+
+    def _read_schema(self) -> Any:
+        with _library_call(), pa.OSFile(str(self._path)) as source:
+            file = pa.ipc.open_file(source)
+            self._batches = file.num_record_batches
+            self._height = sum(file.get_batch(k).num_rows for k in range(self._batches))
+            return file.schema
+
+    @property
+    def rows(self) -> int:
+        """How many rows the file has."""
+        return self._height
+
+    def _column(self, name: str) -> Any:
+        with pa.OSFile(str(self._path)) as source:
+            place = pa.ipc.open_file(source).schema.get_field_index(name)
+            options = pa.ipc.IpcReadOptions(included_fields=[place])
+            one = pa.ipc.open_file(source, options=options)
+            batches = [one.get_batch(k) for k in range(self._batches)]
+            return pa.Table.from_batches(batches, schema=one.schema)[name]
+
+
+@contextmanager
+def _library_call() -> Generator[None]:
+    try:
+        yield
+    except (pa.ArrowException, *BROKEN_BYTES) as error:
+        raise BrokenBytesError(error) from error
+
+
+def _named(name: str, metadata: dict[bytes, bytes]) -> ColumnName:
+    """A column with the unit that its metadata or its name states."""
+    stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
+    bare, unit = split_unit(name)
+    return ColumnName(name, bare, spelt_unit(stated.decode("utf-8", "replace")) or unit)

@@ -1,0 +1,130 @@
+"""A table's text as UTF-8: its encoding, and a copy where polars cannot read it as it is."""
+
+import codecs
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from replay.logs.messages.broken_bytes import BrokenBytesError
+
+#: So much of a file is looked at for its dialect, in bytes: and more for lines that are longer.
+_HEAD_BYTES: Final = 1 << 19
+_HEAD_LINES: Final = 2_000
+#: Lines that a dialect is told from, at least, where a line is long, and bytes at most for them.
+_FEWEST_LINES: Final = 12
+_LONGEST_HEAD_BYTES: Final = 1 << 24
+_MARKS: Final = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+#: Share of NUL bytes at even or at odd places of UTF-16 without a mark, of Western text.
+_MOSTLY_NUL: Final = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Utf8Text:
+    """A file that polars reads.
+
+    Attributes:
+        path: the table's file, or a copy of it.
+        copy: the directory of the copy, which is removed with it; None where there is none.
+        notes: what was recognised.
+    """
+
+    path: Path
+    copy: "tempfile.TemporaryDirectory[str] | None" = None
+    notes: tuple[str, ...] = ()
+
+
+def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
+    """The table in UTF-8, by a copy where it is in another encoding.
+
+    Args:
+        path: a text file.
+        encoding: its encoding, where it is given.
+
+    Raises:
+        BrokenBytesError: an encoding that there is not, or that the text is not in.
+    """
+    found = encoding or _recognised(path)
+    try:
+        name = codecs.lookup(found).name
+    except LookupError:
+        raise BrokenBytesError(
+            f"no encoding '{found}'; [log] encoding is utf-8, utf-16 or latin-1"
+        ) from None
+    if name in ("utf-8", "ascii", "utf-8-sig"):
+        return Utf8Text(path)
+    notes = () if encoding else (f"its text is taken as {found}",)
+    return _copied(path, (line for line in _lines(path, found)), notes)
+
+
+def with_tabs(text: Utf8Text) -> Utf8Text:
+    """A copy in which each run of blanks is a tab."""
+    lines = ("\t".join(line.split()) + "\n" for line in _lines(text.path, "utf-8-sig"))
+    return _copied(text.path, lines, text.notes)
+
+
+def _copied(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
+    folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
+    place = Path(folder.name) / path.name
+    try:
+        with place.open("w", encoding="utf-8", newline="") as file:
+            file.writelines(lines)
+    except (OSError, UnicodeError, LookupError, TypeError) as error:
+        folder.cleanup()
+        raise BrokenBytesError(f"its text cannot be read: {error}") from error
+    return Utf8Text(place, folder, notes)
+
+
+def _lines(path: Path, encoding: str) -> Iterator[str]:
+    with path.open(encoding=encoding, errors="replace", newline="") as file:
+        # in pieces: a line of a damaged file may be all of it
+        while piece := file.readline(1 << 20):
+            yield piece
+
+
+def _recognised(path: Path) -> str:
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    for mark, name in _MARKS:
+        if head.startswith(mark):
+            return name
+    for places, name in ((head[1::2], "utf-16-le"), (head[::2], "utf-16-be")):
+        if places and places.count(0) > _MOSTLY_NUL * len(places):
+            return name
+    with suppress(UnicodeDecodeError):
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+        return "utf-8"
+    # bytes that no name has are a fault of a cell, which polars takes as it is
+    readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)
+    return "cp1252" if len(readable) > _MOSTLY_TEXT * len(head) else "utf-8"
+
+
+#: Of a text in Latin letters so much is ASCII; what has less is no text.
+_MOSTLY_TEXT: Final = 0.7
+
+
+def head_lines(path: Path) -> list[str]:
+    """The first lines of a text in UTF-8, without the one that is cut off, for the dialect."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+        while head.count(b"\n") < _FEWEST_LINES and len(head) < _LONGEST_HEAD_BYTES:
+            more = file.read(_HEAD_BYTES)
+            if not more:
+                break
+            head += more
+        is_all = not file.read(1)
+    text = head.decode("utf-8-sig", errors="replace")
+    # a lone carriage return ends no line for polars
+    lines = text.split("\n")
+    if not is_all and len(lines) > 1:
+        lines.pop()
+    if lines and not lines[-1]:
+        lines.pop()
+    return [line.removesuffix("\r") for line in lines[:_HEAD_LINES]]

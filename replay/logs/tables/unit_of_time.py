@@ -1,0 +1,95 @@
+"""The unit of times that are numbers, told by their range and spacing."""
+
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from replay.logs.tables.times import NS_PER_UNIT, TimeError, nanoseconds
+
+#: A log of a machine has from one row in two seconds to 2,500 a second, in s from row to row:
+#: slower shows no start, and faster is a scope's, which states its unit.
+_STEPS_S: Final = (0.4e-3, 2.0)
+#: It lasts so long at least, in s: a shorter one holds no start and stop.
+_SHORTEST_S: Final = 1.0
+#: Seconds since 1970 of a log: from 2000 to 2100.
+_EPOCH_S: Final = (946_684_800.0, 4_102_444_800.0)
+#: Days since 1899-12-30 of the same years, as spreadsheets count.
+_SERIAL: Final = (36_526.0, 73_050.0)
+_SERIAL_ZERO_S: Final = 25_569 * 86_400
+_DAY_S: Final = 86_400.0
+_ROUND: Final = 1e-6
+
+Floats = NDArray[np.float64]
+
+
+def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
+    """Log times of numbers without a unit.
+
+    Args:
+        cells: (rows,), text or numbers.
+
+    Returns:
+        Stamps in ns, null where there is none; and what was recognised.
+
+    Raises:
+        TimeError: several units are possible, or none.
+    """
+    stripped = cells.str.strip_chars() if cells.dtype == pl.String else cells
+    numbers = stripped.cast(pl.Float64, strict=False)
+    finite = numbers.filter(numbers.is_finite().fill_null(value=False)).to_numpy()
+    if not finite.size:
+        return nanoseconds(cells, "s"), ()
+    x = np.sort(finite)
+    steps = np.diff(x)
+    steps = steps[steps > 0]
+    if not steps.size:
+        raise TimeError("it holds one and the same number: name another column")
+    step, span = float(np.median(steps)), float(x[-1] - x[0])
+    if _is_serial(x, step):
+        seconds = numbers * _DAY_S - _SERIAL_ZERO_S
+        return nanoseconds(seconds, "s"), ("its times are days of a spreadsheet",)
+    if _is_clock(finite, step):
+        hours, rest = numbers // 10_000, numbers % 10_000
+        seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
+        return nanoseconds(seconds, "s"), ("its times are read as hhmmss.s",)
+    unit = _unit(x, step, span)
+    return nanoseconds(cells, unit), (f"its times are taken in {unit}, by their spacing",)
+
+
+def _unit(x: Floats, step: float, span: float) -> str:
+    """The one unit that is possible."""
+    possible = [
+        unit
+        for unit, ns in NS_PER_UNIT.items()
+        if _STEPS_S[0] <= step * ns / 1e9 <= _STEPS_S[1]
+        and (span * ns / 1e9 >= _SHORTEST_S or x.size < 3)
+    ]
+    if len(possible) == 1:
+        return possible[0]
+    since_1970 = [
+        unit
+        for unit in possible
+        if _EPOCH_S[0] <= x[0] * NS_PER_UNIT[unit] / 1e9
+        and x[-1] * NS_PER_UNIT[unit] / 1e9 <= _EPOCH_S[1]
+    ]
+    if len(since_1970) == 1:
+        return since_1970[0]
+    said = " or ".join(possible) if possible else "s, ms, us or ns"
+    raise TimeError(f"its steps of {step:g} may be {said}")
+
+
+def _is_serial(x: Floats, step: float) -> bool:
+    inside = _SERIAL[0] <= x[0] and x[-1] <= _SERIAL[1]
+    return inside and _STEPS_S[0] <= step * _DAY_S <= _STEPS_S[1] and step < _STEPS_S[0]
+
+
+def _is_clock(x: Floats, step: float) -> bool:
+    """Whether numbers are hhmmss.s: none beyond 59 s or min, and a jump of 40 at each minute."""
+    if x.min() < 0 or x.max() >= 240_000 or step > _STEPS_S[1]:
+        return False
+    if (x % 100 >= 60).any() or (x // 100 % 100 >= 60).any():
+        return False
+    jumps = np.abs(np.diff(x))
+    return bool((np.abs(jumps - 40.0 - step) < step + _ROUND * 40).any()) and x.max() - x.min() > 40

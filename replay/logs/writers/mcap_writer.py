@@ -1,0 +1,268 @@
+"""Simulated logs as MCAP files (https://mcap.dev/spec), chunk by chunk."""
+
+import zlib
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import BinaryIO, Final, NamedTuple
+
+import numpy as np
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from analysis.simulation import SimulatedLog
+from replay.logs.writers.message_columns import Ints
+from replay.logs.writers.recorded_order import FullChunk, RecordedTopic, chunks, in_order
+from replay.logs.writers.ros_messages import TOPICS, recorded_topics
+from replay.logs.writers.serialise_messages import Envelope
+
+_MAGIC: Final = b"\x89MCAP0\r\n"
+_CHUNK_BYTES: Final = 1 << 20
+#: Chunks that are packed at the same time, and those that wait for it.
+_PACKERS: Final = 2
+_MOST_WAITING: Final = 2 * _PACKERS
+_MESSAGE_HEAD: Final = 22
+_INDEX_ROW: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
+
+
+def write_mcap(log: SimulatedLog, path: Path) -> None:
+    """Write `log` as an MCAP file at `path`, where nothing is yet."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    numbers = {name: number for number, name in enumerate(log.topics, 1)}
+    channels: list[ChannelOf] = []
+    for name, number in numbers.items():
+        topic = TOPICS[name]
+        definition, _ = store.generate_msgdef(topic.msgtype, ros_version=2)
+        channels.append(channel_of(number, topic.name, topic.msgtype, definition))
+    with path.open("xb") as file:
+        made = ColumnMcap(file, channels)
+        made.write(recorded_topics(log, store, numbers, envelope, ros1=False))
+        made.finish()
+
+
+def envelope(channel: int, times: Ints) -> Envelope:
+    """What stands before the messages of a channel, recorded at times (n,)."""
+
+    def before(size: int) -> list[bytes | tuple[str, Ints]]:
+        head = bytes([Opcode.MESSAGE]) + (size + _MESSAGE_HEAD).to_bytes(8, "little")
+        # no sequence number; published when recorded
+        return [head + channel.to_bytes(2, "little") + bytes(4), ("<u8", times), ("<u8", times)]
+
+    return before
+
+
+class ChannelOf(NamedTuple):
+    """A channel and its schema."""
+
+    schema: Schema
+    channel: Channel
+
+
+def channel_of(
+    number: int,
+    topic: str,
+    msgtype: str,
+    definition: str,
+    metadata: Mapping[str, str] = MappingProxyType({}),
+) -> ChannelOf:
+    """A channel of CDR messages, with a schema of the same number."""
+    return ChannelOf(
+        Schema(id=number, data=definition.encode(), encoding="ros2msg", name=msgtype),
+        Channel(
+            id=number,
+            topic=topic,
+            message_encoding="cdr",
+            metadata=dict(metadata),
+            schema_id=number,
+        ),
+    )
+
+
+class _Packed(NamedTuple):
+    data: bytes
+    crc: int
+
+
+def _nothing() -> Statistics:
+    return Statistics(
+        attachment_count=0,
+        channel_count=0,
+        channel_message_counts={},
+        chunk_count=0,
+        message_count=0,
+        message_end_time=0,
+        message_start_time=0,
+        metadata_count=0,
+        schema_count=0,
+    )
+
+
+@dataclass(eq=False)
+class ColumnMcap:
+    """One file, as the library's own writer would make it.
+
+    Attributes:
+        file: opened for writing, empty.
+        channels: what it holds.
+        packed: whether chunks are compressed with zstd and have a CRC.
+        statistics: of what has been written.
+    """
+
+    file: BinaryIO
+    channels: Sequence[ChannelOf]
+    packed: bool = True
+    statistics: Statistics = field(init=False, default_factory=_nothing)
+    _indexes: list[ChunkIndex] = field(init=False, default_factory=list[ChunkIndex])
+
+    def write(self, topics: Sequence[RecordedTopic]) -> None:
+        """Write all messages; once."""
+        self.statistics.schema_count = self.statistics.channel_count = len(self.channels)
+        self.file.write(_MAGIC)
+        self._put(Header("ros2", "payscope"))
+        preamble = b"".join(_bytes(record) for each in self.channels for record in each)
+        for chunk, done in self._pack(chunks(in_order(topics), preamble, _CHUNK_BYTES)):
+            counts = self._write_chunk(chunk, done.result())
+            _count(self.statistics, counts, chunk)
+
+    def finish(self, metadata: Sequence[Metadata] = ()) -> None:
+        """Write what closes the file."""
+        indexes = [self._metadata(each) for each in metadata]
+        self.statistics.metadata_count = len(indexes)
+        self._put(DataEnd(0))
+        schemas, channels = zip(*self.channels, strict=True)
+        self._summary([schemas, channels, [self.statistics], self._indexes, [], indexes])
+
+    def _put(self, record: McapRecord) -> None:
+        self.file.write(_bytes(record))
+
+    def _pack(self, whole: Iterator[FullChunk]) -> Iterator[tuple[FullChunk, "Future[_Packed]"]]:
+        """Compress some chunks ahead of the one that is written."""
+        waiting: deque[tuple[FullChunk, Future[_Packed]]] = deque()
+        with ThreadPoolExecutor(_PACKERS) as pool:
+            for chunk in whole:
+                waiting.append((chunk, pool.submit(self._packed, chunk)))
+                if len(waiting) > _MOST_WAITING:
+                    yield waiting.popleft()
+            while waiting:
+                yield waiting.popleft()
+
+    def _packed(self, chunk: FullChunk) -> _Packed:
+        if not self.packed:
+            return _Packed(chunk.data.tobytes(), 0)
+        import zstandard
+
+        return _Packed(zstandard.compress(chunk.data.data), zlib.crc32(chunk.data.data))
+
+    def _write_chunk(self, chunk: FullChunk, packed: _Packed) -> dict[int, int]:
+        """Write a chunk; how many messages it has, by channel."""
+        compression = "zstd" if self.packed else ""
+        start, end = int(chunk.log_times.min()), int(chunk.log_times.max())
+        at = self.file.tell()
+        self._put(
+            Chunk(
+                compression=compression,
+                data=packed.data,
+                message_start_time=start,
+                message_end_time=end,
+                uncompressed_crc=packed.crc,
+                uncompressed_size=chunk.data.size,
+            )
+        )
+        ends_at = self.file.tell()
+        offsets: dict[int, int] = {}
+        counts: dict[int, int] = {}
+        for number, mine in chunk.by_connection().items():
+            offsets[number] = self.file.tell()
+            counts[number] = mine.log_times.size
+            rows = np.empty(mine.log_times.size, _INDEX_ROW)
+            rows["time"], rows["offset"] = mine.log_times, mine.offsets
+            head = bytes([Opcode.MESSAGE_INDEX]) + (6 + rows.nbytes).to_bytes(8, "little")
+            sizes = number.to_bytes(2, "little") + rows.nbytes.to_bytes(4, "little")
+            self.file.write(head + sizes + rows.tobytes())
+        self._indexes.append(
+            ChunkIndex(
+                chunk_length=ends_at - at,
+                chunk_start_offset=at,
+                compression=compression,
+                compressed_size=len(packed.data),
+                message_end_time=end,
+                message_index_length=self.file.tell() - ends_at,
+                message_index_offsets=offsets,
+                message_start_time=start,
+                uncompressed_size=chunk.data.size,
+            )
+        )
+        return counts
+
+    def _metadata(self, metadata: Metadata) -> MetadataIndex:
+        at = self.file.tell()
+        self._put(metadata)
+        return MetadataIndex(offset=at, length=self.file.tell() - at, name=metadata.name)
+
+    def _summary(self, groups: Sequence[Sequence[McapRecord]]) -> None:
+        """What a reader begins with: definitions, statistics, indexes, and where each group is."""
+        begins = self.file.tell()
+        data = b""
+        offsets: list[SummaryOffset] = []
+        for kind, records in zip(_GROUPS, groups, strict=True):
+            made = b"".join(map(_bytes, records))
+            offsets.append(
+                SummaryOffset(
+                    group_opcode=kind, group_start=begins + len(data), group_length=len(made)
+                )
+            )
+            data += made
+        offsets_at = begins + len(data)
+        data += b"".join(map(_bytes, offsets))
+        footer = Footer(summary_start=begins, summary_offset_start=offsets_at, summary_crc=0)
+        # all but the CRC itself, with which the footer ends
+        footer.summary_crc = zlib.crc32(_bytes(footer)[:-4], zlib.crc32(data))
+        self.file.write(data + _bytes(footer) + _MAGIC)
+
+
+_GROUPS: Final = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
+
+
+def _bytes(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()
+
+
+def _count(statistics: Statistics, messages: Mapping[int, int], chunk: FullChunk) -> None:
+    start, end = int(chunk.log_times.min()), int(chunk.log_times.max())
+    if statistics.message_count:
+        start = min(start, statistics.message_start_time)
+    statistics.message_start_time = start
+    statistics.message_end_time = max(end, statistics.message_end_time)
+    statistics.message_count += chunk.log_times.size
+    statistics.chunk_count += 1
+    counts = statistics.channel_message_counts
+    for number, count in messages.items():
+        counts[number] = counts.get(number, 0) + count

@@ -1,0 +1,152 @@
+"""The messages of several topics in the order in which they were recorded, in blocks of bytes."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from estimators.compiled import uncounted
+from replay.logs.decoding.unaligned import copy
+from replay.logs.writers.message_columns import Ints
+from replay.logs.writers.serialise_messages import Bytes, SameLayout
+
+#: Messages of a block: what is serialised at once stays in the processor's cache.
+BLOCK_ROWS: Final = 16_384
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTopic:
+    """The messages of one topic.
+
+    Attributes:
+        connection: its number in the container.
+        log_time_ns: (n,) when they were recorded, ascending.
+        records: the records of some of them, `[first, last)`, by layout.
+    """
+
+    connection: int
+    log_time_ns: Ints
+    records: Callable[[int, int], list[SameLayout]]
+
+
+class RecordBlock(NamedTuple):
+    """Records that follow one another: their bytes, and of each (n,) where it ends in them."""
+
+    data: Bytes
+    connections: Ints
+    log_times: Ints
+    ends: Ints
+
+
+@uncounted
+def _scatter(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
+    for number in range(begins.size):
+        copy(rows, number * size, target, begins[number], size)
+
+
+def in_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
+    """All messages by log time; what was recorded at the same time in the order of the topics."""
+    times = np.concatenate([np.empty(0, np.int64), *(topic.log_time_ns for topic in topics)])
+    sizes = [topic.log_time_ns.size for topic in topics]
+    kinds = np.repeat(np.arange(len(topics)), sizes)
+    order = np.argsort(times, kind="stable")
+    times, kinds = times[order], kinds[order]
+    done = [0] * len(topics)
+    for begin in range(0, times.size, BLOCK_ROWS):
+        here = slice(begin, begin + BLOCK_ROWS)
+        yield _block(topics, times[here], kinds[here], done)
+
+
+def _block(
+    topics: Sequence[RecordedTopic], times: Ints, kinds: Ints, done: list[int]
+) -> RecordBlock:
+    """The next messages, of which `done` counts those of each topic so far."""
+    lengths = np.empty(times.size, np.int64)
+    made: list[tuple[Bytes, Ints]] = []
+    for number, topic in enumerate(topics):
+        places = np.flatnonzero(kinds == number)
+        if not places.size:
+            continue
+        first, done[number] = done[number], done[number] + places.size
+        for same in topic.records(first, done[number]):
+            chosen = places if same.chosen is None else places[same.chosen]
+            lengths[chosen] = same.rows.shape[1]
+            made.append((same.rows, chosen))
+    ends = np.cumsum(lengths)
+    data = np.empty(int(ends[-1]), np.uint8)
+    begins = ends - lengths
+    for rows, chosen in made:
+        _scatter(rows.reshape(-1), rows.shape[1], begins[chosen], data)
+    numbers = np.array([topic.connection for topic in topics], np.int64)
+    return RecordBlock(data, numbers[kinds], times, ends)
+
+
+class FullChunk(NamedTuple):
+    """A chunk of a container: its bytes, and of each message (n,) where it begins in them."""
+
+    data: Bytes
+    connections: Ints
+    log_times: Ints
+    offsets: Ints
+
+    def by_connection(self) -> "Mapping[int, FullChunk]":
+        """The messages of each connection, in the order in which those first appear."""
+        numbers, first = np.unique(self.connections, return_index=True)
+        found: dict[int, FullChunk] = {}
+        for number in numbers[np.argsort(first)].tolist():
+            mine = self.connections == number
+            found[number] = self._replace(
+                connections=self.connections[mine],
+                log_times=self.log_times[mine],
+                offsets=self.offsets[mine],
+            )
+        return found
+
+
+def chunks(blocks: Iterator[RecordBlock], preamble: bytes, threshold: int) -> Iterator[FullChunk]:
+    """Cut records into chunks, each of which ends with the record that takes it beyond a size.
+
+    Args:
+        blocks: the records.
+        preamble: what stands before the first record.
+        threshold: bytes of a chunk.
+    """
+    pieces: list[RecordBlock] = []
+    lead = np.frombuffer(preamble, np.uint8)
+    size = lead.size
+    for block in blocks:
+        begin = 0
+        while begin < block.ends.size:
+            start = int(block.ends[begin - 1]) if begin else 0
+            full = int(np.searchsorted(block.ends, start + threshold - size, side="right"))
+            end = min(full + 1, block.ends.size)
+            piece = RecordBlock(
+                block.data[start : block.ends[end - 1]],
+                block.connections[begin:end],
+                block.log_times[begin:end],
+                block.ends[begin:end] - start,
+            )
+            pieces.append(piece)
+            size += piece.data.size
+            begin = end
+            if size > threshold:
+                yield _joined(lead, pieces)
+                pieces, lead, size = [], lead[:0], 0
+    if pieces:
+        yield _joined(lead, pieces)
+
+
+def _joined(lead: Bytes, pieces: Sequence[RecordBlock]) -> FullChunk:
+    data = np.concatenate([lead, *(piece.data for piece in pieces)])
+    offsets: list[Ints] = []
+    at = lead.size
+    for piece in pieces:
+        offsets.append(np.concatenate([[0], piece.ends[:-1]]) + at)
+        at += piece.data.size
+    return FullChunk(
+        data,
+        np.concatenate([piece.connections for piece in pieces]),
+        np.concatenate([piece.log_times for piece in pieces]),
+        np.concatenate(offsets),
+    )

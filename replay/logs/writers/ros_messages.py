@@ -1,0 +1,167 @@
+"""The ROS messages of a simulated log: which topic carries what, in the signs of REP-103."""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.simulation import Scenario, SimulatedLog
+from replay.logs.decoding.wire import CDR, ROS1
+from replay.logs.writers.message_columns import Column, Ints
+from replay.logs.writers.recorded_order import RecordedTopic
+from replay.logs.writers.serialise_messages import SameLayout, serialise
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+    from replay.logs.writers.serialise_messages import Envelope
+
+_WHEELS: Final = ("front_left", "front_right")
+_JOINTS: Final = ("boom", "bucket")
+
+
+class Topic(NamedTuple):
+    """Where a frame of a simulated log goes, and what its messages hold beside the header."""
+
+    name: str
+    msgtype: str
+    frame_id: str
+    fields: Callable[[pl.DataFrame, Scenario], dict[str, Column]]
+
+
+def recorded_topics(
+    log: SimulatedLog,
+    store: "Typestore",
+    connections: Mapping[str, int],
+    envelope: "Callable[[int, Ints], Envelope]",
+    *,
+    ros1: bool,
+) -> list[RecordedTopic]:
+    """The topics of a log as records of a container.
+
+    Args:
+        log: the simulated log.
+        store: the message definitions of a ROS distribution.
+        connections: by topic's key in `TOPICS` its number in the container.
+        envelope: what stands before messages of a connection recorded at times (n,).
+        ros1: whether that is a distribution of ROS 1.
+    """
+
+    def topic(name: str, frame: pl.DataFrame) -> RecordedTopic:
+        ordered = frame.sort("log_time_ns", maintain_order=True)
+        times = ordered["log_time_ns"].to_numpy()
+
+        def records(first: int, last: int) -> list[SameLayout]:
+            part = ordered.slice(first, last - first)
+            return serialise(
+                store,
+                TOPICS[name].msgtype,
+                message_columns(name, part, log.scenario, first),
+                last - first,
+                ROS1 if ros1 else CDR,
+                envelope(connections[name], times[first:last]),
+            )
+
+        return RecordedTopic(connections[name], times, records)
+
+    return [topic(name, frame) for name, frame in log.topics.items()]
+
+
+def message_columns(
+    name: str, frame: pl.DataFrame, scenario: Scenario, first: int = 0
+) -> dict[str, Column]:
+    """The messages of a topic by columns.
+
+    Args:
+        name: its key in `TOPICS`.
+        frame: its rows.
+        scenario: that was simulated.
+        first: number of the first row, which the header of ROS 1 counts.
+    """
+    topic = TOPICS[name]
+    stamp_ns = frame["header_stamp_ns"].to_numpy()
+    header: dict[str, Column] = {
+        "seq": np.arange(first, first + frame.height),
+        "stamp": {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9},
+        "frame_id": topic.frame_id,
+    }
+    return {"header": header, **topic.fields(frame, scenario)}
+
+
+def _pairs(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
+    """Columns (n, names)."""
+    return np.column_stack([frame[name].to_numpy() for name in names])
+
+
+def _imu(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    # REP-103: y points left, so that a positive pitch is nose-down
+    half = -frame["pitch_rad"].to_numpy() / 2
+    roll = frame["roll_rad"].to_numpy() / 2
+    # a covariance of zeros, as those are that are left out, says that it is not known
+    return {
+        "orientation": {
+            "x": np.sin(roll) * np.cos(half),
+            "y": np.cos(roll) * np.sin(half),
+            # without roll 0, not -0
+            "z": -np.sin(roll) * np.sin(half) + 0.0,
+            "w": np.cos(roll) * np.cos(half),
+        },
+        "angular_velocity": {
+            "x": frame["roll_rate_rad_s"].to_numpy(),
+            "y": frame["pitch_rate_rad_s"].to_numpy(),
+            "z": frame["yaw_rate_rad_s"].to_numpy(),
+        },
+        "linear_acceleration": {
+            axis: frame[f"specific_force_{axis}_m_s2"].to_numpy() for axis in "xyz"
+        },
+    }
+
+
+def _torque(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    wheels = _pairs(frame, "torque_left_N_m", "torque_right_N_m")
+    return {"name": _WHEELS, "effort": wheels}
+
+
+def _speed(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
+    wheels = _pairs(frame, "speed_left_m_s", "speed_right_m_s")
+    return {"name": _WHEELS, "velocity": wheels / scenario.machine.wheel_radius_m}
+
+
+def _boom(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    return {"name": _JOINTS, "position": _pairs(frame, "boom_rad", "bucket_rad")}
+
+
+def _odometry(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    half = frame["heading_rad"].to_numpy() / 2
+    place: dict[str, Column] = {"x": frame["position_x_m"].to_numpy()}
+    turned: dict[str, Column] = {"z": np.sin(half), "w": np.cos(half)}
+    twist: dict[str, Column] = {
+        "linear": {"x": frame["speed_x_m_s"].to_numpy()},
+        "angular": {"z": frame["yaw_rate_rad_s"].to_numpy()},
+    }
+    return {
+        "child_frame_id": "base_link",
+        "pose": {"pose": {"position": place, "orientation": turned}},
+        "twist": {"twist": twist},
+    }
+
+
+def _gnss(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    return {
+        # a fix by GPS, of unknown covariance
+        "status": {"status": 0, "service": 1},
+        "latitude": frame["latitude_deg"].to_numpy(),
+        "longitude": frame["longitude_deg"].to_numpy(),
+    }
+
+
+TOPICS: Final = {
+    "imu": Topic("/imu/data", "sensor_msgs/msg/Imu", "imu_link", _imu),
+    "torque": Topic("/wheels/torque", "sensor_msgs/msg/JointState", "base_link", _torque),
+    "speed": Topic("/wheels/speed", "sensor_msgs/msg/JointState", "base_link", _speed),
+    "boom": Topic("/boom/angles", "sensor_msgs/msg/JointState", "boom_link", _boom),
+    "odometry": Topic("/odometry", "nav_msgs/msg/Odometry", "odom", _odometry),
+    "gnss": Topic("/gnss/fix", "sensor_msgs/msg/NavSatFix", "gnss_link", _gnss),
+}

@@ -1,0 +1,146 @@
+"""Simulated logs as rosbag2 directories with MCAP storage, and as databases of rosbag2."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from mcap.records import Metadata
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
+from rosbags.typesys import Stores, get_typestore
+
+from analysis.simulation import SimulatedLog
+from replay.logs.writers.mcap_writer import ChannelOf, ColumnMcap, channel_of, envelope
+from replay.logs.writers.message_columns import Ints
+from replay.logs.writers.recorded_order import RecordedTopic, in_order
+from replay.logs.writers.ros_messages import TOPICS, recorded_topics
+from replay.logs.writers.serialise_messages import Envelope
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
+    from rosbags.rosbag2.enums import CompressionMode
+
+#: What rosbags' writer calls it.
+METADATA: Final = "metadata.yaml"
+
+
+def write_rosbag2(log: SimulatedLog, path: Path) -> None:
+    """Write `log` as a rosbag2 directory `path`, where nothing is yet."""
+    _write(log, path, StoragePlugin.MCAP)
+
+
+def write_db3(log: SimulatedLog, path: Path) -> None:
+    """Write `log` as a bare database of rosbag2 at `path`, where nothing is yet."""
+    folder = path.with_name(f"{path.stem}.folder")
+    _write(log, folder, StoragePlugin.SQLITE3)
+    (folder / f"{folder.name}.db3").rename(path)
+    (folder / METADATA).unlink()
+    folder.rmdir()
+
+
+def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    before = envelope if plugin is StoragePlugin.MCAP else _bare
+    with _ColumnWriter(path, version=Writer.VERSION_LATEST, storage_plugin=plugin) as bag:
+        numbers = {
+            name: bag.add_connection(TOPICS[name].name, TOPICS[name].msgtype, typestore=store).id
+            for name in log.topics
+        }
+        bag.write_topics(recorded_topics(log, store, numbers, before, ros1=False))
+
+
+def _bare(_connection: int, _times: Ints) -> Envelope:
+    """A database has nothing before a message."""
+    return lambda _size: ()
+
+
+class _MessageCounts(NamedTuple):
+    """Messages by connection, and from when to when; unknown where there are none."""
+
+    counts: dict[int, int]
+    start_ns: int
+    end_ns: int
+
+
+class _Storage:
+    """A storage of rosbags' writer that takes all messages at once."""
+
+    def __init__(self, path: Path, compression: "CompressionMode") -> None:
+        del compression  # none is asked for
+        self.path = path / f"{path.name}.mcap"
+        self._file = self.path.open("xb")
+        self._channels: list[ChannelOf] = []
+        self._mcap = ColumnMcap(self._file, self._channels, packed=False)
+
+    def add_msgtype(self, connection: "Connection") -> None:
+        """Nothing: each channel has a schema of its own."""
+
+    def add_connection(self, connection: "Connection", offered_qos_profiles: str) -> None:
+        self._channels.append(
+            channel_of(
+                connection.id,
+                connection.topic,
+                connection.msgtype,
+                connection.msgdef.data,
+                {"offered_qos_profiles": offered_qos_profiles},
+            )
+        )
+
+    def write(self, connection: "Connection", timestamp: int, data: bytes | memoryview) -> None:
+        raise NotImplementedError("messages come by columns")
+
+    def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
+        self._mcap.write(topics)
+        made = self._mcap.statistics
+        counts = made.channel_message_counts
+        return _MessageCounts(counts, made.message_start_time, made.message_end_time)
+
+    def close(self, version: int, metadata: str) -> None:
+        del version  # in the text
+        self._mcap.finish([Metadata("rosbag2", {"serialized_metadata": metadata})])
+        self._file.close()
+
+    def abort(self) -> None:
+        self._file.close()
+
+
+class _Database(Sqlite3Writer):
+    """rosbags' database, filled with all messages at once."""
+
+    def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
+        self.conn.executemany(
+            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", _rows(topics)
+        )
+        times = [topic.log_time_ns for topic in topics if topic.log_time_ns.size]
+        return _MessageCounts(
+            {topic.connection: topic.log_time_ns.size for topic in topics},
+            min((int(each[0]) for each in times), default=0),
+            max((int(each[-1]) for each in times), default=0),
+        )
+
+
+def _rows(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
+    for block in in_order(topics):
+        data = memoryview(block.data.data)
+        begins = np.concatenate([[0], block.ends[:-1]]).tolist()
+        parts = zip(begins, block.ends.tolist(), strict=True)
+        numbers, times = block.connections.tolist(), block.log_times.tolist()
+        for number, time_ns, (begin, end) in zip(numbers, times, parts, strict=True):
+            yield number, time_ns, data[begin:end]
+
+
+class _ColumnWriter(Writer):
+    """rosbags' writer of the directory and its metadata.yaml."""
+
+    STORAGE_PLUGINS = {  # noqa: RUF012 - as the class that it extends
+        StoragePlugin.MCAP: _Storage,
+        StoragePlugin.SQLITE3: _Database,
+    }
+
+    def write_topics(self, topics: Sequence[RecordedTopic]) -> None:
+        assert isinstance(self.storage, _Storage | _Database)
+        written = self.storage.write_topics(topics)
+        self.counts.update(written.counts)
+        if any(written.counts.values()):
+            self.min_timestamp, self.max_timestamp = written.start_ns, written.end_ns

@@ -1,0 +1,243 @@
+"""Serialise columns of messages: those of one layout at once, as rows of bytes.
+
+Where things lie in a message follows from its lengths alone. Messages with the same lengths are
+one structured array: what all of them share is written once, each column in one assignment.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+
+from replay.logs.decoding.wire import Wire
+from replay.logs.writers.message_columns import Column, Ints, Ragged, shapes
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+Bytes: TypeAlias = NDArray[np.uint8]
+#: What precedes a message of so many bytes in its container: bytes, or numbers (n,) of a type.
+Envelope: TypeAlias = Callable[[int], "Sequence[bytes | tuple[str, Ints]]"]
+_DTYPES: Final = {"bool": "?", "byte": "i1", "char": "u1", "octet": "u1"}
+#: The byte of an empty message of ROS 2.
+_PLACEHOLDER: Final = "structure_needs_at_least_one_member"
+#: Little-endian CDR.
+_ENCAPSULATION: Final = b"\0\1\0\0"
+
+
+class SameLayout(NamedTuple):
+    """Messages of one layout: which (k,) of all, or None for every one; their bytes (k, size)."""
+
+    chosen: Ints | None
+    rows: Bytes
+
+
+def serialise(
+    store: "Typestore",
+    msgtype: str,
+    column: Mapping[str, Column],
+    count: int,
+    wire: Wire,
+    envelope: Envelope = lambda _: (),
+) -> list[SameLayout]:
+    """Serialise messages of one type.
+
+    Args:
+        store: with the type's definition, of ROS 1 or 2 as the encoding demands.
+        msgtype: as in `sensor_msgs/msg/Imu`.
+        column: the messages, by field; arrays have a row a message.
+        count: how many messages.
+        wire: the encoding; numbers are little-endian.
+        envelope: what stands before each message; alignment counts from behind it.
+
+    Returns:
+        The messages by layout, each with its envelope before it.
+    """
+    found = shapes(column)
+    numbers = np.empty(0, np.int64) if found is None else np.unique(found)
+    if found is None or numbers.size == 1:
+        return [SameLayout(None, _rows(store, msgtype, column, slice(count), wire, envelope))]
+    groups = (np.flatnonzero(found == number) for number in numbers)
+    return [
+        SameLayout(rows, _rows(store, msgtype, column, rows, wire, envelope)) for rows in groups
+    ]
+
+
+#: Which elements of a column: a slice, or their places (k,).
+_Chosen: TypeAlias = "slice | Ints"
+
+
+def _rows(
+    store: "Typestore",
+    msgtype: str,
+    column: Column,
+    chosen: _Chosen,
+    wire: Wire,
+    envelope: Envelope,
+) -> Bytes:
+    """The messages (k, size) that are chosen, which have one layout."""
+    count = chosen.stop if isinstance(chosen, slice) else chosen.size
+    layout = _Layout(store, wire)
+    if wire.cdr:
+        layout.head = _ENCAPSULATION
+    layout.record(msgtype, column, chosen)
+    before = _Layout(store, wire)
+    for part in envelope(len(layout.head) + layout.size):
+        if isinstance(part, bytes):
+            before.put_bytes(part)
+        else:
+            before.put(np.dtype(part[0]), part[1][chosen])
+    first = before.size
+    base = first + len(layout.head)
+    template = np.zeros(base + layout.size, np.uint8)
+    rows = np.empty((count, template.size), np.uint8)
+    constants = [
+        *before.constants,
+        (first, layout.head),
+        *((base + at, data) for at, data in layout.constants),
+    ]
+    for at, data in constants:
+        template[at : at + len(data)] = np.frombuffer(data, np.uint8)
+    rows[:] = template
+    placed = [*before.columns, *((base + at, dtype, made) for at, dtype, made in layout.columns)]
+    if not placed or not count:
+        return rows
+    offsets, dtypes, values = zip(*placed, strict=True)
+    names = [str(number) for number in range(len(placed))]
+    fields: Any = {
+        "names": names,
+        "offsets": offsets,
+        "formats": dtypes,
+        "itemsize": template.size,
+    }
+    structured = rows.reshape(-1).view(np.dtype(fields))
+    for name, made in zip(names, values, strict=True):
+        structured[name] = made
+    return rows
+
+
+@dataclass(eq=False)
+class _Layout:
+    """Where everything lies in messages of the same lengths."""
+
+    store: "Typestore"
+    wire: Wire
+    head: bytes = b""
+    size: int = 0
+    #: what is the same in all messages, and the columns of what is not, by offset
+    constants: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
+    columns: list[tuple[int, np.dtype[Any], NDArray[Any]]] = field(
+        default_factory=list[tuple[int, np.dtype[Any], NDArray[Any]]]
+    )
+
+    def record(self, name: str, column: Column, chosen: _Chosen) -> None:
+        """A message inside or outside another."""
+        known = column if isinstance(column, Mapping) else {}
+        for key, description in self.store.fielddefs[name][1]:
+            if key == _PLACEHOLDER and not self.wire.cdr:
+                continue
+            self._value(description, known.get(key), chosen)
+
+    def put_bytes(self, data: bytes) -> None:
+        """The same bytes in every message."""
+        self.constants.append((self.size, data))
+        self.size += len(data)
+
+    def put(self, dtype: np.dtype[Any], values: NDArray[Any]) -> None:
+        """Numbers (k,), or arrays of them (k, length), of every message."""
+        if values.ndim == 2:
+            dtype = np.dtype((dtype, values.shape[1:]))
+        self.columns.append((self.size, dtype, values))
+        self.size += dtype.itemsize
+
+    def _value(self, description: Any, column: Column, chosen: _Chosen) -> None:
+        node, detail = description
+        if node == Nodetype.NAME:
+            self.record(detail, column, chosen)
+        elif node == Nodetype.BASE and detail[0] == "string":
+            self._text(column, chosen)
+        elif node == Nodetype.BASE:
+            self._numbers(_dtype(detail[0]), column, chosen, 1)
+        else:
+            element, limit = detail
+            self._list(element, limit if node == Nodetype.ARRAY else None, column, chosen)
+
+    def _text(self, column: Column, chosen: _Chosen) -> None:
+        end = b"\0" if self.wire.cdr else b""
+        if isinstance(column, Ragged):
+            length = _length(column, chosen)
+            self._count(length + len(end))
+            if length:
+                self.put(np.dtype("u1"), _elements(column, chosen, length))
+            self.put_bytes(end)
+        else:
+            data = str(column or "").encode() + end
+            self._count(len(data))
+            self.put_bytes(data)
+
+    def _list(self, element: Any, fixed: int | None, column: Column, chosen: _Chosen) -> None:
+        length = _list_length(column, chosen, fixed)
+        if fixed is None:
+            self._count(length)
+        is_number = element[0] == Nodetype.BASE and element[1][0] != "string"
+        if is_number:
+            if length or fixed is not None:
+                self._numbers(_dtype(element[1][0]), column, chosen, length)
+            return
+        for number in range(length):
+            if isinstance(column, Ragged):
+                at = column.starts[chosen] + number
+                self._value(element, column.content, at)
+            else:
+                one = column[number] if isinstance(column, list | tuple) else None
+                self._value(element, one, chosen)
+
+    def _numbers(self, dtype: np.dtype[Any], column: Column, chosen: _Chosen, length: int) -> None:
+        self._align(dtype.itemsize)
+        if isinstance(column, Ragged):
+            self.put(dtype, _elements(column, chosen, length))
+        elif isinstance(column, np.ndarray):
+            self.put(dtype, column[chosen])
+        elif column is None:
+            self.put_bytes(bytes(dtype.itemsize * length))
+        else:
+            self.put_bytes(np.array(column, dtype).tobytes())
+
+    def _count(self, length: int) -> None:
+        self._align(4)
+        self.put_bytes(np.array(length, "<u4").tobytes())
+
+    def _align(self, width: int) -> None:
+        width = min(width, self.wire.max_alignment)
+        self.put_bytes(bytes(-self.size % width))
+
+
+def _dtype(kind: str) -> np.dtype[Any]:
+    return np.dtype(_DTYPES.get(kind, kind)).newbyteorder("<")
+
+
+def _length(column: Ragged, chosen: _Chosen) -> int:
+    lengths = column.lengths[chosen]
+    return int(lengths[0]) if lengths.size else 0
+
+
+def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
+    if isinstance(column, Ragged):
+        length = _length(column, chosen)
+    elif isinstance(column, np.ndarray):
+        length = int(column.shape[1])
+    elif isinstance(column, list | tuple):
+        length = len(column)
+    else:
+        length = fixed or 0
+    assert fixed is None or length == fixed, f"an array of {fixed} given {length} elements"
+    return length
+
+
+def _elements(column: Ragged, chosen: _Chosen, length: int) -> NDArray[Any]:
+    """The elements (k, length) of lists of one length."""
+    assert isinstance(column.content, np.ndarray)
+    return column.content[column.starts[chosen][:, None] + np.arange(length)]

@@ -1,0 +1,1 @@
+"""Machine files, and those that are shipped."""

@@ -1,0 +1,94 @@
+"""Machine files: TOML in, a validated `Machine` out, every fault in one line."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from analysis.model.machine import LogSection, Machine
+from analysis.model.physical_units import to_si
+from analysis.model.settings import Settings
+from analysis.stages.signals.derive import arithmetic, unit_of
+from estimators.errors import MachineError
+from replay.logs import TableHints, TimeAxis
+from replay.machines.toml_file import read_toml, set_value, validate
+
+_SHIPPED = Path(__file__).parent
+
+
+def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
+    """Read a machine file.
+
+    Args:
+        path: a TOML file, or the name of one that payscope ships (`cat262c.toml`).
+        overrides: `key=value` with dotted keys, values as TOML writes them (a bare word is text).
+
+    Raises:
+        MachineError: one line with the file, the fault, the choices and the remedy.
+    """
+    path = machine_path(Path(path))
+    if not path.exists():
+        shipped = ", ".join(sorted(each.name for each in _SHIPPED.glob("*.toml")))
+        raise MachineError(
+            f"{path}: no such machine file; shipped: {shipped}; `payscope init LOG -o {path}` "
+            "drafts one"
+        )
+    content = read_toml(path, MachineError)
+    _refuse_moved(f"{path}: settings", content)
+    for override in overrides:
+        _refuse_bare(override)
+        set_value(content, override, MachineError)
+        _refuse_moved(f"--set {override}", content)
+    machine = validate(path, content, Machine, MachineError)
+    for name, channel in machine.channels.items():
+        try:
+            if channel.expression is not None:
+                arithmetic(name, machine)
+            elif channel.unit is not None:
+                to_si(channel.unit, unit_of(name))
+        except MachineError as error:
+            said = str(error)
+            where = "" if said.startswith("channels.") else f"channels.{name}: "
+            raise MachineError(f"{path}: {where}{said}") from error
+    return machine
+
+
+def _refuse_moved(where: str, content: Mapping[str, Any]) -> None:
+    """Name the new key of a setting of the flat table."""
+    try:
+        Settings.refuse_moved(content.get("settings"))
+    except ValueError as error:
+        raise MachineError(f"{where}: {error}") from None
+
+
+def _refuse_bare(override: str) -> None:
+    """Name the setting that an override means without saying `settings`."""
+    key = override.partition("=")[0].strip()
+    first, _, rest = key.partition(".")
+    if first in Machine.model_fields:
+        return
+    parts = Settings.parts()
+    meant = [f"{stage}.{first}" for stage, part in parts.items() if first in part.model_fields]
+    if first in parts and rest:
+        meant = [key]
+    if meant:
+        raise MachineError(f"--set {override}: no such key; did you mean 'settings.{meant[0]}'?")
+
+
+def time_axis(machine: Machine) -> TimeAxis | None:
+    """Where the machine file says that tables keep their time."""
+    return table_axis(machine.log)
+
+
+def table_axis(section: LogSection) -> TimeAxis | None:
+    """The same of the keys of `[log]`; None where none is given."""
+    given = section.model_dump()
+    time, unit = given.pop("time", None), given.pop("time_unit", None)
+    if time is None and unit is None and not given:
+        return None
+    return TimeAxis(time, unit, TableHints(**given))
+
+
+def machine_path(path: Path) -> Path:
+    """The file itself, or the shipped machine file of that name where there is no such file."""
+    shipped = _SHIPPED / path.name
+    return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path

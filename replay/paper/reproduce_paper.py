@@ -1,0 +1,84 @@
+"""Reproduce the paper's tables, figures and claims: simulate, replay, and make the items."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.paper.replayed_campaign import ReplayedCampaign
+from analysis.paper.simulated_sources import (
+    Extracts,
+    Repetition,
+    Study,
+    repetitions,
+    with_paper_noise,
+)
+from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
+from recordings.paper.paper_items import Found, Item, find
+from replay.inputs.memory_log import MemoryLog, reading_memory
+from replay.machines.machine_file import load_machine
+from replay.pipeline import run
+
+
+class Reproduction:
+    """The work that some items take, planned: `repetitions`, and then `find`.
+
+    Args:
+        items: of `recordings.paper.paper_items.ITEMS`.
+        windows: Monte Carlo windows of each length in Table 1; a fifth as many long cruises.
+        campaigns: simulated campaigns for Tables 2 to 4, Figures 6 to 8 and the claims.
+        seed: of the first campaign; each has the next.
+    """
+
+    def __init__(
+        self, items: Sequence[Item[Any]], *, windows: int, campaigns: int, seed: int
+    ) -> None:
+        self._items = tuple(items)
+        self._digests = Extracts()
+        study = Study(
+            scenario=Scenario().seeded(seed),
+            machine=with_paper_noise(load_machine("cat262c.toml")),
+            windows=windows,
+            campaigns=campaigns,
+            replay=replay_simulated,
+        )
+        needs = [extract for item in self._items for extract in item.needs]
+        #: A simulation each: their number is the length of the progress.
+        self.repetitions: tuple[Repetition, ...] = tuple(repetitions(needs, study, self._digests))
+
+    def find(self, on_stage: Callable[[str], None]) -> list[Found]:
+        """Take all repetitions, then make the items.
+
+        Args:
+            on_stage: told the name of each repetition as it begins.
+
+        Returns:
+            The items in the order in which they were asked for.
+        """
+        for repetition in self.repetitions:
+            on_stage(repetition.name)
+            repetition.take()
+        return [find(item, self._digests) for item in self._items]
+
+
+def replay_simulated(
+    scenario: Scenario,
+    machine: Machine,
+    chain: Callable[[SimulatedLog], SimulatedLog] = lambda log: log,
+) -> ReplayedCampaign:
+    """Simulate a campaign and replay it from memory.
+
+    Args:
+        scenario: of the simulation.
+        machine: settings and body; its channels are read from the simulation's topics.
+        chain: applied to the signals before they are recorded.
+    """
+    logs = [chain(log) for log in simulate_campaign(scenario)]
+    replayed = run([MemoryLog(log) for log in logs], reading_memory(machine, logs[0]))
+    return ReplayedCampaign(
+        scenario,
+        replayed,
+        pl.concat([log.trials for log in logs]),
+        pl.concat([log.noise_free for log in logs]),
+    )

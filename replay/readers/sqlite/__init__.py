@@ -1,5 +1,0 @@
-"""The SQLite storage of rosbag2 (`.db3`): its pages read as they are, what is unusual by SQLite."""
-
-from replay.readers.sqlite.file import Db3File
-
-__all__ = ["Db3File"]

@@ -1,0 +1,1 @@
+"""The commands on a recording: `show`, `plot`, `view`, and the viewer's importer."""

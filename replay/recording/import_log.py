@@ -1,0 +1,120 @@
+"""The importer of the Rerun viewer: a log replayed where it has a machine file, else as it is."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.stages.signals.timestamps import place
+from estimators.errors import LogError, PayscopeError, counted, one_line
+from recordings.rrd.viewer_stream import ViewerAsks, stream_run, stream_topics
+from replay.logs import Log, open_log
+from replay.machines.machine_file import load_machine, machine_path, time_axis
+from replay.pipeline import run
+from replay.recording.importer_files import VARIABLE, machine_of
+
+#: Elements of a list without names that are drawn.
+_ELEMENTS: Final = 12
+#: Numbers that say nothing over time.
+_LEFT_OUT: Final = ("header.", "covariance")
+
+
+def import_log(log: Path, asks: ViewerAsks) -> str | None:
+    """Write a log to standard output as the viewer reads it.
+
+    Args:
+        log: a path that `is_ours`.
+        asks: of the viewer.
+
+    Returns:
+        Why it is shown without a replay, where its machine file does not fit.
+
+    Raises:
+        PayscopeError: the log cannot be read.
+    """
+    machine_file = machine_of(log)
+    fault: str | None = None
+    if machine_file is not None:
+        try:
+            machine = load_machine(machine_path(machine_file))
+            with open_log(log, time=time_axis(machine)) as opened:
+                replayed = run(opened, machine)
+        except PayscopeError as error:
+            fault = one_line(str(error))
+        else:
+            stream_run(replayed, asks)
+            return None
+    with open_log(log) as opened:
+        topics = dict(_columns(opened))
+        stream_topics(topics, _said(opened, machine_file, fault), log.name, asks)
+    return fault
+
+
+def _columns(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
+    """Every topic that can be read, in time: unix_ns, and the fields that are worth a line."""
+    for row in log.topics().sort("messages", descending=True).to_dicts():
+        if row["problem"] or not row["messages"]:
+            continue
+        fields = list(_fields(log, row))
+        if not fields:
+            continue
+        try:
+            frame = log.read(row["topic"], fields)
+        except LogError:
+            continue  # a topic that cannot be decoded costs that topic
+        placed, _, _ = place({row["topic"]: frame})
+        yield row["topic"], placed[row["topic"]]
+
+
+def _fields(log: Log, row: dict[str, object]) -> Iterator[str]:
+    """Leaves, and of lists their elements: by name where the message has names."""
+    fields, topic = row["fields"], str(row["topic"])
+    assert isinstance(fields, list)
+    for field in map(str, fields):
+        if any(part in field for part in _LEFT_OUT):
+            continue
+        if "[]" not in field:
+            yield field
+        elif field.endswith("[]") and field.count("[]") == 1 and not field.endswith("name[]"):
+            yield from _elements(log, topic, field.removesuffix("[]"), fields, row["start_ns"])
+
+
+def _elements(
+    log: Log, topic: str, field: str, fields: list[object], start_ns: object
+) -> Iterator[str]:
+    assert isinstance(start_ns, int)
+    names = f"{field.rpartition('.')[0]}.name[]".lstrip(".")
+    asked = [f"{field}[]", *([names] if names in fields else [])]
+    first = log.read(topic, asked, end_ns=start_ns).head(1)
+    if not first.height:
+        return
+    values = first[f"{field}[]"].to_list()[0] or []
+    if names in fields:
+        listed = first[names].to_list()[0] or []
+        yield from (f"{field}[{name}]" for name in listed[: len(values)] if name)
+    elif len(values) <= _ELEMENTS:
+        yield from (f"{field}[{number}]" for number in range(len(values)))
+
+
+def _said(log: Log, machine_file: Path | None, fault: str | None) -> str:
+    """What the log holds, and what would weigh it, in Markdown."""
+    parts = [f"# {one_line(log.path.name)}", f"{log.format}, read by payscope."]
+    if fault is not None:
+        parts.append(f"**{machine_file} does not fit, so nothing was replayed:** {fault}")
+    else:
+        parts.append(
+            "Columns as recorded. To see masses, lay a machine file beside the log under its name "
+            f"(`payscope init {log.path.name} -o {log.path.stem}.toml` drafts one), or name one in "
+            f"`{VARIABLE}`."
+        )
+    rows = ["| topic | type | messages |", "|---|---|---|"]
+    for row in log.topics().to_dicts():
+        problem = f": {row['problem']}" if row["problem"] else ""
+        rows.append(one_line(f"| {row['topic']} | {row['type']}{problem} | {row['messages']} |"))
+    parts.append("\n".join(rows))
+    lost = log.losses()
+    if lost:
+        parts.append(f"## {counted(len(lost), 'loss')}")
+        parts.append("\n".join(f"- {one_line(str(loss))}" for loss in lost))
+    return "\n\n".join(parts)

@@ -1,0 +1,138 @@
+"""The command `show`: a stage of a recording, between two seconds of the run."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import polars as pl
+
+from analysis.model.schema import FRAMES, Frame
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from estimators.errors import RecordingError, nearest
+from recordings import read_frame, read_provenance, stages
+from recordings.rrd.recording_window import check_stretch
+
+if TYPE_CHECKING:
+    from replay.calibration.apply_evidence import AskedCalibration
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A stage of a recording.
+
+    Attributes:
+        recording: the recording.
+        name: of the stage.
+        rows: as they are stored.
+        t0_unix_ns: the unix time of the run's start.
+        timezone: that a person reads times in.
+    """
+
+    recording: Path
+    name: str
+    rows: pl.DataFrame
+    t0_unix_ns: int
+    timezone: str
+
+    @classmethod
+    def read(cls, recording: Path, name: str) -> Self:
+        """Read a stage.
+
+        Raises:
+            RecordingError: no recording, or it has no such stage.
+        """
+        held = stages(recording)
+        if name not in held:
+            raise RecordingError(f"{recording}: no stage '{name}'; {nearest(name, held)}")
+        about = read_provenance(recording)
+        zone = str(about.machine.get("machine", {}).get("timezone", "UTC"))
+        return cls(recording, name, read_frame(recording, name), about.t0_unix_ns, zone)
+
+    @property
+    def time_column(self) -> str | None:
+        """What places its rows in time, if anything."""
+        if self.name.startswith("raw/"):
+            return "log_time_ns"
+        declared: Frame = FRAMES[self.name.partition("/")[0]]
+        return declared.time_column
+
+    def calibrated(self, asked: "AskedCalibration") -> Self:
+        """The loads with their calibrated masses.
+
+        Raises:
+            RecordingError: another stage.
+            EvidenceError: the evidence is refused.
+        """
+        if self.name != "loads":
+            raise RecordingError(
+                f"{self.recording}: a calibration is of stage 'loads', not of '{self.name}'"
+            )
+        from analysis.calibration.use.later_log import FRAMES as NEEDED
+        from replay.calibration.apply_evidence import calibrated_frame
+
+        about, there = read_provenance(self.recording), stages(self.recording)
+        frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
+        return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
+
+    def between(self, start_s: float | None, end_s: float | None) -> Self:
+        """The rows from one second of the run to another, both included.
+
+        Raises:
+            RecordingError: the stage has no time, or that is no stretch.
+        """
+        if start_s is None and end_s is None:
+            return self
+        check_stretch(self.recording, start_s, end_s)
+        column = self._time_to_cut_by()
+        seconds = self._since_start_ns(column) / 1e9
+        rows = self.rows
+        if start_s is not None:
+            rows = rows.filter(seconds >= start_s)
+        if end_s is not None:
+            rows = rows.filter(seconds <= end_s)
+        return replace(self, rows=rows)
+
+    def at(self, second: float) -> Self:
+        """The rows that held at a second of the run: those whose span has it in it, or the last.
+
+        Raises:
+            RecordingError: the stage has no time, or that is no second.
+        """
+        if not math.isfinite(second):
+            raise RecordingError(f"--at {second}: is no time; name seconds since the start")
+        column = self._time_to_cut_by()
+        begin = self._since_start_ns(column) / 1e9
+        if "end_t_ns" in self.rows.columns:
+            # without a begin or an end it is of the whole log
+            inside = (begin <= second).fill_null(True) & (
+                pl.col("end_t_ns") / 1e9 >= second
+            ).fill_null(True)
+            return replace(self, rows=self.rows.filter(inside))
+        held = self.rows.filter(begin <= second).sort(column)
+        if "axis" in held.columns:  # a row a window of one axis
+            return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
+        return replace(self, rows=held.tail(1))
+
+    def readable(self) -> pl.DataFrame:
+        """The rows with times as a person reads them: seconds, and local where they are dates."""
+        column = self.time_column
+        if column is None:
+            return self.rows
+        since_ns = self._since_start_ns(column)
+        seconds = (since_ns / 1e9).alias("t_s")
+        rest = pl.exclude(column, "header_stamp_ns")
+        if self.t0_unix_ns < FIRST_DATE_NS:
+            return self.rows.select(seconds, rest)
+        utc = pl.from_epoch(since_ns + self.t0_unix_ns, time_unit="ns").dt.replace_time_zone("UTC")
+        local = utc.dt.convert_time_zone(self.timezone).dt.strftime("%F %T%.3f")
+        return self.rows.select(local.alias(f"local ({self.timezone})"), seconds, rest)
+
+    def _time_to_cut_by(self) -> str:
+        column = self.time_column
+        if column is None:
+            raise RecordingError(f"{self.recording}: stage '{self.name}' has no time to cut by")
+        return column
+
+    def _since_start_ns(self, column: str) -> pl.Expr:
+        return pl.col(column) - (self.t0_unix_ns if column == "log_time_ns" else 0)

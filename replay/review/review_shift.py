@@ -1,0 +1,378 @@
+"""The command `review`: the logs of a shift in, its ledger, recording and page out."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.calibration.line.unlike_driving import Unlike
+from analysis.calibration.use.later_log import FRAMES as NEEDED
+from analysis.calibration.use.learnt_priors import contradiction
+from analysis.cycles.calibrated_payloads import calibrated_cycles
+from analysis.cycles.payload_target import TargetCheck, check_target
+from analysis.cycles.shift_totals import recounted
+from analysis.model.machine import Machine
+from analysis.model.run_record import Run
+from estimators.errors import DataError, OutputError, RecordingError, ReviewError
+from estimators.file_digest import file_sha256
+from estimators.threads import mapped
+from recordings import read_frame, stages, write_recording
+from recordings.report.atomic_output import staged
+from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, no_tonnes, review_html
+from recordings.review.review_state import (
+    FORMAT,
+    RECORDING,
+    STATE,
+    ReviewState,
+    changed,
+    read_state,
+    state_of,
+)
+from recordings.review.reviewer_verdicts import VERDICTS, matched, read_verdicts
+from recordings.review.shift_ledger import CSV, PARQUET, identities, ledger, write_ledger
+from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
+from replay.inputs.channel_inputs import input_files, resolved, versions
+from replay.inputs.decode_cache import FOLDER as DECODED
+from replay.inputs.decode_cache import decoded
+from replay.logs import Log, logs_in, open_log
+from replay.machines.machine_file import load_machine, time_axis
+from replay.pipeline import run
+
+_LOCK: Final = ".lock"
+_STAGE: Final = ".payscope-"
+#: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
+_THINNED: Final = 10
+_OF_THE_GRID: Final = ("excitation", "gate")
+#: Frames that a shift's recording has whole.
+_WHOLE: Final = (
+    *("digging", "segments", "loads", "manoeuvres", "cycles", "shift", "findings"),
+    *("nuisances", "responses", "learnt_errors", "budget", "masses", "verdict"),
+)
+#: Points of the track.
+_TRACK_POINTS: Final = 400
+
+
+@dataclass(frozen=True)
+class Reviewed:
+    """A review.
+
+    Attributes:
+        folder: where it is.
+        ledger: its rows.
+        shift: frame `shift`, as reviewed.
+        state: what it was made of.
+        calibration: whose line the payloads are on.
+        target: 10/10/20, where a target was given.
+        replayed: whether the logs were replayed, or nothing that a replay depends on had changed.
+    """
+
+    folder: Path
+    ledger: pl.DataFrame
+    shift: dict[str, Any]
+    state: ReviewState
+    calibration: UsedCalibration
+    target: TargetCheck | None
+    replayed: bool
+
+    @property
+    def no_tonnes(self) -> str:
+        """Why no cycle counts; empty where one does."""
+        return no_tonnes(self.state, self.ledger)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "folder": str(self.folder),
+            "shift": self.shift,
+            "target": None if self.target is None else self.target._asdict(),
+            "no_tonnes": self.no_tonnes,
+            "can_weigh": self.state.can_weigh,
+            "losses": list(self.state.losses),
+            "calibration": self.calibration._asdict(),
+            "replayed": self.replayed,
+        }
+
+
+@dataclass(frozen=True)
+class ReviewOptions:
+    """What a review is told besides logs and machine.
+
+    Attributes:
+        overrides: `key=value`, of the machine file.
+        calibration: evidence, and what is asked of it.
+        target_kg: of a load.
+        full: whether the recording keeps every sample and every intermediate.
+    """
+
+    overrides: Sequence[str] = ()
+    calibration: AskedCalibration | None = None
+    target_kg: float | None = None
+    full: bool = False
+
+
+def review(
+    logs: Sequence[Path],
+    machine_file: Path,
+    folder: Path,
+    options: ReviewOptions,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> Reviewed:
+    """Review a shift.
+
+    All logs are one time line with one fit, so that friction and nuisances are told by the whole
+    shift: another log, or another byte in one, is another fit. What is kept is the whole replay,
+    and each log decoded.
+
+    Args:
+        logs: of the shift, in any order; a folder stands for all in it.
+        machine_file: the machine file, or the name of a shipped one.
+        folder: to write; what a review wrote there before is replaced.
+        options: see `ReviewOptions`.
+        on_stage: told each stage as it begins.
+
+    Raises:
+        PayscopeError: whatever is wrong with the input, before anything is written.
+    """
+    machine, by = load_machine(machine_file, options.overrides), None
+    if options.calibration is not None:
+        by = load_calibration(options.calibration)
+        machine = by.checked(by.weighing(machine), machine_file)
+    logs = logs_in(logs)
+    with _locked(folder), ExitStack() as stack:
+        verdicts = read_verdicts(folder)
+        on_stage("open")
+        opened = _in_time(
+            [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        )
+        if by is not None:
+            by.check_days(opened)
+        mapped(lambda log: log.digests, opened)
+        plain = _resolved(machine, options, by)
+        key = _key(opened, machine, full=options.full)
+        before = read_state(folder)
+        kept = _kept(folder, before, key)
+        made = kept or _replayed(opened, machine, folder, (logs, machine_file), on_stage)
+        cycles, summary, against = made.cycles, made.shift, ""
+        if by is not None:
+            told = _told(made, folder)
+            against = contradiction(told["nuisances"])
+            unlike = Unlike.of(told)
+            cycles = cycles if against else calibrated_cycles(cycles, by.calibration, unlike)
+        said = matched(verdicts, identities(cycles, made.t0_unix_ns), folder)
+        rejected = [int(cycles["cycle"][row]) for row, each in said.items() if each.reject]
+        summary = recounted(summary, cycles, rejected)
+        rows = ledger(cycles, made.t0_unix_ns, said)
+        target = (
+            None
+            if options.target_kg is None
+            else check_target(rows.filter("counted"), options.target_kg)
+        )
+        on_stage("write")
+        targets = [folder / name for name in (RECORDING, PARQUET, CSV, PAGE, STATE)]
+        if kept is not None:
+            del targets[0]
+        with staged(targets, force=True) as stage:
+            if made.run is not None:
+                write_recording(_thinned(made.run, full=options.full), stage / RECORDING)
+                digest = file_sha256(stage / RECORDING)
+                state = state_of(made.run, key, digest, plain)
+            else:
+                assert before is not None
+                state = before.model_copy(update={"resolved": plain})
+            page = ReviewPage(
+                state,
+                rows,
+                summary.row(0, named=True),
+                target,
+                None if before is None else _changes(before, state),
+                UsedCalibration("" if by is None else by.says, against),
+                made.track,
+            )
+            write_ledger(rows, stage)
+            (stage / PAGE).write_text(review_html(page), encoding="utf-8")
+            (stage / STATE).write_text(state.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    return Reviewed(folder, rows, dict(page.shift), state, page.calibration, target, kept is None)
+
+
+@dataclass(frozen=True)
+class ReplayedShift:
+    """What a replay gave, or what was kept of it."""
+
+    cycles: pl.DataFrame
+    shift: pl.DataFrame
+    t0_unix_ns: int
+    track: pl.DataFrame | None
+    run: Run | None = None
+
+
+def _replayed(
+    opened: list[Log],
+    machine: Machine,
+    folder: Path,
+    named: tuple[Sequence[Path], Path],
+    on_stage: Callable[[str], None],
+) -> ReplayedShift:
+    count = len(opened)
+    own = decoded(
+        opened, machine, folder / DECODED, lambda done: on_stage(f"decode {done} of {count}")
+    )
+    try:
+        made = run(own, machine, on_stage)
+    except DataError as error:
+        logs, machine_file = named
+        names = ", ".join(map(str, logs))
+        raise DataError(f"{names} with {machine_file}: {error}") from None
+    frames = made.frames
+    return ReplayedShift(
+        frames["cycles"],
+        frames["shift"],
+        made.provenance.t0_unix_ns,
+        _track(frames["aligned"]),
+        made,
+    )
+
+
+def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
+    """What an earlier review of the same logs and settings found; None where there is none."""
+    recording = folder / RECORDING
+    if before is None or before.key != key or not recording.is_file():
+        return None
+    if file_sha256(recording) != before.recording_sha256:
+        return None
+    try:
+        cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
+        track = _track(read_frame(recording, "aligned"))
+    except RecordingError:
+        return None
+    return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
+
+
+def _thinned(made: Run, *, full: bool) -> Run:
+    """The frames that the recording of a shift has."""
+    if full:
+        return made
+    frames: dict[str, pl.DataFrame] = {}
+    for name, frame in made.frames.items():
+        if name in _OF_THE_GRID:
+            frames[name] = frame.gather_every(_THINNED)
+        elif name == "aligned":
+            places = ("t_ns", "latitude_deg", "longitude_deg", "boom_rad", "gap")
+            frames[name] = frame.select(n for n in places if n in frame.columns).gather_every(
+                _THINNED
+            )
+        elif name in _WHOLE:
+            frames[name] = frame
+    return Run(frames, made.provenance)
+
+
+def _track(aligned: pl.DataFrame) -> pl.DataFrame | None:
+    names = ("latitude_deg", "longitude_deg")
+    if not set(names) <= set(aligned.columns):
+        return None
+    known = aligned.select(names).drop_nulls()
+    return known.gather_every(max(known.height // _TRACK_POINTS, 1))
+
+
+def _in_time(logs: list[Log]) -> list[Log]:
+    """By their first message, so that the order on the command line does not matter."""
+
+    def begins(log: Log) -> tuple[int, str]:
+        first = log.topics()["start_ns"].min()
+        return (first if isinstance(first, int) else 0, str(log.path))
+
+    return sorted(logs, key=begins)
+
+
+def _told(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
+    """What calibrating needs of the replay, or of its recording."""
+    if made.run is not None:
+        return made.run.frames
+    there = stages(folder / RECORDING)
+    return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
+
+
+def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:
+    """A digest of all that a replay and its recording depend on."""
+    whole = {
+        "format": FORMAT,
+        "inputs": [each.sha256 for log in logs for each in input_files(log)],
+        "machine": resolved(machine),
+        "settings": machine.settings.model_dump(mode="json"),
+        "versions": versions(),
+        "full": full,
+    }
+    return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
+
+
+def _resolved(
+    machine: Machine, options: ReviewOptions, by: MachineCalibration | None
+) -> dict[str, Any]:
+    return {
+        **resolved(machine),
+        "settings": machine.settings.model_dump(mode="json"),
+        "versions": versions(),
+        "target_kg": options.target_kg,
+        "calibration": "none" if by is None else f"evidence {by.document.id}",
+    }
+
+
+def _changes(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+    """Settings, options and logs that differ."""
+    was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
+    logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
+    logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
+    return [*logs, *changed(before, state.resolved)]
+
+
+@contextmanager
+def _locked(folder: Path) -> Generator[None]:
+    """The folder for this review alone; what a killed one left half done is swept out.
+
+    The system takes the lock back from a process that ends, however it ends.
+    """
+    import fcntl
+
+    check_review_folder(folder)
+    try:
+        new = not folder.exists()
+        folder.mkdir(exist_ok=True)
+        lock = (folder / _LOCK).open("a")
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ReviewError(
+                f"{folder}: another review is being written there; wait for it, or name another "
+                "folder"
+            ) from None
+        for left in folder.glob(f"{_STAGE}*"):
+            shutil.rmtree(left, ignore_errors=True)
+        try:
+            yield
+        finally:
+            if new and [each.name for each in folder.iterdir()] == [_LOCK]:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def check_review_folder(folder: Path) -> None:
+    """Refuse a folder for a review before the work that it is for.
+
+    Raises:
+        ReviewError: it holds other files and no review.
+    """
+    if not folder.is_dir() or any((folder / n).is_file() for n in (STATE, PARQUET, RECORDING)):
+        return
+    foreign = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
+    if foreign - {VERDICTS}:
+        raise ReviewError(
+            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) and no review; name a "
+            "folder of its own"
+        )

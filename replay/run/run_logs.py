@@ -1,0 +1,103 @@
+"""The command `run`: logs and a machine file in, the answer and a recording out."""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from analysis.model.answer import Answer, answer
+from estimators.errors import DataError, LogError
+from recordings import check_recording, write_recording
+from recordings.report.atomic_output import keep_apart
+from recordings.rrd.viewer import start_viewer
+from recordings.rrd.writer import LiveView
+from replay.logs import open_log
+from replay.machines.machine_file import load_machine, time_axis
+from replay.pipeline import STAGES, run
+
+if TYPE_CHECKING:
+    from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration
+
+
+@dataclass(frozen=True, slots=True)
+class RecordTo:
+    """Where a replay is recorded.
+
+    Attributes:
+        path: the recording; None records nothing.
+        force: replace an existing one.
+        live: show it in the viewer as it is written.
+        viewer: one that is open already, for that.
+    """
+
+    path: Path | None = None
+    force: bool = False
+    live: bool = False
+    viewer: LiveView | None = None
+
+
+#: What `on_stage` is told, in order, of a replay that is recorded.
+STEPS: Final = ("open", *STAGES, "record")
+
+
+_NOWHERE: Final = RecordTo()
+
+
+def replay_logs(
+    logs: Sequence[Path],
+    machine_file: Path,
+    output: RecordTo = _NOWHERE,
+    overrides: Sequence[str] = (),
+    *,
+    strict: bool = False,
+    calibration: "AskedCalibration | None" = None,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> Answer:
+    """Replay logs in one time line and record the run.
+
+    Args:
+        logs: the logs.
+        machine_file: the machine file, or the name of a shipped one.
+        output: the recording to write.
+        overrides: `key=value`, of the machine file.
+        strict: refuse a log with any loss.
+        calibration: evidence that calibrates the masses.
+        on_stage: told each of `STEPS` as it begins.
+
+    Raises:
+        PayscopeError: whatever is wrong with the input, before anything is written.
+    """
+    machine = load_machine(machine_file, overrides)
+    by: MachineCalibration | None = None
+    if calibration is not None:
+        # a run begins without what it may not need
+        from replay.calibration.apply_evidence import load_calibration
+
+        by = load_calibration(calibration)
+        machine = by.checked(by.weighing(machine), machine_file)
+    if output.path is not None:
+        check_recording(output.path, force=output.force)
+        keep_apart(output.path, (path for path in logs if path.exists()))
+    # before the work: without a screen there is nothing to wait for
+    viewer = output.viewer or (LiveView(start_viewer()) if output.live else None)
+    with ExitStack() as stack:
+        on_stage("open")
+        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        if by is not None:
+            by.check_days(opened)
+        try:
+            result = run(opened, machine, on_stage)
+        except DataError as error:
+            names = ", ".join(map(str, logs))
+            raise DataError(f"{names} with {machine_file}: {error}") from None
+        if strict and result.provenance.losses:
+            first, *more = result.provenance.losses
+            others = f"and {len(more)} more; " if more else ""
+            raise LogError(f"{first} ({others}leave out --strict to accept)")
+        if by is not None:
+            result = by.of_run(result)
+        if output.path is not None:
+            on_stage("record")
+            write_recording(result, output.path, force=output.force, viewer=viewer)
+    return answer(result, str(output.path) if output.path else None)

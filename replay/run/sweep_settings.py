@@ -1,0 +1,151 @@
+"""The command `sweep`: one log replayed over a grid of settings, a row a combination."""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.method_errors import run_errors
+from analysis.model.answer import Answer, answer
+from analysis.model.machine import LogSection, Machine
+from analysis.model.run_record import Run
+from estimators.errors import DataError
+from replay.inputs.cached_log import ReadOnce
+from replay.logs import open_log
+from replay.machines.machine_file import load_machine, time_axis
+from replay.pipeline import run
+from replay.simulation.log_truth import has_truth, true_trials
+
+if TYPE_CHECKING:
+    from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration
+
+#: Fewer loads are no calibration campaign: then raw masses are held against the truth.
+_LOADS_MIN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One combination: the overrides that make it, what `run` answers, how wrong that is.
+
+    `errors` holds, by name and method: `error_kg`, the whole log's mass less a reference; with the
+    truth beside the logs `rmse_kg`, of the runs' raw masses; with three loads or more
+    `calibrated_rmse_kg` and `left_out_rmse_kg`, of the runs' masses after (19), the run's own load
+    in the fit or not. None where the log cannot weigh.
+    """
+
+    over: dict[str, str]
+    answer: Answer
+    errors: dict[str, dict[str, float | None]]
+
+
+def sweep(
+    logs: Sequence[Path],
+    machine_file: Path,
+    overrides: Sequence[str],
+    grid: Sequence[Sequence[str]],
+    *,
+    reference_kg: float | None,
+    calibration: "AskedCalibration | None" = None,
+    on_stage: Callable[[str], None],
+) -> list[Row]:
+    """Replay logs (in one time line) once a combination; each topic is decoded once.
+
+    Args:
+        logs: the logs; where the truth lies beside each, errors are given.
+        machine_file: the machine file.
+        overrides: `key=value`, for every combination.
+        grid: the combinations, each more overrides (`replay.run.setting_grid.combinations`).
+        reference_kg: what the machine truly weighs, if known.
+        calibration: evidence that calibrates the masses of the combinations that it is of; the
+            others say why they have none.
+        on_stage: told each combination as it begins.
+
+    Returns:
+        A row a combination.
+
+    Raises:
+        PayscopeError: whatever is wrong with the input, before the first replay.
+    """
+    machines = [load_machine(machine_file, [*overrides, *each]) for each in grid]
+    by: MachineCalibration | None = None
+    if calibration is not None:
+        # a sweep begins without what it may not need
+        from replay.calibration.apply_evidence import load_calibration
+
+        by = load_calibration(calibration)
+        by.checked(by.weighing(load_machine(machine_file, overrides)), machine_file)
+        machines = [by.weighing(machine) for machine in machines]
+    truth = true_trials(logs) if has_truth(logs) else None
+    rows: list[Row] = []
+    with ExitStack() as stack:
+        opened: dict[LogSection, list[ReadOnce]] = {}
+        for each, machine in zip(grid, machines, strict=True):
+            on_stage(" ".join(part.removeprefix("settings.") for part in each))
+            if machine.log not in opened:
+                opened[machine.log] = [
+                    ReadOnce(stack.enter_context(open_log(path, time=time_axis(machine))))
+                    for path in logs
+                ]
+            if by is not None:
+                by.check_days(opened[machine.log])
+            replayed = _replay(opened[machine.log], machine, logs, machine_file, each)
+            if by is not None:
+                replayed = by.of_run(replayed, by.other(machine))
+            told = answer(replayed)
+            errors: dict[str, dict[str, float | None]] = {}
+            if reference_kg is not None:
+                errors["error_kg"] = {
+                    method: None if mass is None else mass - reference_kg
+                    for row in told.rows
+                    for method, mass in row.quantities["mass_kg"].items()
+                }
+            if truth is not None:
+                errors |= _true_errors(replayed, truth, weighs=told.verdict.can_weigh)
+            values = dict(part.split("=", 1) for part in each)
+            rows.append(Row(values, told, errors))
+    return rows
+
+
+def _replay(
+    logs: Sequence[ReadOnce],
+    machine: Machine,
+    paths: Sequence[Path],
+    machine_file: Path,
+    over: Sequence[str],
+) -> Run:
+    try:
+        return run(logs, machine)
+    except DataError as error:
+        names = ", ".join(map(str, paths))
+        raise DataError(f"{names} with {machine_file}, {', '.join(over)}: {error}") from None
+
+
+def _true_errors(
+    replayed: Run, truth: pl.DataFrame, *, weighs: bool
+) -> dict[str, dict[str, float | None]]:
+    """Root mean square errors of the runs' masses, by name and method."""
+    estimates = run_estimates(replayed, truth)
+    errors = run_errors(estimates).with_columns(
+        raw_kg=pl.col("mass_kg") - pl.col("reference_kg"),
+    )
+    names = {"rmse_kg": "raw_kg"}
+    if truth["load_kg"].n_unique() >= _LOADS_MIN:
+        names |= {"calibrated_rmse_kg": "error_kg", "left_out_rmse_kg": "error_left_out_kg"}
+    by_method = {str(method): part for (method,), part in errors.group_by("method")}
+    return {
+        name: {
+            method: _rms(by_method[method][column]) if weighs and method in by_method else None
+            for method in replayed.frames["masses"]["method"]
+        }
+        for name, column in names.items()
+    }
+
+
+def _rms(errors: pl.Series) -> float | None:
+    known = errors.drop_nulls().to_numpy()
+    return float(np.sqrt((known**2).mean())) if known.size else None

@@ -1,0 +1,109 @@
+"""The command `run --watch`: the logs replayed whenever the machine file changes."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from analysis.compare.run_comparison import Changed, changed_settings
+from analysis.model.answer import Answer
+from analysis.model.machine import Machine
+from estimators.errors import PayscopeError
+from recordings.rrd.viewer import follow, recordings_shown, start_viewer
+from recordings.rrd.writer import LiveView
+from replay.machines.machine_file import load_machine, machine_path
+from replay.run.run_logs import RecordTo
+
+#: A look at one file costs nothing; an editor writes within one such step.
+_LOOK_S: Final = 0.2
+
+#: An editor puts a file in place within so many looks; one that is missing longer is gone.
+_GONE_LOOKS: Final = 10
+
+#: What tells one state of a file from another: also that it was put in the place of another.
+_Signature = tuple[int, int, int] | None
+
+
+def watch(
+    machine_file: Path,
+    output: RecordTo,
+    overrides: list[str],
+    replay: Callable[[RecordTo], Answer],
+    on_answer: Callable[[Answer, list[Changed]], None],
+    on_error: Callable[[PayscopeError], None],
+) -> None:
+    """Replay now and after each change of the machine file, until interrupted.
+
+    A viewer stays open in between: it keeps its tabs and the place of its time cursor, and holds
+    the replay before the last one as well.
+
+    Args:
+        machine_file: what is watched.
+        output: the recording, replaced by each replay.
+        overrides: `key=value`, over what the file says.
+        replay: one replay, told where to record it.
+        on_answer: told each answer, and which keys differ from the replay before.
+        on_error: told what is wrong with a changed file; the watch goes on.
+
+    Raises:
+        PayscopeError: of the first replay.
+    """
+    # a file that is gone is not the shipped one of its name
+    path = machine_path(machine_file).absolute()
+    view = output.viewer or (LiveView(start_viewer()) if output.live else None)
+    last: Machine | None = None
+    failed = False
+    for _ in _changes(path):
+        try:
+            machine = load_machine(path, overrides)
+            changed = [] if last is None else changed_settings(last, machine)
+            if last is not None and not changed and not failed:
+                continue  # a comment, or the file was touched
+            before = recordings_shown(view.address) if view else ()
+            answer = replay(replace(output, viewer=view))
+            if view:
+                follow(view.address, before)
+        except PayscopeError as error:
+            if last is None:
+                raise
+            failed = True
+            on_error(error)
+            continue
+        last, failed = machine, False
+        # what we have written ourselves may be replaced, and the viewer knows the layout
+        output = replace(output, force=True)
+        view = view and replace(view, laid_out=True)
+        on_answer(answer, changed)
+
+
+def _changes(path: Path) -> Iterator[None]:
+    """Once now, once after each change when the file has been still for a look, and once gone."""
+    seen, missed = _signature(path), 0
+    yield
+    while True:
+        time.sleep(_LOOK_S)
+        now = _signature(path)
+        missed = missed + 1 if now is None else 0
+        if missed == _GONE_LOOKS:
+            seen = None  # the same file again is a change
+            yield
+        if now in (None, seen):
+            continue
+        while True:
+            time.sleep(_LOOK_S)
+            settled = _signature(path)
+            if settled == now:
+                break
+            now = settled
+        if now is not None:
+            seen = now
+            yield
+
+
+def _signature(path: Path) -> _Signature:
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return about.st_mtime_ns, about.st_size, about.st_ino

@@ -1,0 +1,1 @@
+"""The command `simulate`: logs with known truth."""

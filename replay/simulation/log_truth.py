@@ -1,0 +1,89 @@
+"""The truth beside a simulated log (`LOG.truth.json`): written with it, read to judge a replay."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import polars as pl
+
+from analysis.simulation import Scenario, SimulatedLog
+from estimators.errors import LogError
+
+if TYPE_CHECKING:
+    from analysis.simulation.logs.shift_logs import ShiftTruth
+
+
+def truth_path(log: Path) -> Path:
+    """Where the truth of a simulated log is."""
+    return log.with_name(f"{log.name}.truth.json")
+
+
+def write_truth(simulated: SimulatedLog, log: Path) -> None:
+    """Write the truth of a simulated log beside it."""
+    truth = {
+        "log": log.name,
+        "load_kg": simulated.load_kg,
+        # the log's own times are unix times less this
+        "time_zero_unix_ns": simulated.origin_unix_ns if log.suffix == ".csv" else 0,
+        # first sample of each topic since the log's beginning
+        "phase_s": dict(simulated.phase_s),
+        "runs": simulated.trials.to_dicts(),
+        "manoeuvres": simulated.manoeuvres.to_dicts(),
+        "scenario": simulated.scenario.model_dump(mode="json"),
+    }
+    truth_path(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
+
+
+def write_shift_truth(
+    truth: "ShiftTruth", scenario: Scenario, logs: Sequence[Path], path: Path
+) -> None:
+    """Write what is true of a whole shift: its cycles, dumps, stands and logs, in unix ns."""
+    named = truth.logs.insert_column(0, pl.Series("log", [log.name for log in logs]))
+    whole = {
+        "cycles": truth.cycles.to_dicts(),
+        "dumps": truth.dumps.to_dicts(),
+        "stands": truth.stands.to_dicts(),
+        "logs": named.to_dicts(),
+        "scenario": scenario.model_dump(mode="json"),
+    }
+    path.write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
+
+
+def has_truth(logs: Sequence[Path]) -> bool:
+    """Whether the truth of trials lies beside every log: a shift has cycles, and no trials."""
+    return all(truth_path(log).is_file() and _has_trials(truth_path(log)) for log in logs)
+
+
+def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
+    """Read the truth of every trial, in the logs' order, by the logs' own clock.
+
+    Args:
+        logs: simulated logs, the truth beside each.
+
+    Returns:
+        A row a trial: `start_ns`, `end_ns`, `load_kg`, `mass_kg`, and what else the truth holds.
+
+    Raises:
+        LogError: a truth file cannot be read, or is none.
+    """
+    return pl.concat([_trials(truth_path(log)) for log in logs])
+
+
+def _has_trials(path: Path) -> bool:
+    """False for a shift; what cannot be read is for `true_trials` to say."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8")).get("runs") != []
+    except (OSError, ValueError, AttributeError):
+        return True
+
+
+def _trials(path: Path) -> pl.DataFrame:
+    try:
+        truth = json.loads(path.read_text(encoding="utf-8"))
+        zero_ns = truth["time_zero_unix_ns"]
+        return pl.DataFrame(truth["runs"]).with_columns(pl.col("start_ns", "end_ns") - zero_ns)
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
+    except (ValueError, KeyError, TypeError, pl.exceptions.PolarsError):
+        raise LogError(f"{path}: is not what 'payscope simulate' writes; simulate anew") from None

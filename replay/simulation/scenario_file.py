@@ -1,0 +1,66 @@
+"""Read and write scenario files."""
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from analysis.simulation import Scenario
+from analysis.simulation.logs.shift_limits import check_shift
+from analysis.simulation.trials.trial_limits import check_limits
+from estimators.errors import ScenarioError
+from replay.machines.toml_file import read_toml, set_value, validate
+
+
+def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Scenario:
+    """Read a scenario file; what it leaves out is as in the paper's campaign.
+
+    Args:
+        path: a TOML file; without one, the paper's machine without load, one run.
+        overrides: `key=value` with dotted keys, values as TOML writes them.
+
+    Raises:
+        ScenarioError: in one line: the file, the key and its fault; also where the machine cannot
+            be driven as asked (`analysis.simulation.trials.trial_limits`).
+    """
+    content: dict[str, Any] = {"campaign": {"loads_kg": [0.0], "runs": 1}}
+    if path is not None:
+        content = read_toml(Path(path), ScenarioError)
+    for override in overrides:
+        set_value(content, override, ScenarioError)
+    source = Path(path or "--set")
+    scenario = validate(source, content, Scenario, ScenarioError)
+    try:
+        if scenario.shift is None:
+            check_limits(scenario, scenario.campaign.loads_kg)
+        else:
+            check_shift(scenario, scenario.shift)
+    except ScenarioError as fault:
+        raise ScenarioError(f"{source}: {fault}") from None
+    return scenario
+
+
+def scenario_text(scenario: Scenario) -> str:
+    """A scenario file that reads back as `scenario`: what differs from the defaults."""
+    sections = scenario.model_dump(mode="json", exclude_defaults=True)
+    manoeuvres = [each.model_dump(exclude_none=True) for each in scenario.campaign.manoeuvres]
+    blocks: list[str] = []
+    for name, section in sections.items():
+        section.pop("manoeuvres", None)
+        # a shift is one by its section alone
+        if section or name == "shift":
+            blocks.append(_block(f"[{name}]", section))
+    blocks += [_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
+    return "\n".join(blocks)
+
+
+def _block(title: str, values: Mapping[str, Any]) -> str:
+    return "".join([f"{title}\n", *(f"{key} = {_value(value)}\n" for key, value in values.items())])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        inside = ", ".join(f"{key} = {_value(each)}" for key, each in value.items())
+        return f"{{ {inside} }}"
+    # numbers, texts and lists of them are written alike in JSON and TOML
+    return json.dumps(value)

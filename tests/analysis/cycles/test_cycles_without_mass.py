@@ -1,0 +1,136 @@
+"""Cycles without a mass: what digging and the boom show is counted, priced, or said."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from recordings.review.review_page import headline, missing_loads
+from tests.analysis.cycles.drawn import NS, drawn_shift
+from tests.analysis.cycles.test_cycles import found, summed
+
+LOADS = [700.0, 650.0, 720.0, 690.0, 705.0, 660.0, 730.0, 680.0]
+
+
+def unfinished(frames: dict[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The same without the start that tells of the last empty drive."""
+    return frames | {"manoeuvres": frames["manoeuvres"].head(-1)}
+
+
+def cut(frames: dict[str, pl.DataFrame], until_s: float) -> dict[str, pl.DataFrame]:
+    """The same up to a time."""
+    kept = {n: frames[n].filter(pl.col("t_ns") < until_s * NS) for n in ("excitation", "aligned")}
+    return unfinished(frames) | kept
+
+
+def test_a_last_load_that_the_boom_dumps_is_counted() -> None:
+    table = found(unfinished(drawn_shift(LOADS, boom=True)))
+    assert table["counted"].all()
+    assert table["payload_kg"].to_list() == pytest.approx(LOADS)
+    assert table["dump_t_ns"][-1] == pytest.approx(783.5 * NS, abs=NS)
+
+
+def test_a_load_that_is_on_board_at_the_end_is_said_and_not_in_the_tonnes_of_the_shift() -> None:
+    row = summed(cut(drawn_shift(LOADS, boom=True), 776.0))
+    assert row["cycles_counted"] == len(LOADS) - 1
+    assert row["on_board_kg"] == pytest.approx(LOADS[-1])
+    assert row["total_kg"] == pytest.approx(sum(LOADS[:-1]))
+    assert missing_loads(row)[0].startswith("On board when the recording ends: 0.680 ±")
+
+
+def test_without_a_boom_a_last_load_may_have_been_dumped_and_u_holds_both() -> None:
+    row = summed(unfinished(drawn_shift(LOADS)))
+    assert row["uncounted_cycles"] == pytest.approx(0.5)
+    for total in (sum(LOADS), sum(LOADS[:-1])):
+        assert abs(row["total_kg"] - total) < 2.0 * row["total_u_kg"]
+
+
+@pytest.mark.parametrize("digs", [True, False])
+def test_two_dumps_between_two_weighable_empty_drives_are_two_cycles(digs: bool) -> None:
+    table = found(drawn_shift(LOADS, boom=True, digs=digs, unseen_empty=(3,)))
+    assert table["payload_kg"].to_list() == pytest.approx(LOADS)
+
+
+def test_a_cycle_of_which_no_start_tells_the_load_is_dated_by_the_boom_and_priced_whole() -> None:
+    frames = drawn_shift(LOADS, boom=True, unseen=(3,))
+    table, row = found(frames), summed(frames)
+    assert table["dump_t_ns"][3] == pytest.approx(383.5 * NS, abs=NS)
+    assert (row["uncounted_cycles"], row["uncounted_cycles_u"]) == (1.0, 0.0)
+    assert abs(row["total_kg"] - sum(LOADS)) < 2.0 * row["total_u_kg"]
+    assert "in the shift" in headline(row, "")
+
+
+def test_a_dump_of_the_boom_without_digging_is_worth_less_where_the_others_are_dug() -> None:
+    whole = drawn_shift(LOADS, boom=True, unseen=(3,), unseen_digs=(3,))
+    undug = drawn_shift(LOADS, boom=True, unseen=(3,), digs=False)
+    assert summed(whole)["uncounted_cycles"] < summed(undug)["uncounted_cycles"] < 1.0
+
+
+def test_loads_that_are_dug_and_cannot_be_told_from_empty_are_said() -> None:
+    frames = drawn_shift([20.0] * 8, noise_kg=60.0)
+    row = summed(frames)
+    assert (row["cycles_counted"], row["cycles_without_mass"]) == (0, 8)
+    assert "cycles that digging or the boom shows" in missing_loads(row)[0]
+
+
+@pytest.mark.parametrize("boom", [True, False])
+def test_short_cycles_are_all_counted(boom: bool) -> None:
+    """Of 29 s, a third of whose empty drives no start tells."""
+    frames = drawn_shift(LOADS * 3, boom=boom, pace=3.5, unseen_empty=tuple(range(1, 24, 3)))
+    assert found(frames)["payload_kg"].to_list() == pytest.approx(LOADS * 3)
+
+
+def test_loads_below_the_noise_of_a_start_are_told_by_what_is_dug() -> None:
+    loads = np.random.default_rng(3).normal(140.0, 20.0, 30).tolist()
+    frames = drawn_shift(loads, noise_kg=60.0, boom=True)
+    row = summed(frames)
+    assert row["cycles_counted"] == 30
+    assert abs(row["total_kg"] - sum(loads)) < 2.5 * row["total_u_kg"]
+
+
+def test_idle_hours_invent_nothing() -> None:
+    idle, busy = (summed(drawn_shift(LOADS, boom=True, idle_s=s)) for s in (7200.0, 0.0))
+    for name in ("cycles", "boom_dumps", "uncounted_cycles", "total_kg"):
+        assert idle[name] == pytest.approx(busy[name])
+
+
+def test_what_is_dumped_is_the_load_after_it_was_spilled() -> None:
+    frames = drawn_shift(LOADS)
+    masses = frames["manoeuvres"]["mass_kg"].to_numpy().copy()
+    states = frames["manoeuvres"]["load_id"].to_numpy().copy()
+    loaded = masses > 4000.0
+    first = np.flatnonzero(loaded & np.append(True, ~loaded[:-1]))
+    masses[first] += 150.0
+    for each in first:
+        states[each + 1 :] += 1
+    frames["manoeuvres"] = frames["manoeuvres"].with_columns(
+        mass_kg=pl.Series(masses), load_id=pl.Series(states)
+    )
+    assert found(frames)["payload_kg"].to_list() == pytest.approx(LOADS)
+
+
+def test_without_boom_and_digging_the_rhythm_shows_a_cycle_whose_load_no_start_tells() -> None:
+    frames = drawn_shift(LOADS * 2, digs=False, unseen=(5,))
+    row = summed(frames)
+    assert row["cycles_counted"] == 15
+    assert 0.6 < row["uncounted_cycles"] < 1.0
+    assert abs(row["total_kg"] - 2.0 * sum(LOADS)) < 2.0 * row["total_u_kg"]
+
+
+def test_a_machine_that_idles_between_two_dumps_is_not_out_of_rhythm() -> None:
+    frames = drawn_shift(LOADS * 2, digs=False)
+    late = pl.when(pl.col("t_ns") > 610 * NS).then(100 * NS).otherwise(0)
+    begins = pl.col("start_t_ns") > 600 * NS
+    later = [
+        (pl.col(name) + pl.when(begins).then(100 * NS).otherwise(0)).alias(name)
+        for name in ("start_t_ns", "end_t_ns")
+    ]
+    excitation = frames["excitation"].with_columns(t_ns=pl.col("t_ns") + late)
+    stand = pl.DataFrame({"t_ns": np.arange(611 * NS, 710 * NS, NS // 10), "phase": "standstill"})
+    excitation = pl.concat([excitation, stand]).sort("t_ns")
+    aligned = pl.DataFrame({"t_ns": excitation["t_ns"], "gap": np.zeros(excitation.height, bool)})
+    idle = {
+        "excitation": excitation,
+        "aligned": aligned,
+        "manoeuvres": frames["manoeuvres"].with_columns(later),
+    }
+    assert summed(frames | idle)["uncounted_cycles"] == summed(frames)["uncounted_cycles"]

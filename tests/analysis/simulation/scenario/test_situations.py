@@ -1,0 +1,30 @@
+"""Every situation is a scenario of the one simulator, and not the plain one."""
+
+import numpy as np
+import pytest
+
+from analysis.simulation import Scenario, simulate_campaign
+from analysis.simulation.scenario.situations import SITUATIONS, sections
+from replay.simulation.scenario_file import load_scenario, scenario_text
+
+SHORT = {"campaign": {"runs": 2, "standstill_s": 1.0}}
+
+
+@pytest.mark.parametrize("name", SITUATIONS)
+def test_a_situation_is_simulated_and_differs_from_the_plain_log(name, tmp_path):
+    made = Scenario.model_validate(sections(name, **SHORT))
+    log, again = (next(simulate_campaign(made)) for _ in range(2))
+    loads_kg = list(made.campaign.loads_kg)
+    plain = {"campaign": {**SHORT["campaign"], "loads_kg": loads_kg}}
+    without = next(simulate_campaign(Scenario.model_validate(plain)))
+    differs = [not log.topics[topic].equals(without.topics[topic]) for topic in log.topics]
+    # another load may make the difference only from a later start on
+    changes_late = made.loading.change_before_start >= made.campaign.runs
+    assert any(differs) or changes_late
+    for topic, frame in log.topics.items():
+        assert frame.equals(again.topics[topic])
+        assert frame.null_count().sum_horizontal()[0] == 0
+        assert np.isfinite(frame.to_numpy()).all()
+    path = tmp_path / "situation.toml"
+    path.write_text(scenario_text(made), encoding="utf-8")
+    assert load_scenario(path) == made

@@ -1,0 +1,101 @@
+"""Ground along the way: terms that are the same at every start with a load, or without one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.model.settings import PriorSettings
+from analysis.weighing.motion_samples import Equation
+from analysis.weighing.nuisances import Moments
+from analysis.weighing.uneven_ground import FEWEST, GROUND
+
+SAMPLES = 200
+PLACES_M = np.linspace(0.0, 80.0, SAMPLES)
+
+
+def moments(direction: float = 1.0, contrast: float = 1.0) -> Moments:
+    """A stretch of 80 m, one way, of a machine with a load or without."""
+    zeros = np.zeros(SAMPLES)
+    return Moments(
+        *(zeros,) * 6,
+        np.full(SAMPLES, direction),
+        zeros,
+        zeros,
+        zeros,
+        np.full(SAMPLES, contrast),
+        zeros,
+        PLACES_M,
+        np.linspace(1.0, 0.0, SAMPLES),
+        40.0,
+        0.0,
+        0.0,
+        (0.0, 0.0),
+    )
+
+
+def motion(manoeuvres: int, reverse: bool = True) -> Equation:
+    """A sample a manoeuvre, every other one in reverse."""
+    zeros, number = np.zeros(manoeuvres), np.arange(manoeuvres)
+    direction = np.where((number % 2 == 1) & reverse, -1.0, 1.0)
+    return Equation(
+        zeros, zeros, zeros, number, direction, number, 100.0, None, None, None, zeros, zeros,
+        zeros, 0.0, True, 1.0, 40_000.0,
+    )  # fmt: skip
+
+
+def force(m: Moments, *names: str) -> np.ndarray:
+    """Of terms whose parameters are 1 N."""
+    return np.sum([term.column(m) for term in GROUND if term.name in names], axis=0)
+
+
+def test_the_changes_along_the_way_are_lines_between_places():
+    changes = [term.name for term in GROUND if term.name.endswith("m") and "forward" in term.name]
+    whole = force(moments(), *changes)
+    assert whole[0] == 0.0
+    assert whole[-1] == pytest.approx(len(changes))
+    assert (np.diff(whole) >= 0.0).all()
+    # 4 m into a way: one whole line of 2 m, and half of the next
+    assert np.interp(4.0, PLACES_M, whole) == pytest.approx(1.5, abs=0.05)
+
+
+def test_a_machine_in_reverse_feels_the_ground_of_its_own_way_the_other_way_round():
+    forward, reverse = "ground_forward_0_2m", "ground_reverse_0_2m"
+    assert not force(moments(direction=-1.0), forward).any()
+    backward = force(moments(direction=-1.0), reverse)
+    np.testing.assert_allclose(backward, -force(moments(), forward))
+
+
+def test_loaded_starts_and_empty_ones_are_on_ground_of_their_own():
+    names = "ground_forward_by_load", "ground_forward_2_6m_by_load"
+    loaded, empty = (force(moments(contrast=each), *names) for each in (1.0, -1.0))
+    np.testing.assert_allclose(loaded, -empty)
+    assert loaded.any()
+
+
+def test_few_manoeuvres_have_none_and_those_one_way_none_of_the_other():
+    assert not [term for term in GROUND if term.applies(motion(FEWEST - 1))]
+    one_way = [term.name for term in GROUND if term.applies(motion(FEWEST, reverse=False))]
+    both_ways = [term.name for term in GROUND if term.applies(motion(FEWEST))]
+    assert [name for name in both_ways if "reverse" not in name] == one_way
+    assert sum("forward" in name for name in one_way) == len(both_ways) - len(one_way) > 0
+
+
+def test_every_term_needs_load_states_and_is_wider_over_a_longer_way():
+    assert all(term.by_load for term in GROUND)
+    widths = {term.name: term.width(motion(FEWEST), PriorSettings()) for term in GROUND}
+    assert widths["ground_forward_0_2m"] < widths["ground_forward_2_6m"]
+    # half a percent of the weight over ten metres
+    assert widths["ground_forward_2_6m"] == pytest.approx(0.005 * 40_000.0 * np.sqrt(0.4))
+
+
+def test_the_route_has_an_edge_wherever_it_is_for_all_loads_and_in_proportion_to_them():
+    parts = [term for term in GROUND if "route" in term.name]
+    whole = np.sum([term.column(moments()) for term in parts], axis=0)
+    # 40 m in lines of 2 m, counted from the dump, whose width is that of a change over 10 m
+    assert whole[-1] == 0.0
+    assert whole[0] == pytest.approx(len(parts) * np.sqrt(40.0 / len(parts) / 10.0))
+    heavier = replace(moments(), relative_load=np.full(SAMPLES, 0.3))
+    np.testing.assert_allclose(
+        np.sum([term.column(heavier) for term in parts], axis=0), 1.3 * whole
+    )

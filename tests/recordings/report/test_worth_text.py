@@ -1,0 +1,89 @@
+"""What an answer is worth, in lines: of a load, of a withheld one, of its budget."""
+
+import pytest
+
+from analysis import Run
+from analysis.model.answer import answer
+from recordings.report.worth_text import advice, budget_rows, load_lines
+from recordings.rrd.recording_texts import texts
+
+LOAD = {
+    "mass_kg": 3732.4,
+    "u_kg": 24.1,
+    "payload_kg": 118.4,
+    "payload_u_kg": 27.3,
+    "mass_halved_priors_kg": 3730.0,
+    "mass_doubled_priors_kg": 3740.5,
+    "manoeuvres": 9,
+    "scale_unknown": "",
+    "braking_left_out": False,
+    "withheld_for": "",
+}
+
+
+def test_a_load_is_its_mass_with_interval_its_payload_and_what_other_priors_say():
+    assert load_lines(LOAD) == [
+        "mass 3732 ± 24 kg (standard uncertainty), 95 %: 3685 to 3780 kg, from 9 manoeuvres",
+        "payload 118 ± 27 kg",
+        "prior sensitivity: 3730 kg (×½) … 3740 kg (×2)",
+    ]
+
+
+def test_one_manoeuvre_is_one_and_without_an_empty_mass_there_is_no_payload():
+    lines = load_lines({**LOAD, "manoeuvres": 1, "payload_kg": None, "payload_u_kg": None})
+    assert lines[0].endswith("from 1 manoeuvre")
+    assert not any("payload" in line for line in lines)
+
+
+def test_a_scale_that_nobody_knows_is_said_to_be_in_no_number():
+    (line,) = load_lines({**LOAD, "scale_unknown": "force_gain, wheel_radius"})[3:]
+    assert line.startswith("± excludes scale error: set force_gain_u, wheel_radius_u_m")
+
+
+def test_braking_that_was_left_out_is_said_to_be():
+    (line,) = load_lines({**LOAD, "braking_left_out": True})[3:]
+    assert "braking was left out" in line
+
+
+@pytest.mark.parametrize(
+    ("why", "said"),
+    [("lag, clocks", "no mass: lag, clocks"), (None, "no mass: nothing was fitted")],
+)
+def test_a_load_without_a_mass_says_why(why, said):
+    assert load_lines({**LOAD, "mass_kg": None, "withheld_for": why}) == [said]
+
+
+class TestBudget:
+    def test_a_row_a_source_with_a_bar_as_long_as_its_share(self, drives):
+        said = answer(drives(60.0))
+        assert budget_rows(said) == [
+            ("const", "common", "40", f"{'█' * 23} 95%", "starts in both directions"),
+            ("noise", "random", "9", "█ 5%", "more starts"),
+            ("force_gain", "scale", "not known", "", "known loads"),
+        ]
+
+    def test_what_is_next_to_nothing_is_not_listed(self, drives):
+        run = drives(60.0)
+        small = run.frames["budget"].with_columns(share_1=run.frames["budget"]["share_1"] / 200.0)
+        rows = budget_rows(answer(Run({**run.frames, "budget": small}, run.provenance)))
+        assert [row[0] for row in rows] == ["force_gain"]
+
+    def test_the_largest_source_is_what_would_shrink_it_most(self, drives):
+        told = advice(answer(drives(60.0)))
+        assert told is not None
+        assert "a constant force (const, 95% of the variance)" in told
+        assert told.endswith("starts in both directions")
+
+    def test_a_withheld_answer_has_no_advice_and_no_part_in_the_page(self, drives):
+        run = drives(60.0, passed=False)
+        assert advice(answer(run)) is None
+        page = texts(run)["answer"]
+        assert "Where the uncertainty comes from" not in page
+        assert "by the joint fit" not in page
+
+    def test_the_page_has_budget_and_terms_with_prior_and_posterior(self, drives):
+        page = texts(drives(60.0))["answer"]
+        assert "## Where the uncertainty comes from" in page
+        assert "| const | common | 40 |" in page
+        assert "| lag | 0.02 | -0.003 | 0.001 | s | 1.5 | how late the force is |" in page
+        assert "| joint |" in page

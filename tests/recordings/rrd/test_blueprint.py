@@ -1,0 +1,142 @@
+"""The blueprint draws what is there, and only that."""
+
+from pathlib import Path
+
+import polars as pl
+import pyarrow as pa
+import pytest
+
+from analysis import Run
+from recordings import write_recording
+from recordings.rrd.blueprint import Page, Panel, _shares, blueprint
+from recordings.rrd.display_frames import Drawn, display_frames
+from recordings.rrd.recording_table import TABS, Kind
+
+
+def _components(path: Path) -> dict[tuple[str, str], pa.DataType]:
+    """The dtype of every component that the recording holds, by entity and name."""
+    import rerun as rr
+
+    return {
+        (chunk.entity_path, field.name): field.type.value_type
+        for chunk in rr.chunk.RrdReader(path).store().stream()
+        for field in chunk.to_record_batch().schema
+        if pa.types.is_list(field.type)
+    }
+
+
+def _mappings(path: Path) -> list[tuple[str, str, str]]:
+    """Entity, target and source of every mapping in the blueprint that the recording carries."""
+    import rerun as rr
+
+    reader = rr.chunk.RrdReader(path)
+    (embedded,) = reader.blueprints()
+    found: list[tuple[str, str, str]] = []
+    for chunk in reader.stream(store=embedded):
+        batch = chunk.to_record_batch()
+        if "VisualizerInstruction:component_map" in batch.schema.names:
+            path_of = chunk.entity_path.split("/overrides", 1)[1].rsplit("/visualizers/", 1)[0]
+            rows = batch.column("VisualizerInstruction:component_map").to_pylist()
+            found += [(path_of, m["target"], m["source_component"]) for row in rows for m in row]
+    return found
+
+
+@pytest.mark.parametrize("duration_s", [60.0, 700.0], ids=["short", "long, with an overview"])
+def test_every_mapping_of_the_embedded_blueprint_names_a_component_that_can_be_drawn(
+    drives, tmp_path: Path, duration_s: float
+):
+    path = write_recording(drives(duration_s), tmp_path / "shift.rrd")
+    components, mappings = _components(path), _mappings(path)
+    assert len(mappings) > 50
+    for entity, target, source in mappings:
+        dtype = components[entity, source]
+        wanted = pa.types.is_string if target == "StateChange:state" else pa.types.is_floating
+        assert wanted(dtype), f"{entity} {source} is {dtype}"
+
+
+def test_every_stage_that_the_table_draws_is_mapped(drives, tmp_path: Path):
+    path = write_recording(drives(60.0), tmp_path / "shift.rrd")
+    mapped = {source for _, _, source in _mappings(path)}
+    lines = [
+        s for tab in TABS for view in tab.views for s in view.series if view.kind.name != "STATES"
+    ]
+    assert {f"payscope:{series.column}" for series in lines} <= mapped
+
+
+def _view_names(container) -> list[str]:
+    contents = getattr(container, "contents", None)
+    if not isinstance(contents, (list, tuple)) or not hasattr(container, "kind"):
+        return [container.name]
+    return [name for each in contents for name in _view_names(each)]
+
+
+def _tabs(run: Run) -> dict[str, list[str]]:
+    root = blueprint(run, display_frames(run)).root_container
+    return {tab.name: _view_names(tab) for tab in root.contents}
+
+
+@pytest.mark.parametrize("plots", [0, 1, 4, 7])
+@pytest.mark.parametrize("lanes", [(1,), (2,), (4,), (6,), (2, 4), (12,)])
+def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
+    plots: int, lanes: tuple[int, ...]
+) -> None:
+    def panel(kind: Kind, count: int) -> Panel:
+        return Panel("any", kind, (Drawn("frame", "column", "label", "#000000"),) * count)
+
+    states = tuple(panel(Kind.STATES, count) for count in lanes)
+    shares = _shares(Page("page", (*states, *(panel(Kind.LINES, 1) for _ in range(plots)))))
+    assert len(shares) == len(lanes) + plots
+    assert sum(shares) <= 1.0 + 1e-9
+    # of a window of 1000 points, 900 are a page's; a title and the times take 65, a lane 40
+    if sum(lanes) <= 10:
+        for share, count in zip(shares, lanes, strict=False):
+            assert 900.0 * share >= 65.0 + 40.0 * count
+    assert sum(shares[len(lanes) :]) == pytest.approx(1.0 - sum(shares[: len(lanes)])) or not plots
+
+
+def test_a_panel_is_as_high_as_its_legend_needs() -> None:
+    def panel(*labels: str, named_above: bool = False) -> Panel:
+        drawn = tuple(Drawn("frame", "column", label, "#000000") for label in labels)
+        return Panel("any", Kind.LINES, drawn, named_above=named_above)
+
+    five = panel("a", "b", "c", "d", "e")
+    above = panel("a", "b", "c", "d", "e", named_above=True)
+    twice = panel("a", "a", "b", "b")
+    shares = _shares(Page("page", (panel("x"), panel("x"), five, above, twice, panel("x"))))
+    assert sum(shares) == pytest.approx(1.0)
+    lone, _, high, unnamed, low, _ = shares
+    # 900 points are a page's; the viewer gives a legend four fifths of a plot, a name 23 points
+    assert 900.0 * high >= 50.0 + 5 * 23.0 / 0.8
+    assert 900.0 * low >= 50.0 + 2 * 23.0 / 0.8
+    assert unnamed == lone == low
+    # too many to fit: none vanishes
+    assert min(_shares(Page("page", (five,) * 12))) == pytest.approx(1 / 12)
+
+
+def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):
+    tabs = _tabs(drives(60.0))
+    assert next(iter(tabs)) == "Overview"
+    assert tabs["Overview"] == [
+        "Answer",
+        "Force (N)",
+        "Speed (m/s)",
+        "Information index (nat)",
+        "Gate and phase",
+        "Mass of each load (kg)",
+        "Mass (kg)",
+        "Yaw inertia (kg·m²)",
+    ]
+
+
+def test_views_of_frames_that_are_missing_or_empty_are_left_out(drives):
+    nothing = _tabs(drives(60.0, accepted=False, calibration=False))
+    assert "Mass (kg)" not in nothing["Overview"]
+    assert "Estimates" not in nothing
+    assert "Calibration" not in nothing
+    assert "Phase and outcome" in nothing["Manoeuvres"]
+
+
+def test_a_run_without_any_frame_still_opens_with_its_answer_and_provenance(tmp_path: Path):
+    run = Run({"aligned": pl.DataFrame(schema={"t_ns": pl.Int64, "force_x_N": pl.Float64})})
+    assert _tabs(run) == {"Overview": ["Answer"], "Provenance": ["Settings", "Provenance"]}
+    write_recording(run, tmp_path / "empty.rrd")

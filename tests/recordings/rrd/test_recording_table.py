@@ -1,0 +1,49 @@
+"""The one table: every declared column is drawn or knowingly not drawn."""
+
+import pytest
+
+from analysis.model.schema import FRAMES, frame_schema
+from recordings.rrd.recording_table import KEPT, TABS, Kind, entity_parts
+
+VIEWS = list(dict.fromkeys(view for tab in TABS for view in tab.views))
+SERIES = [(view, series) for view in VIEWS for series in view.series]
+
+
+def _drawn(frame: str) -> set[str]:
+    mine = [series for _, series in SERIES if series.frame == frame]
+    return {c for series in mine for c in (series.column, series.std) if c is not None}
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_every_declared_column_is_either_drawn_or_listed_as_kept_but_not_drawn(frame: str):
+    declared = {column.name for column in FRAMES[frame].columns}
+    kept = set(KEPT.get(frame, ()))
+    assert _drawn(frame) | kept == declared
+    assert _drawn(frame) & kept == set()
+
+
+@pytest.mark.parametrize(("view", "series"), SERIES, ids=lambda each: getattr(each, "column", ""))
+def test_every_series_is_a_declared_column_of_a_dtype_its_view_can_draw(view, series):
+    column = frame_schema(series.frame).column(series.column)
+    assert column is not None
+    numeric = column.dtype.is_float()
+    assert numeric != (view.kind is Kind.STATES)
+    if series.std is not None:
+        assert frame_schema(series.frame).column(series.std) is not None
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
+def test_series_of_one_view_share_their_unit_and_the_title_names_it(view):
+    units = {frame_schema(s.frame).column(s.column).unit for s in view.series}
+    assert units == {view.unit}
+    assert view.unit == "1" or view.unit in view.title
+
+
+def test_lanes_of_states_have_labels_of_their_own_since_they_are_entities():
+    labels = {s.label: (s.frame, s.column) for v, s in SERIES if v.kind is Kind.STATES}
+    assert len(labels) == len({s for v, s in SERIES if v.kind is Kind.STATES})
+
+
+def test_a_topic_stays_one_part_of_its_entity_path_so_that_no_two_topics_share_one():
+    assert entity_parts("raw//imu/data") == ("raw", "/imu/data")
+    assert entity_parts("estimates/ls") == ("estimates", "ls")

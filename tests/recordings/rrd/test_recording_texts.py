@@ -1,0 +1,162 @@
+"""The texts: the answer first, and why there is none."""
+
+import polars as pl
+
+from analysis import Run
+from analysis.model.answer import answer
+from analysis.model.run_record import Loss
+from recordings.report.planar_text import planar_lines
+from recordings.rrd.recording_texts import (
+    headline,
+    number,
+    plus_minus,
+    recording_name,
+    summary,
+    texts,
+)
+
+
+def test_the_answer_begins_with_the_mass_of_the_load_and_what_its_uncertainty_is(drives):
+    run = drives(60.0)
+    told = "3500 ± 41 kg (standard uncertainty, scale error not included)"
+    assert headline(answer(run)) == told
+    assert texts(run)["answer"].startswith(f"# {told}")
+    scaled = run.frames["loads"].with_columns(scale_unknown=pl.lit(""))
+    known = Run({**run.frames, "loads": scaled}, run.provenance)
+    assert headline(answer(known)) == "3500 ± 41 kg (standard uncertainty)"
+
+
+def test_a_run_without_loads_begins_with_the_pooled_mass_and_says_whose_deviation_it_is(drives):
+    """As recordings from before the joint fit are."""
+    run = drives(60.0)
+    kept = {n: f for n, f in run.frames.items() if n not in ("loads", "nuisances", "budget")}
+    mass, std = run.frames["masses"].filter(method="pooled").row(0)[1:3]
+    told = headline(answer(Run(kept, run.provenance)))
+    assert told == f"{mass:.0f} ± {std:.0f} kg (pooled, statistical standard deviation)"
+
+
+def test_a_check_that_fails_and_withholds_nothing_is_not_called_failed(drives):
+    run = drives(60.0)
+    judged = run.frames["verdict"].with_columns(
+        passed=pl.Series([False, False, True]), consequence=pl.Series(["widen", "tell", "withhold"])
+    )
+    told = Run({**run.frames, "verdict": judged}, run.provenance)
+    assert headline(answer(told)) == headline(answer(run))
+    assert "failed" not in texts(told)["answer"]
+    assert "- widened: **partial_correlation**" in texts(told)["answer"]
+    assert "note     relative_std" in summary(told)
+    assert "FAILED" not in summary(told)
+
+
+def test_a_withheld_mass_says_which_checks_failed_with_number_and_limit(drives):
+    told = texts(drives(60.0, passed=False))["answer"]
+    assert told.startswith("# This log cannot weigh the machine")
+    assert "**The mass is withheld**" in told
+    assert "**partial_correlation** is 0.12, must be ≥ 0.5: how well" in told
+    assert "**relative_std** is 0.8, must be ≤ 0.25" in told
+
+
+def test_a_log_without_an_accepted_window_says_so(drives):
+    assert "there is no mass" in headline(answer(drives(60.0, accepted=False)))
+
+
+def test_every_check_is_listed_also_one_that_does_not_apply(drives):
+    told = texts(drives(60.0))["answer"]
+    assert "does not apply: **acceleration_gain** – (0.5 … 2)" in told
+    assert "passed: **partial_correlation** 0.93 (≥ 0.5)" in told
+
+
+def test_a_person_reads_the_local_time_of_the_machine(drives):
+    assert "2023-11-14 19:13:20 America/Santiago" in texts(drives(60.0))["answer"]
+
+
+def test_a_clock_that_counts_from_its_start_is_given_no_date(drives):
+    run = drives(60.0)
+    about = run.provenance.model_copy(update={"t0_unix_ns": 47_580_000_000})
+    written = texts(Run(run.frames, about))["answer"]
+    assert "47.580 s of the log's own clock" in written
+    assert "1970" not in written
+
+
+def test_a_loss_of_a_whole_file_has_no_topic():
+    assert str(Loss(source="shift.bag", what="breaks off")) == "shift.bag: breaks off"
+
+
+def test_losses_and_notes_stand_in_the_answer_and_inputs_with_their_hash_in_the_provenance(drives):
+    written = texts(drives(60.0))
+    assert "lost: shift.bag /imu: 3 messages could not be decoded" in written["answer"]
+    assert "force share" in written["answer"]
+    assert "ab" * 32 in written["provenance"]
+    assert "| verdict.partial_correlation_min | 0.5 |" in written["settings"]
+    assert '"empty_mass_kg": 2850.0' in written["settings"]
+
+
+def test_the_calibration_is_written_only_where_there_is_one(drives):
+    assert "reference = " in texts(drives(60.0))["calibration"]
+    assert "calibration" not in texts(drives(60.0, calibration=False))
+
+
+def test_a_run_of_nothing_still_has_its_texts():
+    written = texts(Run({}))
+    assert set(written) == {"answer", "settings", "provenance"}
+    assert recording_name(Run({}).provenance) == "payscope"
+    # also a log without an accepted window has checks: without them the answer is what is missing
+    assert summary(Run({"masses": pl.DataFrame()})).startswith("This recording holds no answer.")
+
+
+def test_numbers_are_short_and_a_value_ends_where_its_standard_deviation_does():
+    assert [number(x) for x in (None, True, 12345.6, 0.123456, "a")] == [
+        "–",
+        "yes",
+        "12\u202f346",
+        "0.1235",
+        "a",
+    ]
+    assert plus_minus(3517.93, 24.86) == "3518 ± 25"
+    assert plus_minus(1.23456, 0.0123) == "1.235 ± 0.012"
+    assert plus_minus(3517.93, None) == "3518"
+
+
+def test_the_centre_of_mass_is_told_with_its_deviation_and_what_the_motion_determines(drives):
+    written = texts(drives(60.0))
+    line = "centre of mass from all motion together: 0.1300 ± 0.0040 m ahead of the origin"
+    assert line in written["answer"]
+    assert line in summary(drives(60.0))
+    assert "together only mass_kg - 5 first_moment_y_kg_m" in written["planar"]
+    assert "| arc | 5.00 – 9.00 |" in written["planar"]
+
+
+def test_a_centre_of_mass_behind_and_to_the_right_is_told_without_a_sign():
+    row = {"com_x_m": -0.2, "com_x_std_m": 0.01, "com_y_m": -0.05, "com_y_std_m": 0.01}
+    told = planar_lines([{"kind": "joint", "withheld": False, **row}])
+    where = "0.200 ± 0.010 m behind the origin, 0.050 ± 0.010 m to its right"
+    assert told == [f"centre of mass from all motion together: {where}"]
+
+
+def test_a_withheld_centre_of_mass_has_no_number(drives):
+    written = texts(drives(60.0, passed=False))
+    assert "centre of mass from all motion together: withheld" in written["answer"]
+    assert "0.13" not in written["planar"]
+
+
+def test_a_failed_check_of_the_inertia_withholds_the_inertia_and_not_the_mass(drives):
+    run = drives(60.0)
+    spin = (
+        run.frames["verdict"]
+        .head(1)
+        .with_columns(
+            check=pl.lit("spin_partial_correlation"), about=pl.lit("inertia"), passed=pl.lit(False)
+        )
+    )
+    judged = pl.concat([run.frames["verdict"], spin])
+    failing = Run({**run.frames, "verdict": judged}, run.provenance)
+    assert headline(answer(failing)) == headline(answer(run))
+    assert "**The yaw inertia is withheld**" in texts(failing)["answer"]
+    assert "**The yaw inertia is withheld**" not in texts(run)["answer"]
+
+
+def test_a_run_that_does_not_turn_has_no_page_about_its_centre_of_mass(drives):
+    run = drives(60.0)
+    straight = Run({**run.frames, "planar": run.frames["planar"].clear()}, run.provenance)
+    assert "planar" not in texts(straight)
+    assert "centre of mass" not in summary(straight)

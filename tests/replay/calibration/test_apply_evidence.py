@@ -1,0 +1,203 @@
+"""`--calibration`: the calibrated mass beside the raw one, and the evidence that is refused."""
+
+import json
+import shutil
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from analysis.calibration.use.learnt_priors import as_later
+from estimators.errors import EvidenceError
+from recordings import read_frame, read_provenance
+from recordings.calibration.canonical_json import canonical
+from recordings.calibration.derived_values import estimator_of
+from recordings.calibration.evidence_document import document_of
+from replay.calibration.apply_evidence import AskedCalibration, load_calibration
+from replay.calibration.calibrate_campaign import Calibrated, calibrate
+from replay.calibration.check_mass import Known, check_mass
+from replay.calibration.verify_bundle import verify
+from replay.machines.machine_file import load_machine
+from tests.replay.attacker import Bundle, key_files, tampered
+from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge_campaign import campaign_folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("calibrated")
+    campaign_folder(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def keys(folder: Path) -> tuple[Path, Path]:
+    return key_files(folder)
+
+
+@pytest.fixture(scope="module")
+def made(folder: Path) -> Calibrated:
+    return calibrate(folder / "campaign.toml", folder / "evidence")
+
+
+def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: Calibrated) -> None:
+    learnt = made.document.learnt
+    assert learnt is not None
+    assert {each.log for each in learnt.logs} == {f"load-{number}.csv" for number in range(4)}
+    assert "const" in learnt.terms
+    assert made.document.weighing.settings.priors.learnt == learnt.terms
+    assert made.document.machine.settings.priors.learnt == {}
+
+
+def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: Calibrated) -> None:
+    assert not verify(made.folder, logs=folder).findings
+
+
+def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Path) -> None:
+    for file in folder.glob("*.csv"):
+        shutil.copy(file, tmp_path)
+    text = (folder / "campaign.toml").read_text()
+    (tmp_path / "campaign.toml").write_text(f"{text}\n[method]\nlearn = false\n")
+    shutil.copy(folder / "sledge.toml", tmp_path)
+    made = calibrate(tmp_path / "campaign.toml", tmp_path / "evidence")
+    assert made.document.learnt is None
+    assert made.document.weighing == made.document.machine
+
+
+def test_the_calibrated_mass_stands_beside_the_raw_one_everywhere(
+    folder: Path, made: Calibrated, tmp_path: Path, payscope: Payscope
+) -> None:
+    recording = tmp_path / "two.rrd"
+    ask = ("-m", folder / "sledge.toml", "--calibration", made.folder)
+    log = folder / "load-2.csv"
+    said = payscope("run", log, *ask, "-o", recording)
+    assert said.status == 0, said.err
+    loads = read_frame(recording, "loads")
+    row = loads.row(0, named=True)
+    assert row["calibrated_low_kg"] < 140.0 < row["calibrated_high_kg"]
+    assert row["mass_kg"] is not None
+    assert f"calibrated {row['calibrated_kg']:,.1f} kg" in said.out
+    assert any(made.document.id in note for note in read_provenance(recording).notes)
+    (load,) = json.loads(payscope("run", log, *ask, "--json").out)["loads"]
+    assert load["calibrated_kg"] == row["calibrated_kg"]
+    shown = payscope("show", recording, "loads", "--calibration", made.folder, "--format", "json")
+    assert json.loads(shown.out)[0]["calibrated_kg"] == row["calibrated_kg"]
+    other = tmp_path / "one.rrd"
+    assert payscope("run", folder / "load-1.csv", *ask, "-o", other).status == 0
+    compared = payscope(
+        "compare", recording, other, "--other-logs", "--calibration", made.folder, "--json"
+    )
+    moved = {each["quantity"]: each["change"] for each in json.loads(compared.out)["estimates"]}
+    assert moved["calibrated_kg"] == pytest.approx(-20.0, abs=2.0)
+    empty = [f"settings.loads.empty_{end}" for end in ("from_s=0", "to_s=1")]
+    over = ("--over", "settings.loads.empty_to_s=1,2", *("--set", empty[0], "--set", empty[1]))
+    rows = json.loads(payscope("sweep", log, *ask, *over, "--json").out)
+    assert [each["loads"][0]["calibrated_kg"] is not None for each in rows] == [True, True]
+    rows = json.loads(
+        payscope("sweep", log, *ask, "--over", "settings.align.rate_hz=80,100", "--json").out
+    )
+    reasons = [each["loads"][0]["calibrated_reason"] for each in rows]
+    assert "settings.align.rate_hz = 100.0 there and 80.0 here" in reasons[0]
+    assert reasons[1] == ""
+
+
+def test_evidence_that_is_not_of_this_log_is_refused_in_a_line(
+    folder: Path,
+    made: Calibrated,
+    keys: tuple[Path, Path],
+    tmp_path: Path,
+    payscope: Payscope,
+) -> None:
+    def refused(*more: object, evidence: Path = made.folder, says: str) -> None:
+        ask = ("-m", folder / "sledge.toml", "--calibration", evidence)
+        one_line(payscope("run", folder / "load-2.csv", *ask, *more), says)
+
+    refused("--require-signed", says="unsigned")
+    refused("--key", keys[1], says="calibrates nothing")
+    refused("--set", "machine.name=other", says="not of 'other'")
+    refused("--set", "settings.priors.lag_s=0.03", says="settings.priors.lag_s = 0.02 there")
+    refused(evidence=tmp_path / "nowhere", says="nowhere")
+    broken = tmp_path / "broken"
+    shutil.copytree(made.folder, broken)
+    with (broken / "report.html").open("a") as page:
+        page.write(" ")
+    refused(evidence=broken, says="report.html")
+
+
+def test_what_is_no_calibration_calibrates_nothing(
+    folder: Path, made: Calibrated, tmp_path: Path
+) -> None:
+    check = tmp_path / "check"
+    check_mass(
+        folder / "load-2.csv", Known(40.0, 0.1, "", "2026-05-09"), check, previous=made.folder
+    )
+    with pytest.raises(EvidenceError, match="is a check against one known mass"):
+        load_calibration(AskedCalibration(check))
+    single = campaign_folder(tmp_path / "single", loads=(1,))
+    calibrate(single, tmp_path / "one-load")
+    with pytest.raises(EvidenceError, match="is no calibration"):
+        load_calibration(AskedCalibration(tmp_path / "one-load"))
+    paper = campaign_folder(tmp_path / "paper", extra='\n[method]\nestimator = "pooled"\n')
+    calibrate(paper, tmp_path / "pooled")
+    with pytest.raises(EvidenceError, match="calibrates 'pooled', which is no mass of a load"):
+        load_calibration(AskedCalibration(tmp_path / "pooled"))
+
+
+def test_evidence_expires_by_the_day_of_the_log(made: Calibrated) -> None:
+    held = load_calibration(AskedCalibration(made.folder))
+    last = int(pl.Series([held.document.expires]).cast(pl.Datetime("ns", "UTC"))[0].timestamp())
+    held.check_day(last * 10**9, "a.bag")
+    with pytest.raises(EvidenceError, match=r"expired on .* a\.bag is of"):
+        held.check_day((last + 3 * 86_400) * 10**9, "a.bag")
+
+
+def test_a_recording_made_without_it_is_of_other_priors(
+    folder: Path, made: Calibrated, tmp_path: Path, payscope: Payscope
+) -> None:
+    recording = tmp_path / "plain.rrd"
+    ask = ("-m", folder / "sledge.toml")
+    assert payscope("run", folder / "load-2.csv", *ask, "-o", recording).status == 0
+    said = payscope("show", recording, "loads", "--calibration", made.folder)
+    one_line(said, "record it with `payscope run --calibration")
+
+
+def test_the_machine_that_is_weighed_is_that_of_the_evidence(
+    folder: Path, made: Calibrated
+) -> None:
+    held = load_calibration(AskedCalibration(made.folder))
+    machine = held.weighing(load_machine(folder / "sledge.toml"))
+    # but that a later log of several loads tells what the means have wrong
+    assert machine == as_later(made.document.weighing)
+    assert held.other(machine) == ""
+
+
+def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
+    made: Calibrated, tmp_path: Path
+) -> None:
+    def as_first(bundle: Bundle) -> None:
+        bundle.evidence["format"] = bundle.evidence["format"].replace("/3", "/1")
+        del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
+
+    first = tampered(made.folder, tmp_path / "first", as_first, signed=True)
+    assert not verify(first).findings
+    held = load_calibration(AskedCalibration(first))
+    assert held.calibration.responses == ()
+    machine = held.weighing(load_machine(made.folder.parent / "sledge.toml"))
+    assert machine.settings.priors.learnt_means == "fixed"
+
+
+def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
+    made: Calibrated, tmp_path: Path
+) -> None:
+    def before(bundle: Bundle) -> None:
+        del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
+        document = document_of(canonical(bundle.evidence), "evidence.json")
+        estimator = estimator_of(document.campaign, document.weighing, document.machine)
+        bundle.evidence["estimator"] = estimator.model_dump(mode="json")
+
+    earlier = tampered(made.folder, tmp_path / "earlier", before, signed=True)
+    found = verify(earlier)
+    assert not found.findings
+    assert any("settings.priors.sag_weight_share" in note for note in found.notes)
+    held = load_calibration(AskedCalibration(earlier))
+    assert held.other(held.weighing(load_machine(made.folder.parent / "sledge.toml"))) == ""

@@ -1,0 +1,92 @@
+"""Campaign files: every fault in one line; and a first one drafted from a folder of logs."""
+
+from pathlib import Path
+
+import pytest
+
+from estimators.errors import CampaignError
+from replay.calibration.campaign_file import load_campaign
+from replay.machines.toml_file import read_toml
+from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge_campaign import campaign_folder
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    return campaign_folder(tmp_path)
+
+
+def test_a_campaign_file_is_read(campaign: Path) -> None:
+    read, machine = load_campaign(campaign)
+    assert [run.load_id for run in read.runs][:2] == ["empty", "block-1"]
+    assert read.expires.isoformat() == "2027-05-04"
+    assert machine.machine.name == "sledge"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "parts"),
+    [
+        ('author = "A. Author"', "", ["campaign.author: is missing"]),
+        ('operator = "O', 'operater = "O', ["unknown key 'runs.0.operater'", "'operator'"]),
+        ("value_kg = 20.0", "value_kg = -1.0", ["masses.0.value_kg", "greater than 0"]),
+        ("shared_u_kg = 0.01", "shared_u_kg = 1.0", ["block-1", "cannot exceed"]),
+        ('source = "scale-3"', "", ["shared_u_kg needs source"]),
+        ('"block-1"]', '"block-9"]', ["no mass 'block-9'", "did you mean"]),
+        ("day = 2026-05-02", "day = 2031-05-02", ["certificate", "expired on 2030-01-31"]),
+        ("day = 2026-05-01", 'day = "soon"', ["runs.0.day"]),
+        ('id = "run-1"', 'id = "run-0"', ["two of the runs are called 'run-0'"]),
+        ('log = "load-1.csv"', 'log = "load-0.csv"', ["overlap in load-0.csv"]),
+        ('log = "load-1.csv"', 'log = "load-9.csv"', ["no log 'load-9.csv'"]),
+        ('file = "sledge.toml"', 'file = "other.toml"', ["no such machine file"]),
+        ('id = "sledge-7"', 'id = "../x"', ["machine.id"]),
+        ('operator = "O', 'from_s = 9.0\nto_s = 3.0\noperator = "O', ["to_s is not after from_s"]),
+    ],
+)
+def test_a_fault_is_one_line_with_its_remedy(
+    campaign: Path, payscope: Payscope, old: str, new: str, parts: list[str]
+) -> None:
+    text = campaign.read_text()
+    assert old in text
+    campaign.write_text(text.replace(old, new, 1))
+    said = payscope("calibrate", campaign, "-o", campaign.parent / "evidence")
+    one_line(said, *parts)
+    assert not (campaign.parent / "evidence").exists()
+
+
+def test_a_class_that_is_none_is_refused_before_the_work(campaign: Path) -> None:
+    campaign.write_text(campaign.read_text() + '\n[decision]\naccuracy_class = "R 51 Y(c)"\n')
+    with pytest.raises(CampaignError, match="no class"):
+        load_campaign(campaign)
+
+
+def test_a_machine_without_the_uncertainty_of_its_mass_is_refused(campaign: Path) -> None:
+    machine = campaign.parent / "sledge.toml"
+    machine.write_text(machine.read_text().replace("empty_mass_u_kg", "# empty_mass_u_kg"))
+    with pytest.raises(CampaignError, match=r"has machine\.empty_mass_u_kg"):
+        load_campaign(campaign)
+
+
+def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
+    tmp_path: Path, payscope: Payscope
+) -> None:
+    logs = campaign_folder(tmp_path / "logs").parent
+    (logs / "note.md").write_text("no log")
+    draft = tmp_path / "draft.toml"
+    machine = logs / "sledge.toml"
+    said = payscope("init", "--campaign", logs, "-m", machine, "-o", draft)
+    assert said.status == 0, said.err
+    content = read_toml(draft, CampaignError)
+    assert [run["log"] for run in content["runs"]] == [f"logs/load-{k}.csv" for k in range(4)]
+    assert content["machine"]["file"] == "logs/sledge.toml"
+    left = payscope("calibrate", draft, "-o", tmp_path / "evidence")
+    one_line(left, "draft.toml", "campaign.intended_use: is left to complete")
+    text = draft.read_text()
+    undated, loads = ('day = "TODO"', "day = 2026-05-01"), ('["TODO"]', '["mass-1"]')
+    for open_one, said in (undated, loads, ('"TODO', '"Sledges')):
+        assert open_one in text
+        text = text.replace(open_one, said)
+    draft.write_text(text)
+    campaign, _ = load_campaign(draft)
+    assert campaign.campaign.author == "Sledges: who made it"
+    one_line(payscope("init", "--campaign", tmp_path / "none", "-o", tmp_path / "x.toml"), "none")
+    one_line(payscope("init", "-o", tmp_path / "x.toml"), "--campaign DIR")

@@ -1,0 +1,95 @@
+"""The command `excite`, and scenarios as files that read back as they were."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from analysis.excitation import design
+from analysis.simulation import Scenario
+from estimators.errors import DataError, OutputError
+from replay.excitation.write_excitation import write_design
+from replay.simulation.scenario_file import load_scenario, scenario_text
+from replay.simulation.simulate_logs import simulate
+
+PLANAR = Path(__file__).parents[3] / "examples" / "planar.toml"
+BASE = load_scenario(None)
+
+
+@pytest.fixture(scope="module")
+def designed():
+    """What a bare `excite` designs; a design takes seconds."""
+    return design(BASE)
+
+
+@pytest.fixture
+def excite(payscope, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: payscope("excite", *arguments)
+
+
+@pytest.mark.parametrize("made", [Scenario(), BASE, load_scenario(PLANAR)])
+def test_a_scenario_that_is_written_reads_back_as_it_was(tmp_path, made):
+    path = tmp_path / "scenario.toml"
+    path.write_text(scenario_text(made), encoding="utf-8")
+    assert load_scenario(path) == made
+
+
+def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(excite, tmp_path):
+    answer = excite("-o", "best.toml", "--json")
+    assert answer.status == 0, answer.err
+    made = json.loads(answer.out)
+    (best,) = [each for each in made["waveforms"] if each["best"]]
+    scenario = load_scenario(tmp_path / "best.toml")
+    rest, driven = scenario.campaign.trial
+    assert rest.kind == "rest"
+    assert driven.model_dump(exclude_none=True)["force"] == best["force"]
+    (log,) = simulate(scenario, tmp_path / "best.csv")
+    truth = json.loads(log.with_name("best.csv.truth.json").read_text(encoding="utf-8"))
+    assert [each["kind"] for each in truth["manoeuvres"]] == ["rest", "excite"]
+    assert truth["runs"][0]["mass_kg"] == 3614.0
+
+
+def test_an_accuracy_that_no_waveform_reaches_leaves_with_one(excite):
+    answer = excite("--accuracy", "0.01%")
+    assert answer.status == 1
+    assert "No waveform reaches the accuracy of 0.0001" in answer.out
+
+
+def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(excite, designed, tmp_path):
+    answer = excite("--yard", "0.5", "-o", "best.toml")
+    assert answer.status == 1
+    assert "No waveform fits the yard" in answer.out
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(DataError, match="fits the yard"):
+        write_design(replace(designed, best=None), BASE, tmp_path / "best.toml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--accuracy", "much"], "--accuracy much: write it as 1% or 0.01"),
+        (["--accuracy", "150%"], "below 100%"),
+        (["--window", "1"], "give one between the response time T = 4.97 s"),
+        (["--set", "machine.mas_kg=3"], "unknown key 'machine.mas_kg'; did you mean 'mass_kg'?"),
+        (["--set", "mass"], "--set mass: write it as key=value"),
+        (["none.toml"], "none.toml: cannot be read"),
+        (["--motion", "sideways"], "sideways"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line_and_leaves_with_two(excite, arguments, says):
+    answer = excite(*arguments)
+    assert answer.status == 2
+    assert says in answer.err
+    assert answer.err.count("\n") == 1
+
+
+def test_the_scenario_that_is_read_is_never_overwritten(excite, designed, tmp_path):
+    mine = tmp_path / "mine.toml"
+    mine.write_text(scenario_text(BASE), encoding="utf-8")
+    before = mine.read_bytes()
+    assert excite("mine.toml", "-o", "mine.toml", "--force").status == 2
+    with pytest.raises(OutputError, match="exists already"):
+        write_design(designed, BASE, mine)
+    assert mine.read_bytes() == before

@@ -1,0 +1,86 @@
+"""The limits of a task: over them it ends with the reason, and the process goes on."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from replay.fleet.last_run import TaskLimits
+from replay.fleet.run_fleet import FleetRun
+from replay.fleet.task_limits import LimitError, limited, resident_bytes
+from tests.replay.fleet.conftest import Run
+
+_MUCH = 1 << 40
+
+
+def test_what_takes_too_long_is_interrupted_also_in_a_system_call() -> None:
+    began = time.monotonic()
+    with pytest.raises(LimitError, match=r"took longer than 0\.2 s"), limited(0.2, _MUCH):
+        time.sleep(30.0)
+    assert time.monotonic() - began < 10.0
+
+
+def test_what_needs_too_much_memory_is_interrupted() -> None:
+    held: list[bytes] = []
+
+    def grow() -> None:
+        with limited(60.0, 64 << 20):
+            for _ in range(200):
+                held.append(b"\1" * (8 << 20))
+                time.sleep(0.02)
+
+    with pytest.raises(LimitError, match=r"needed more than .* GiB of memory"):
+        grow()
+    assert len(held) < 100
+
+
+def test_what_the_process_held_before_is_not_of_the_task() -> None:
+    before = b"\1" * (256 << 20)
+    assert resident_bytes() > len(before)
+    with limited(60.0, 128 << 20):
+        time.sleep(0.3)
+    del before
+
+
+def test_within_the_limits_nothing_happens_and_the_signal_is_given_back() -> None:
+    import signal
+
+    before = signal.getsignal(signal.SIGALRM)
+    with limited(60.0, _MUCH):
+        time.sleep(0.01)
+    assert signal.getsignal(signal.SIGALRM) == before
+
+
+def test_memory_is_declared_by_the_size_of_the_log() -> None:
+    limits = TaskLimits(memory_GiB=1.0, memory_per_byte=2.0)
+    assert limits.memory_bytes(10**9) == 2**30 + 2 * 10**9
+
+
+def test_a_log_that_hangs_is_listed_with_its_limit_and_costs_nobody_else(
+    run_in: Run, fleet_folder: Path, tmp_path: Path
+) -> None:
+    """A pipe that nobody writes to: opening it never comes back."""
+    import shutil
+
+    home = shutil.copytree(fleet_folder / "logs/unit-01", tmp_path / "logs/unit-01")
+    hanging = home / "hanging.mcap"
+    hanging.write_bytes(b"")
+    rules = (fleet_folder / "fleet.toml").read_text()
+    (tmp_path / "fleet.toml").write_text(f"[limits]\nseconds = 3.0\n{rules}")
+
+    class Piped:
+        """Once the logs are listed, one becomes a pipe."""
+
+        def __new__(cls) -> object:
+            from benchmarks.fleet_logs import SerialEngine
+
+            hanging.unlink()
+            os.mkfifo(hanging)
+            return SerialEngine()
+
+    did: FleetRun = run_in(
+        tmp_path / "results", tmp_path / "logs", tmp_path / "fleet.toml", engine=Piped
+    )
+    assert did.made == 2
+    assert list(did.failed.values()) == ["took longer than 3 s, its limit"]

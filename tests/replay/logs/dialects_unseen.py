@@ -1,0 +1,186 @@
+"""Twenty more dialects, drawn when the reader read all of the first."""
+
+import io
+from datetime import UTC, datetime
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from tests.replay.logs.dialects import (
+    BEGIN,
+    DRIVE,
+    KMH,
+    MIDNIGHT_NS,
+    ROWS,
+    SI,
+    T0_NS,
+    DialectFile,
+    Style,
+    stamps,
+    whole,
+)
+
+_D: Final = DRIVE
+
+
+def _feather() -> bytes:
+    file = io.BytesIO()
+    frame = pl.DataFrame({"time_s": _D["t"], "force_N": _D["F"]})
+    frame.write_ipc(file, compat_level=pl.CompatLevel.oldest())
+    return file.getvalue()
+
+
+def dialect_files() -> list[DialectFile]:
+    """The files."""
+    t, v, f = _D["t"], _D["v"], _D["F"]
+    kmh = v * KMH
+    winter = datetime(2026, 1, 31, 8, 15, 30, tzinfo=UTC)
+    return [
+        DialectFile(
+            "INCA: time in the second row of units",
+            Style("\t", ".", 6).table(
+                [t, kmh, f], ["time\tvVeh\tFdrv", "s\tkm/h\tN", "f8\tf8\tf8"]
+            ),
+            {"F": ("Fdrv", SI)},
+            suffix=".txt",
+        ),
+        DialectFile(
+            "CANalyzer: upper case with dots",
+            Style(";", ".", 6).table([t, kmh], ["Time[s];ESP_v.VehicleSpeed[km/h]"]),
+            {"v": ("ESP_v.VehicleSpeed[km/h]", KMH)},
+        ),
+        DialectFile(
+            "HBM catman: head of twelve lines, tabs, decimal comma",
+            Style("\t", ",", 5).table(
+                [t, f / 1000],
+                [
+                    "CATMAN",
+                    "12",
+                    "Kanäle:\t2",
+                    "",
+                    "T0 = 13.11.2026 08:15:30",
+                    "Zeit\tKraft",
+                    "s\tkN",
+                ],
+            ),
+            {"F": ("Kraft", 1e-3)},
+            suffix=".asc",
+        ),
+        DialectFile(
+            "Dewesoft: names in brackets, comma in quotes",
+            Style(",", ".", 5).table([t, f], ['"Time (s)","AI 1/Force (N)"']),
+            {"F": ("AI 1/Force (N)", SI)},
+        ),
+        DialectFile(
+            "CR1000 TOA5: four lines of head, quoted stamps",
+            Style().table(
+                [[f'"{s}"' for s in stamps("%Y-%m-%d %H:%M:%S.%3f")], whole(np.arange(ROWS)), f],
+                [
+                    '"TOA5","logger","CR1000"',
+                    '"TIMESTAMP","RECORD","Force"',
+                    '"TS","RN","N"',
+                    '"","","Smp"',
+                ],
+            ),
+            {"F": ("Force", SI)},
+            keys=("log.header_row=2",),
+            t0_ns=T0_NS,
+        ),
+        DialectFile(
+            "AiM: quoted, preamble, units below, blank line",
+            Style(quote=True).table(
+                [t, kmh],
+                [
+                    '"Format","AiM CSV File"',
+                    '"Session","Yard"',
+                    "",
+                    '"Time","GPS Speed"',
+                    '"s","km/h"',
+                    "",
+                ],
+            ),
+            {"v": ("GPS Speed", KMH)},
+        ),
+        DialectFile(
+            "MoTeC: blank lines about the units",
+            Style(quote=True).table(
+                [t, kmh],
+                ['"Format","MoTeC CSV File"', "", '"Time","Ground Speed"', '"s","km/h"', "", ""],
+            ),
+            {"v": ("Ground Speed", KMH)},
+        ),
+        DialectFile(
+            "Excel with sep=",
+            Style(";", ",", 4).table([t, f], ["sep=;", "Zeit [s];Kraft [N]"]),
+            {"F": ("Kraft [N]", SI)},
+        ),
+        DialectFile(
+            "UTF-16 without a mark",
+            Style("\t", encoding="utf-16-le").table([t, f], ["Time [s]\tForce [N]"]),
+            {"F": ("Force [N]", SI)},
+            suffix=".txt",
+        ),
+        DialectFile(
+            "rows of CRCRLF",
+            Style(end="\r\r\n").table([t, f], ["time_s,force_N"]),
+            {"F": ("force_N", SI)},
+        ),
+        DialectFile(
+            "stamps with an offset",
+            Style().table([stamps("%Y-%m-%d %H:%M:%S.%3f+00:00"), f], ["Timestamp,Force (N)"]),
+            {"F": ("Force (N)", SI)},
+            t0_ns=T0_NS,
+        ),
+        DialectFile(
+            "American dates by the day beyond 12",
+            Style().table([stamps("%m/%d/%Y %H:%M:%S.%3f", winter), f], ["timestamp,force_N"]),
+            {"F": ("force_N", SI)},
+            t0_ns=int(winter.timestamp()) * 10**9,
+        ),
+        DialectFile(
+            "microseconds in the name",
+            Style().table([whole(t, 1e6), f], ["t_us,force_N"]),
+            {"F": ("force_N", SI)},
+        ),
+        DialectFile(
+            "time at the end",
+            Style().table([f, v, t], ["force_N,speed_m_s,Time (s)"]),
+            {"F": ("force_N", SI)},
+        ),
+        DialectFile(
+            "numbers with a plus and an exponent",
+            Style(separator=" ", digits=0).table(
+                [[f"{x:+.7E}" for x in t], [f"{x:+.7E}" for x in f]], ["% Time Force"]
+            ),
+            {"F": ("Force", SI)},
+            suffix=".dat",
+        ),
+        DialectFile(
+            "time of day to the minute and seconds apart",
+            Style(";").table([stamps("%H:%M:%S:%3f"), f], ["Uhrzeit;Kraft [N]"]),
+            {"F": ("Kraft [N]", SI)},
+            keys=("log.time=Uhrzeit",),
+            t0_ns=MIDNIGHT_NS,
+        ),
+        DialectFile(
+            "minutes as numbers",
+            Style(digits=8).table([t / 60, f], ["Time [min],Force [N]"]),
+            {"F": ("Force [N]", SI)},
+        ),
+        DialectFile(
+            "a footer of sums",
+            Style().table([t, f], ["time_s,force_N"]) + b"Sum,,\nEnd of file\n",
+            {"F": ("force_N", SI)},
+        ),
+        DialectFile("Feather", _feather(), {"F": ("force_N", SI)}, suffix=".feather"),
+        DialectFile(
+            "a column of text before the time",
+            Style().table(
+                [["RUN"] * ROWS, [str(BEGIN.date())] * ROWS, stamps("%H:%M:%S.%3f"), f],
+                ["state,Date,Time,force [N]"],
+            ),
+            {"F": ("force [N]", SI)},
+            t0_ns=T0_NS,
+        ),
+    ]

@@ -1,0 +1,56 @@
+"""Tables of many dialects: times and numbers are those of the drive, or there is a question."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.model.physical_units import spelt_unit
+from estimators.errors import LogError
+from replay.commands.common_options import time_axis_of
+from replay.logs import open_log
+from tests.one_line import assert_one_line
+from tests.replay.logs.dialects import DRIVE, RATE_HZ, DialectFile, dialect_files
+from tests.replay.logs.dialects_unseen import dialect_files as more_files
+
+FILES = [*dialect_files(), *more_files()]
+#: Answered by a person: steps of 1,000 µs, not the drive's.
+DECLARED = ("shuffled rows", "a footer of sums")
+STEP_NS = {"steps of 1000 are asked for": 10**6}
+
+
+def written(tmp_path: Path, file: DialectFile) -> Path:
+    path = tmp_path / f"log{file.suffix}"
+    path.write_bytes(file.data)
+    return path
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+def test_a_dialect_is_read_as_it_was_driven(tmp_path: Path, file: DialectFile) -> None:
+    path = written(tmp_path, file)
+    if file.keys:
+        with pytest.raises(LogError, match=r"\[log\]") as asked:
+            open_log(path).topics()
+        assert_one_line(asked.value)
+    log = open_log(path, time=time_axis_of(None, None, list(file.keys)))
+    step_ns = STEP_NS.get(file.name, round(1e9 / RATE_HZ))
+    for quantity, (name, factor) in file.fields.items():
+        frame = log.read(file.topic.get(quantity, "table"), [name])
+        t = frame["log_time_ns"].to_numpy()
+        begins_ns = 0 if file.t0_ns is None else file.t0_ns
+        expected_ns = begins_ns + np.arange(t.size) * step_ns
+        # serials and floats since 1970 keep no microsecond
+        assert np.abs(t - expected_ns).max() < 20_000
+        expected = DRIVE[quantity][: t.size] * factor
+        digits = max(np.abs(expected).max() * 1e-4, 0.51)
+        found = frame[name].cast(float).to_numpy()
+        assert np.abs(found - expected).max() < digits, name
+    assert not log.losses() or file.name in DECLARED
+
+
+def test_units_in_names_and_rows_are_known() -> None:
+    for text, unit in (
+        ("[Nm]", "N*m"), ("km/h", "km/h"), ("(m/s²)", "m/s**2"), ("1/min", "rpm"), ("°/s", "deg/s"),
+        ("mN", None), ("banana", None),
+    ):  # fmt: skip
+        assert spelt_unit(text) == unit

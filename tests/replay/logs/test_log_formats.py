@@ -1,0 +1,71 @@
+"""The dispatcher: what is no log gets one line with the remedy."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from estimators.errors import LogError
+from replay import open_log
+from replay.logs.log_formats import OPENERS
+from tests.one_line import assert_one_line
+
+
+def one_line(path: Path) -> str:
+    with pytest.raises(LogError) as caught:
+        open_log(path)
+    assert_one_line(caught.value)
+    message = str(caught.value)
+    assert str(path) in message
+    return message
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    assert "no such file" in one_line(tmp_path / "shift.bag")
+
+
+def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path: Path) -> None:
+    (tmp_path / "shift.txt").write_text("hello")
+    message = one_line(tmp_path / "shift.txt")
+    assert all(suffix in message for suffix in OPENERS)
+
+
+@pytest.mark.parametrize("suffix", OPENERS)
+def test_an_empty_file_is_refused_in_every_format(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / f"shift{suffix}").touch()
+    assert "empty (0 bytes)" in one_line(tmp_path / f"shift{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "answer"),
+    [
+        (".bag", "not a ROS 1 bag"),
+        (".mcap", "not an MCAP file"),
+        (".db3", "not a rosbag2 .db3"),
+        (".parquet", "not a parquet table"),
+    ],
+)
+@pytest.mark.parametrize("content", [b"x", b"hello, world, this is a letter\n" * 100])
+def test_a_file_that_is_not_what_its_suffix_says_is_refused(
+    tmp_path: Path, suffix: str, answer: str, content: bytes
+) -> None:
+    (tmp_path / f"shift{suffix}").write_bytes(content)
+    assert answer in one_line(tmp_path / f"shift{suffix}")
+
+
+def test_a_directory_without_bags_says_what_a_bag_directory_holds(tmp_path: Path) -> None:
+    assert "metadata.yaml and .mcap or .db3" in one_line(tmp_path)
+
+
+def test_a_directory_of_ros1_bags_names_them(tmp_path: Path) -> None:
+    (tmp_path / "morning.bag").touch()
+    assert "name one of its logs: morning.bag" in one_line(tmp_path)
+
+
+def test_importing_the_readers_loads_no_format_library() -> None:
+    code = "import replay, sys; print([m for m in ('rosbags', 'mcap', 'rich') if m in sys.modules])"
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout.strip() == "[]"

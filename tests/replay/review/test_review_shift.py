@@ -1,0 +1,204 @@
+"""A shift reviewed: what is found against the truth, what is kept, and what a killed one leaves."""
+
+import fcntl
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from estimators.errors import PayscopeError, ReviewError
+from recordings import read_frame
+from recordings.review.review_state import RECORDING, STATE
+from replay.review.review_shift import Reviewed, ReviewOptions, review
+from tests.replay.shift_review import shift_folder, verdict
+
+OUTPUTS = {"ledger.csv", "ledger.parquet", "review.html", "review.json", "shift.rrd"}
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Path], Path, dict[str, Any]]:
+    return shift_folder(tmp_path_factory.mktemp("driven"))
+
+
+@pytest.fixture(scope="module")
+def reviewed(driven: tuple[list[Path], Path, Any], tmp_path_factory: Any) -> Reviewed:
+    logs, machine, _ = driven
+    folder = tmp_path_factory.mktemp("reviewed") / "review"
+    return review(logs, machine, folder, ReviewOptions(target_kg=700.0))
+
+
+@pytest.fixture
+def folder(reviewed: Reviewed, tmp_path: Path) -> Path:
+    """A copy of the review, to be changed."""
+    return Path(shutil.copytree(reviewed.folder, tmp_path / "review"))
+
+
+def test_every_cycle_is_found_at_its_dump_and_the_tonnes_are_within_their_interval(
+    driven: tuple[Any, Any, dict[str, Any]], reviewed: Reviewed
+) -> None:
+    cycles = driven[2]["cycles"]
+    dumped = np.array([each["dump_ns"] for each in cycles])
+    found = reviewed.ledger["dump_unix_ns"].to_numpy()
+    assert found.size == dumped.size
+    assert np.abs(found - dumped).max() < 5e9
+    payload = np.array([each["payload_kg"] for each in cycles])
+    off = reviewed.ledger["payload_kg"].to_numpy() - payload
+    assert (np.abs(off) < 3.0 * reviewed.ledger["payload_u_kg"].to_numpy()).all()
+    total = abs(reviewed.shift["payload_kg"] - payload.sum())
+    assert total < 2.0 * reviewed.shift["payload_u_kg"]
+
+
+def test_the_folder_holds_the_ledger_twice_the_recording_and_the_page(reviewed: Reviewed) -> None:
+    shown = {each.name for each in reviewed.folder.iterdir() if not each.name.startswith(".")}
+    assert shown == OUTPUTS
+    assert pl.read_parquet(reviewed.folder / "ledger.parquet").equals(reviewed.ledger)
+    assert pl.read_csv(reviewed.folder / "ledger.csv").height == reviewed.ledger.height
+    kept = read_frame(reviewed.folder / RECORDING, "cycles")
+    assert kept["payload_kg"].to_list() == reviewed.ledger["payload_kg"].to_list()
+
+
+def test_a_second_review_does_not_replay_unless_something_that_counts_has_changed(
+    driven: tuple[list[Path], Path, Any], folder: Path
+) -> None:
+    logs, machine, _ = driven
+    before = (folder / "ledger.parquet").read_bytes()
+    again = review(logs, machine, folder, ReviewOptions(target_kg=600.0))
+    assert not again.replayed
+    assert (folder / "ledger.parquet").read_bytes() == before
+    page = (folder / "review.html").read_text(encoding="utf-8")
+    assert '<th scope="row">target_kg</th><td>700.0</td><td>600.0</td>' in page
+    # a recording that is not the one that was written is not believed
+    with (folder / RECORDING).open("ab") as recording:
+        recording.write(b"x")
+    assert review(logs, machine, folder, ReviewOptions()).replayed
+    assert (folder / "ledger.parquet").read_bytes() == before
+
+
+def test_a_rejected_cycle_is_listed_with_author_and_time_and_is_not_counted(
+    driven: tuple[list[Path], Path, Any], reviewed: Reviewed, folder: Path
+) -> None:
+    logs, machine, _ = driven
+    third = reviewed.ledger.row(2, named=True)
+    said = verdict(third["id"], 'reject = true\nnote = "=<b>wall</b>"\nproduct = "gravel"\n')
+    (folder / "verdicts.toml").write_text(said, encoding="utf-8")
+    again = review(logs, machine, folder, ReviewOptions())
+    assert (folder / "verdicts.toml").read_text(encoding="utf-8") == said
+    assert again.shift["cycles_rejected"] == 1
+    assert again.shift["payload_kg"] == pytest.approx(
+        reviewed.shift["payload_kg"] - third["payload_kg"]
+    )
+    row = again.ledger.row(2, named=True)
+    assert (row["counted"], row["author"], row["said"]) == (
+        False,
+        "R. Meier",
+        "2026-01-02T03:04:05Z",
+    )
+    page = (folder / "review.html").read_text(encoding="utf-8")
+    assert "&lt;b&gt;wall" in page
+    # a spreadsheet computes what begins like a formula
+    assert pl.read_csv(folder / "ledger.csv")["note"][2] == "'=<b>wall</b>"
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("[[cycle]\n", "no TOML"),
+        (verdict("2001-01-01T00:00:00Z", ""), "no cycle '2001-01-01T00:00:00Z'"),
+        ('[[cycle]]\nid = "x"\ntime = 2026-01-02T03:04:05Z\n', "author"),
+        (verdict("nothing", "rejected = true\n"), "rejected"),
+    ],
+)
+def test_verdicts_that_are_wrong_are_one_line(
+    driven: tuple[list[Path], Path, Any], folder: Path, text: str, part: str
+) -> None:
+    logs, machine, _ = driven
+    (folder / "verdicts.toml").write_text(text, encoding="utf-8")
+    before = (folder / "review.html").read_bytes()
+    with pytest.raises(ReviewError, match=r"verdicts\.toml") as fault:
+        review(logs, machine, folder, ReviewOptions())
+    assert part in str(fault.value)
+    assert "\n" not in str(fault.value)
+    assert (folder / "review.html").read_bytes() == before
+
+
+def test_a_second_review_into_the_folder_at_once_is_one_line(
+    driven: tuple[list[Path], Path, Any], folder: Path
+) -> None:
+    logs, machine, _ = driven
+    with (folder / ".lock").open("a") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with pytest.raises(ReviewError, match="another review is being written there"):
+            review(logs, machine, folder, ReviewOptions())
+
+
+def test_a_folder_of_other_files_takes_no_review(
+    driven: tuple[list[Path], Path, Any], tmp_path: Path
+) -> None:
+    logs, machine, _ = driven
+    (tmp_path / "thesis.txt").touch()
+    with pytest.raises(PayscopeError, match=r"thesis\.txt"):
+        review(logs, machine, tmp_path, ReviewOptions())
+
+
+def _command(logs: list[Path], machine: Path, folder: Path) -> list[str]:
+    words = ["review", *map(str, logs), "-m", str(machine), "-o", str(folder)]
+    return [sys.executable, "-c", "from payscope import main; main()", *words]
+
+
+def test_a_review_that_is_killed_leaves_no_half_file_and_the_next_gives_the_same_ledger(
+    driven: tuple[list[Path], Path, Any], reviewed: Reviewed, tmp_path: Path
+) -> None:
+    logs, machine, _ = driven
+    folder = tmp_path / "review"
+    command = _command(logs, machine, folder)
+    for patience_s in (0.05,):
+        killed = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        # the moment at which the outputs are written
+        while killed.poll() is None and not any(folder.glob(".payscope-*")):
+            time.sleep(0.005)
+        time.sleep(patience_s)
+        os.kill(killed.pid, signal.SIGKILL)
+        killed.wait()
+        shown = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
+        assert shown <= OUTPUTS
+        if STATE in shown:
+            json.loads((folder / STATE).read_text(encoding="utf-8"))
+    again = review(logs, machine, folder, ReviewOptions())
+    assert again.ledger.equals(reviewed.ledger)
+    assert not list(folder.glob(".payscope-*"))
+
+
+@pytest.mark.slow
+def test_ten_reviews_that_are_killed_at_any_moment_leave_no_half_file(
+    driven: tuple[list[Path], Path, Any], reviewed: Reviewed, tmp_path: Path
+) -> None:
+    logs, machine, _ = driven
+    folder = tmp_path / "review"
+    command = _command(logs, machine, folder)
+    begin = time.monotonic()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    whole_s = time.monotonic() - begin
+    moments = random.Random(15)
+    for _ in range(10):
+        for each in OUTPUTS & {path.name for path in folder.iterdir()}:
+            (folder / each).unlink()
+        with subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        ) as left:
+            time.sleep(moments.uniform(0.2, 1.1) * whole_s)
+            left.kill()
+        shown = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
+        assert shown <= OUTPUTS
+        again = review(logs, machine, folder, ReviewOptions())
+        assert again.ledger.equals(reviewed.ledger)
+        assert not list(folder.glob(".payscope-*"))
