@@ -193,7 +193,7 @@ def machine_of(cell: Cell, *, stated: bool) -> Machine:
     return Machine.model_validate(
         {
             "machine": {"name": "car", "empty_mass_kg": MASS_KG},
-            "log": {"time": "t"},
+            "log": {"time": "t", "time_unit": "s"},
             "channels": channels,
             "settings": settings,
         }

@@ -8,7 +8,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build
 
 _CHECK: Final = "causes"
-_MEANING: Final = "named causes under which a mass is worth nothing"
+_MEANING: Final = "named causes that invalidate a mass which no other check withholds"
 _REMEDY: Final = "payscope explain names what mends each"
 
 
@@ -25,7 +25,11 @@ def judged_with_causes(
     Returns:
         `verdict` with one row more, behind those of the mass.
     """
-    grave = findings.filter(pl.col("severity") == "withhold")
+    withheld = judged.filter(
+        pl.col("about") == "mass", pl.col("consequence") == "withhold", pl.col("passed").not_()
+    ).height
+    # a cause of what is withheld already is said once, by its finding
+    grave = findings.filter(pl.col("severity") == "withhold", pl.lit(withheld == 0))
     most = machine.settings.verdict.causes_max
     names = ", ".join(name.replace("_", " ") for name in grave["cause"])
     row = pl.DataFrame(

@@ -156,10 +156,12 @@ def no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
     if ledger["counted"].any():
         return ""
     if not state.can_weigh:
-        failed = [check.check for check in state.failed if check.consequence == "withhold"]
+        failed = [check for check in state.failed if check.consequence == "withhold"]
         more = len(failed) - _MOST_CHECKS
-        names = ", ".join(failed[:_MOST_CHECKS]) + (f" and {more} more" if more > 0 else "")
-        return f"these logs cannot weigh; failed: {names}"
+        names = ", ".join(check.check for check in failed[:_MOST_CHECKS])
+        names += f" and {more} more" if more > 0 else ""
+        why = f": {failed[0].meaning}" if len(failed) == 1 else ""
+        return f"these logs cannot weigh; failed: {names}{why}"
     if ledger.is_empty():
         return state.no_cycle
     reasons = Counter(

@@ -97,7 +97,7 @@ def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
         "none of the findings is known to affect the mass: delay, frozen."
     )
     older = verdict_sentence(explain(without(drives(60.0), "findings")))
-    assert older.endswith("replay it.")
+    assert older.endswith("replay the log.")
 
 
 def test_at_a_moment_the_gate_is_told_with_the_number_that_decided(drives) -> None:

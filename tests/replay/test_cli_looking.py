@@ -304,14 +304,6 @@ class TestInfo:
     def test_wrong_time_zone(self, payscope: Payscope, log: Path) -> None:
         one_line(payscope("info", log, "--timezone", "Mars/Base"), "Mars/Base")
 
-    @pytest.mark.parametrize(
-        ("words", "fault"),
-        [
-            (["--time", "a", "--time-unit", "fortnight"], "no unit of time 'fortnight'"),
-            (["--time-unit", "ms"], "--time-unit is the unit of --time"),
-        ],
-    )
-    def test_a_unit_of_time_that_would_not_be_used_is_refused(
-        self, payscope: Payscope, log: Path, words: list[str], fault: str
-    ) -> None:
-        one_line(payscope("info", log, *words), fault)
+    def test_an_unknown_unit_of_time_is_refused(self, payscope: Payscope, log: Path) -> None:
+        words = ("--time", "a", "--time-unit", "fortnight")
+        one_line(payscope("info", log, *words), "no unit of time 'fortnight'")

@@ -37,8 +37,8 @@ class TestWrongInput:
         one_line(payscope("run", tmp_path / "empty", "-m", machine_file), "no bag")
 
     def test_wrong_suffix(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
-        (tmp_path / "log.txt").write_text("hello")
-        one_line(payscope("run", tmp_path / "log.txt", "-m", machine_file), ".bag", ".mcap")
+        (tmp_path / "log.doc").write_text("hello")
+        one_line(payscope("run", tmp_path / "log.doc", "-m", machine_file), ".bag", ".mcap")
 
     def test_wrong_field_names_the_choices(
         self, payscope: Payscope, log: Path, machine_file: Path

@@ -108,7 +108,7 @@ class TestUncertainty:
     def test_another_machine_s_ticket_is_said_and_not_absorbed(self):
         found = replayed(1.0, TICKET, KNOWN, "machine.empty_mass_kg=110.0").frames["cycles"]
         assert found["payload_kg"].null_count() == found.height
-        assert found["withheld_for"].str.contains("empty_mass: the empty machine weighs").all()
+        assert found["withheld_for"].str.contains("negative_payload").all()
 
 
 @pytest.mark.parametrize(

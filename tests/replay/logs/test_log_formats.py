@@ -26,8 +26,8 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 
 def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path: Path) -> None:
-    (tmp_path / "shift.txt").write_text("hello")
-    message = one_line(tmp_path / "shift.txt")
+    (tmp_path / "shift.doc").write_text("hello")
+    message = one_line(tmp_path / "shift.doc")
     assert all(suffix in message for suffix in OPENERS)
 
 
