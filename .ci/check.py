@@ -4,9 +4,10 @@
 
 Changed is what differs from where this branch left the one it follows (`--since` names another
 commit), committed or not. Of the tests those run that are changed themselves, that mirror a changed
-file (`analysis/stages/gating/gate.py`: `tests/analysis/stages/gating/test_gate*.py`), or that import one, directly or through a
-helper of the tests; nearest first, and when the time is over the others are skipped. Types are
-checked of the changed files and of those that import them. `make test` runs everything.
+file (`analysis/planar/planar_terms.py`: `tests/analysis/planar/test_planar_terms*.py`), or that
+import one, directly or through a helper of the tests; nearest first, and when the time is over the
+others are skipped. Types are checked of the changed files and of those that import them. `make
+test` runs everything.
 """
 
 import argparse

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from analysis.model.machine import Machine
 from analysis.model.settings import Settings
 from replay import open_log, run
+from replay.logs import TimeAxis
 
 Floats = NDArray[np.float64]
 
@@ -193,7 +194,7 @@ def machine_of(cell: Cell, *, stated: bool) -> Machine:
     return Machine.model_validate(
         {
             "machine": {"name": "car", "empty_mass_kg": MASS_KG},
-            "log": {"time": "t", "time_unit": "s"},
+            "log": {"time": "t"},
             "channels": channels,
             "settings": settings,
         }
@@ -219,7 +220,7 @@ def weighed(table: pl.DataFrame, machine: Machine) -> Weight:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "car.csv"
         table.write_csv(path)
-        loads = run(open_log(path), machine).frames["loads"].to_dicts()
+        loads = run(open_log(path, time=TimeAxis("t", "s")), machine).frames["loads"].to_dicts()
     if len(loads) != 1 or loads[0]["withheld"] or loads[0]["mass_kg"] is None:
         return Weight(open=False, mass_kg=0.0, u_kg=0.0)
     return Weight(open=True, mass_kg=loads[0]["mass_kg"], u_kg=loads[0]["u_kg"])

@@ -2,8 +2,8 @@
 
 With numpy's error model a division by zero is infinite, without which no loop that divides is
 vectorised; the interpreter's lock is released, so that threads may share a log; what is compiled is
-kept for the next process (`estimators.compile_cache`). Nothing may be reassociated or contracted: a loop
-gives the same bits for one window as for many, and so on board as in replay.
+kept for the next process (`estimators.compile_cache`). Nothing may be reassociated or contracted: a
+loop gives the same bits for one window as for many, and so on board as in replay.
 
 Processes may compile at once into one folder. Numba numbers the files of a function's compiled
 forms, and two that take the same number leave one's name on the other's code; here a file is named

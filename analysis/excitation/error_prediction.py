@@ -1,10 +1,11 @@
 """Predict the errors of least squares over one window, before anything is measured.
 
 The estimator predicted is the paper's: every channel after the moving mean, the yaw acceleration as
-the central difference of the yaw rate, the rows of `estimators.planar.planar_rows` over the noise of force
-and torque. To first order the error of θ̂ is linear in every sample of noise, so that each sample's
-weight is known and the variance is the sum of their squares. Beside it stands a bias: noise N in
-the regressor and what the model leaves out (Coulomb friction) make (AᵀA + E[NᵀN])⁻¹ Aᵀy of θ.
+the central difference of the yaw rate, the rows of `estimators.planar.planar_rows` over the noise
+of force and torque. To first order the error of θ̂ is linear in every sample of noise, so that each
+sample's weight is known and the variance is the sum of their squares. Beside it stands a bias:
+noise N in the regressor and what the model leaves out (Coulomb friction) make (AᵀA + E[NᵀN])⁻¹ Aᵀy
+of θ.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Findings: named causes of a bad estimate. Their one table is `analysis.findings.cause_table.CAUSES`."""
+"""Findings: named causes of a bad estimate. Their one table is `cause_table.CAUSES`."""
 
 from analysis.findings.cause_table import CAUSES
 from analysis.findings.find_causes import findings

@@ -1,7 +1,7 @@
 """The gate on board: what it remembers of the rows so far, and what it says of the window now.
 
-Its decisions are those of `analysis.stages.gating.gate`, by the same rules, in bounded memory: a window holds a
-flagged row when the last one flagged is less than a window ago.
+Its decisions are those of `analysis.stages.gating.gate`, by the same rules, in bounded memory: a
+window holds a flagged row when the last one flagged is less than a window ago.
 """
 
 from collections.abc import Mapping

@@ -2,9 +2,9 @@
 
 State in, state out: a step takes bounded time and memory, and from `excitation` on every decision
 of the gate and every θ equals the replay's bit for bit. The deviations are their own (see
-`estimators.methods.incremental`): what the replay pools over the log is not known yet. A manoeuvre's pooled
-estimate comes when the manoeuvre is over and no braking can claim its last samples any more, that
-of a recursion when none can claim the window that it is fed.
+`estimators.methods.incremental`): what the replay pools over the log is not known yet. A
+manoeuvre's pooled estimate comes when the manoeuvre is over and no braking can claim its last
+samples any more, that of a recursion when none can claim the window that it is fed.
 """
 
 from collections.abc import Iterator, Mapping

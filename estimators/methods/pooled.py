@@ -23,8 +23,8 @@ class PooledOptions:
 
     Attributes:
         noise: (p + 1, p + 1) covariance of the noise in a row of [A f], whose pull towards zero is
-            taken off again (`estimators.methods.attenuation`), half of it counted as uncertainty. None
-            takes A as exact, which is ordinary least squares.
+            taken off again (`estimators.methods.attenuation`), half of it counted as uncertainty.
+            None takes A as exact, which is ordinary least squares.
     """
 
     noise: Floats | None = None

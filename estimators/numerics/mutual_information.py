@@ -15,8 +15,8 @@ _NO_SPREAD = 1e-24
 def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Floats]:
     """Pearson's ρ of x and y over every run of exactly `window` samples.
 
-    From sums of deviations (see `estimators.numerics.rolling`), so that neither a large mean nor an idle
-    stretch costs digits.
+    From sums of deviations (see `estimators.numerics.rolling`), so that neither a large mean nor an
+    idle stretch costs digits.
 
     Args:
         x: (n,) first series.

@@ -118,7 +118,8 @@ def _experiment(found: Claims) -> str:
     of_mass, of_range = found.experiment_mass_percent, found.experiment_range_percent
     return (
         f"{percent(mean, 2)} ± {percent(spread, 2)} in the experiments is "
-        f"{mean * printed_numbers.MASS_KG:.1f} ± {spread * printed_numbers.MASS_KG:.1f} kg: of the machine's mass a "
+        f"{mean * printed_numbers.MASS_KG:.1f} ± {spread * printed_numbers.MASS_KG:.1f} kg: "
+        "of the machine's mass a "
         f"simulated campaign has {of_mass[0]:.2f} to {of_mass[1]:.2f} %, which is "
         f"{of_range[0]:.1f} to {of_range[1]:.1f} % of the payload range. The printed number is "
         "of the loads that (19) was fitted on, and relative to a mass that was known beforehand."
@@ -134,7 +135,8 @@ def _reduction(found: Claims) -> str:
     held = found.reduced
     verdict = "holds throughout" if all(held) else "depends on the drive" if any(held) else "fails"
     return (
-        f"At least {percent(printed_numbers.REDUCTION)} smaller than RLS without the criterion {verdict}: "
+        f"At least {percent(printed_numbers.REDUCTION)} smaller than RLS without the criterion "
+        f"{verdict}: "
         f"{'; '.join(each)}. Over a long cruise the gate saves RLS from forgetting while nothing "
         "happens, which directional forgetting does without a gate. "
         f"{_SHORT_STARTS[found.saved_by]}"

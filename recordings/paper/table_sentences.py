@@ -217,7 +217,8 @@ def _nearest_bound(nearest: Mapping[str, float]) -> str:
 def _constant(best_kg: float) -> str:
     return (
         "For scale: a prediction that ignores every measurement is wrong by "
-        f"{printed_numbers.CONSTANT_KG:.0f} kg ({percent(printed_numbers.CONSTANT_KG / printed_numbers.MASS_KG, 1)} of the "
+        f"{printed_numbers.CONSTANT_KG:.0f} kg "
+        f"({percent(printed_numbers.CONSTANT_KG / printed_numbers.MASS_KG, 1)} of the "
         f"machine); our best {best_kg:.1f} kg is "
         f"{percent(best_kg / printed_numbers.LOAD_RANGE_KG, 1)} of the payload range."
     )

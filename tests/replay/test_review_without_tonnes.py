@@ -5,6 +5,7 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from markupsafe import escape
 
 from recordings.review.review_page import PAGE
 from recordings.review.reviewer_verdicts import VERDICTS
@@ -80,7 +81,7 @@ def test_it_is_one_line_exit_1_and_a_page_with_the_reason(
     assert line.startswith(reason)
     assert "± 0.000 t" not in said.out
     folder = machine_file.with_name("review")
-    assert f">{line}</p>" in (folder / PAGE).read_text(encoding="utf-8")
+    assert f">{escape(line)}</p>" in (folder / PAGE).read_text(encoding="utf-8")
     assert not pl.read_parquet(folder / PARQUET)["counted"].any()
 
 

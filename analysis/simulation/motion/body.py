@@ -3,11 +3,11 @@
     F = m s_x - ω² mc_x - ω̇ mc_y + b_x v + (F_c + F_r) sign(v)
     T = mc_x s_y - mc_y s_x + Izz ω̇ + b_ψ ω + T_c sign(ω)
 
-the rows of the paper's (4) that wheels measure (`estimators.planar.planar_rows`), with Coulomb friction
-F_c, T_c and rolling resistance F_r, which is in proportion to the weight. F and T are all force and
-torque but friction and gravity: drive less brakes. s is the specific force of the origin, midway
-between the wheels, which do not slip sideways: s_x = dv/dt + g_x, s_y = ω v + g_y, where g_x and
-g_y are the slope's share of gravity along the machine's axes, turned away.
+the rows of the paper's (4) that wheels measure (`estimators.planar.planar_rows`), with Coulomb
+friction F_c, T_c and rolling resistance F_r, which is in proportion to the weight. F and T are all
+force and torque but friction and gravity: drive less brakes. s is the specific force of the
+origin, midway between the wheels, which do not slip sideways: s_x = dv/dt + g_x, s_y = ω v + g_y,
+where g_x and g_y are the slope's share of gravity along the machine's axes, turned away.
 """
 
 import math
