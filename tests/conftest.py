@@ -25,9 +25,29 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["PAYSCOPE_KEYRING"] = str(REPO / "no-such-folder" / "keys.toml")
 
 
+#: Files of half a minute and more, the longest first: one processor would wait for the other at
+#: the end. xdist would begin with those of the most tests, but for `--no-loadscope-reorder`.
+LONG_FILES = (
+    "test_documentation.py",
+    "test_viewer.py",
+    "test_reproduce_paper.py",
+    "test_kept.py",
+    "test_degenerate_tables.py",
+    "test_overlay_recording.py",
+    "test_ray.py",
+    "test_import_log.py",
+    "test_edges.py",
+    "test_watch_machine_file.py",
+    "test_verify_bundle.py",
+    "test_calibrate_campaign.py",
+    "test_decoder.py",
+)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file first, or one processor waits for the other at the end."""
-    items.sort(key=lambda item: item.path.name != "test_documentation.py")
+    """The longest files first."""
+    place = {name: number for number, name in enumerate(LONG_FILES)}
+    items.sort(key=lambda item: place.get(item.path.name, len(place)))
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -26,7 +26,7 @@ class TestViewer:
             pytest.param({}, id="short"),
             # an overview of its own; 30 s of drawing in software
             pytest.param({"duration_s": 700.0}, id="long", marks=pytest.mark.slow),
-            pytest.param({"accepted": False}, id="nothing accepted"),
+            pytest.param({"accepted": False}, id="nothing accepted", marks=pytest.mark.slow),
         ],
     )
     def test_every_tab_activated_in_turn_is_drawn_without_one_view_error(
