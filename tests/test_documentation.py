@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -32,6 +33,12 @@ def test_every_command_has_help_and_a_section_with_its_help() -> None:
         assert command.help
         for parameter in command.params:
             assert parameter.help or parameter.name == "help", f"{name} {parameter.name}"
+
+
+def test_the_index_of_decisions_has_every_record() -> None:
+    index = runpy.run_path(str(REPO / "docs/decision_index.py"))
+    written = index["INDEX"].read_text(encoding="utf-8")
+    assert written == index["index"](), "python -P docs/decision_index.py writes it"
 
 
 def test_every_setting_is_documented_under_its_stage() -> None:
