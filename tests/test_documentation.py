@@ -151,7 +151,7 @@ def test_every_example_machine_file_is_valid() -> None:
 
 
 #: What tools leave beside the sources; never part of a release.
-MADE = {"dist", "demo", "build", "__pycache__"}
+MADE = {REPO / name for name in ("dist", "demo", "build")}
 
 
 def tracked() -> set[Path]:
@@ -169,14 +169,15 @@ def beside() -> set[Path]:
     """The files of this folder, also where it is an unpacked release."""
     found: set[Path] = set()
     for folder, inside, files in os.walk(REPO):
-        inside[:] = [name for name in inside if not is_made(name)]
-        found |= {Path(folder, name) for name in files if not is_made(name)}
+        here = Path(folder)
+        inside[:] = [name for name in inside if not is_made(here / name)]
+        found |= {here / name for name in files if not is_made(here / name)}
     return found
 
 
-def is_made(part: str) -> bool:
-    hidden = part.startswith(".") and part not in (".ci", ".gitignore")
-    return hidden or part in MADE
+def is_made(path: Path) -> bool:
+    hidden = path.name.startswith(".") and path.name not in (".ci", ".gitignore")
+    return hidden or path.name == "__pycache__" or path in MADE
 
 
 def test_no_file_names_a_package_index_or_a_path_of_the_makers_machine() -> None:
