@@ -193,8 +193,8 @@ def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
             f"{words.prefix}opposing_share",
             about,
             _opposing_share,
-            f"share of the decelerating samples whose {force} opposes the {moves}: 0 means that "
-            f"the {force} has lost its sign",
+            f"fraction of decelerating samples whose {force} opposes the {moves}; 0: the {force} "
+            "has no sign",
             minimum="opposing_share_min",
             applies=lambda _, motion: bool(motion.braking.any()),
             remedy="a force with its sign: motor currents often have none",
@@ -203,8 +203,8 @@ def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
             f"{words.prefix}driving_share",
             about,
             _driving_share,
-            f"share of the accelerating samples whose {force} acts along the {moves}: one half "
-            f"means that the {force} has lost its sign",
+            f"fraction of accelerating samples whose {force} acts along the {moves}; 0.5: the "
+            f"{force} has no sign",
             minimum="driving_share_min",
             applies=lambda _, motion: bool(motion.speeding.any()),
         ),
@@ -216,7 +216,7 @@ CHECKS: Final = (
         "force_sign",
         "mass",
         _sign,
-        "correlation of acceleration and force, likewise: far below 0 the force is inverted",
+        "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
@@ -226,7 +226,7 @@ CHECKS: Final = (
         "acceleration_gain",
         "mass",
         _acceleration_gain,
-        "accelerometer against the change of wheel speed: 1 when they agree",
+        "accelerometer over the derivative of the wheel speed; 1: they agree",
         minimum="acceleration_gain_min",
         maximum="acceleration_gain_max",
         applies=lambda evidence, _: evidence.has("specific_force_x_m_s2"),
@@ -235,14 +235,14 @@ CHECKS: Final = (
         "accepted_stretches",
         "mass",
         _accepted_stretches,
-        "disjoint stretches that the gate accepted",
+        "separate stretches accepted by the gate",
         minimum="accepted_stretches_min",
     ),
     CheckRow(
         "empty_mass_ratio",
         "mass",
         _empty_mass_ratio,
-        "ungated mass over the machine's empty mass",
+        "mass without gating over the machine's empty mass",
         minimum="empty_mass_ratio_min",
         maximum="empty_mass_ratio_max",
         applies=lambda evidence, _: evidence.machine.machine.empty_mass_kg is not None,
@@ -251,8 +251,8 @@ CHECKS: Final = (
         "negative_payload",
         "mass",
         _below_empty_u,
-        "by how many standard uncertainties, with the scale's, the lightest load is below the "
-        "machine's empty mass",
+        "lightest load below the machine's empty mass, in standard uncertainties including "
+        "the scale's",
         maximum="negative_payload_max_u",
         optional=True,
         names=_factor,
@@ -262,8 +262,8 @@ CHECKS: Final = (
         "empty_mass",
         "mass",
         _from_empty_u,
-        "difference of the lightest load to the machine's empty mass, likewise; where it may be "
-        "a payload, only what is beyond one",
+        "lightest load from the machine's empty mass, likewise; where it may be a payload, "
+        "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
         names=_factor,
@@ -279,8 +279,8 @@ CHECKS: Final = (
         "spin_centre",
         "inertia",
         _spin_centre,
-        "metres from the origin to the point that spins turn about, by the accelerometer; off it, "
-        "mass leaks into the inertia estimate",
+        "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "
+        "off it, mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",
         applies=lambda evidence, _: evidence.has("specific_force_x_m_s2", "specific_force_y_m_s2"),
     ),
