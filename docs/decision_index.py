@@ -24,9 +24,7 @@ for what a later record says on the same matter.
 
 def index() -> str:
     """The page, from the records' titles and citations."""
-    texts = {
-        path: path.read_text(encoding="utf-8") for path in sorted(RECORDS.glob("[0-9]*-*.md"))
-    }
+    texts = {path: path.read_text(encoding="utf-8") for path in sorted(RECORDS.glob("[0-9]*-*.md"))}
     rows: list[str] = []
     for path, text in texts.items():
         title = _TITLE.match(text)

@@ -70,7 +70,7 @@ ORDER = (
     ("replay/inputs", "replay/simulation"),
     ("replay", "replay/excitation"),
     ("replay/calibration", "replay/explain", "replay/init", "replay/paper"),
-    ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/run"),
+    ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/runs"),
     ("replay/demo",),
     ("replay/commands",),
 )
@@ -206,6 +206,14 @@ def test_a_folder_with_a_face_is_imported_by_it_alone(folder: str) -> None:
     assert not inner, "\n".join(inner)
 
 
+def test_no_folder_has_the_name_of_what_the_folder_above_gives() -> None:
+    """`from replay import run` would give the folder once something in it is imported."""
+    for face in FILES:
+        if face.name == "__init__.py":
+            given = {name for _, name in _imported(face)}
+            assert not given & {each.name for each in face.parent.iterdir()}, shown(face)
+
+
 def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time() -> None:
     names = {
         name
@@ -263,7 +271,7 @@ def test_help_loads_none_of_the_heavy_libraries() -> None:
 def test_a_run_begins_without_what_it_may_not_need() -> None:
     late = ("scipy.signal", "scipy.stats", "rerun", "matplotlib", "pyarrow", "rosbags", "pint")
     code = (
-        "import sys, replay.commands.cli, replay.commands.progress_bar, replay.run.run_logs\n"
+        "import sys, replay.commands.cli, replay.commands.progress_bar, replay.runs.run_logs\n"
         f"print([name for name in {late!r} if name in sys.modules])"
     )
     loaded = subprocess.run(

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from analysis.compare.run_comparison import Changed
     from analysis.model.answer import Answer
-    from replay.run.run_logs import RecordTo
+    from replay.runs.run_logs import RecordTo
 
 
 def command(
@@ -69,7 +69,7 @@ def command(
     from replay.commands.answer_text import print_answer
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import Stages
-    from replay.run.run_logs import STEPS, RecordTo, replay_logs
+    from replay.runs.run_logs import STEPS, RecordTo, replay_logs
 
     if live and output is None:
         raise typer.BadParameter("--live shows a recording: name it with -o")
@@ -116,7 +116,7 @@ def _watch(
     """Replay after each change, with a line of what changed, until interrupted."""
     from estimators.errors import PayscopeError, one_line
     from replay.commands.print_tables import value_text
-    from replay.run.watch_machine_file import watch
+    from replay.runs.watch_machine_file import watch
 
     def on_answer(answer: "Answer", changed: "list[Changed]") -> None:
         if changed:

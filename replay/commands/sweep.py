@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from recordings.plots.sweep_figure import SweptRow
     from replay.calibration.apply_evidence import AskedCalibration
-    from replay.run.sweep_settings import Row
+    from replay.runs.sweep_settings import Row
 
 #: Whoever reads a file can scroll.
 _FILE_WIDTH: Final = 400
@@ -130,8 +130,8 @@ def _print_sweep(
     from replay.commands.frame_output import format_of, print_frame
     from replay.commands.print_tables import console
     from replay.commands.progress_bar import Stages
-    from replay.run.setting_grid import combinations
-    from replay.run.sweep_settings import sweep
+    from replay.runs.setting_grid import combinations
+    from replay.runs.sweep_settings import sweep
 
     logs, machine_file, overrides, over = asked
     output, figure = outputs

@@ -160,9 +160,10 @@ def test_importing_the_estimators_changes_nothing_of_the_process_and_reads_nothi
         "    if event == 'open':\n"
         "        opened.append(str(args[0]))\n"
         "sys.addaudithook(note)\n"
-        "from estimators import cache, fgls, huber, incremental, ls, pooled, rls, rtls, tls\n"
+        "from estimators import compile_cache\n"
+        "from estimators.methods import fgls, huber, incremental, ls, pooled, rls, rtls, tls\n"
         "assert (dict(os.environ), numba.config.CACHE_DIR) == before\n"
-        "above = [cache._HOUSE / name for name in ('analysis', 'recordings', 'replay')]\n"
+        "above = [compile_cache._HOUSE / name for name in ('analysis', 'recordings', 'replay')]\n"
         "print([each for each in opened if each.startswith(tuple(map(str, above)))])\n"
     )
     environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}

@@ -44,7 +44,7 @@ CASES = {
     "an empty machine of another mass": (
         [sledge_shift()],
         ("--set", "machine.empty_mass_kg=150.0"),
-        f"{CANNOT}negative_payload: by how many standard uncertainties",
+        f"{CANNOT}negative_payload: lightest load below the machine's empty mass",
     ),
     "no start": ([resting()], (), CANNOT),
     "starts withheld": ([sledge()], WITHHELD, f"{CANNOT}r_squared"),

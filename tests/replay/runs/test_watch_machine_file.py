@@ -15,8 +15,8 @@ from estimators.errors import PayscopeError
 from recordings import read_provenance
 from recordings.rrd.viewer import headless_viewer
 from recordings.rrd.writer import LiveView
-from replay.run.run_logs import RecordTo, replay_logs
-from replay.run.watch_machine_file import watch
+from replay.runs.run_logs import RecordTo, replay_logs
+from replay.runs.watch_machine_file import watch
 from tests.replay.sledge import MACHINE, Payscope, one_line
 from tests.viewer_needed import VIEWER
 

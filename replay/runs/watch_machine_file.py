@@ -13,7 +13,7 @@ from estimators.errors import PayscopeError
 from recordings.rrd.viewer import follow, recordings_shown, start_viewer
 from recordings.rrd.writer import LiveView
 from replay.machines.machine_file import load_machine, machine_path
-from replay.run.run_logs import RecordTo
+from replay.runs.run_logs import RecordTo
 
 #: A look at one file costs nothing; an editor writes within one such step.
 _LOOK_S: Final = 0.2

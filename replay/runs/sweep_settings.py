@@ -59,7 +59,7 @@ def sweep(
         logs: the logs; where the truth lies beside each, errors are given.
         machine_file: the machine file.
         overrides: `key=value`, for every combination.
-        grid: the combinations, each more overrides (`replay.run.setting_grid.combinations`).
+        grid: the combinations, each more overrides (`replay.runs.setting_grid.combinations`).
         reference_kg: what the machine truly weighs, if known.
         calibration: evidence that calibrates the masses of the combinations that it is of; the
             others say why they have none.
