@@ -9,7 +9,7 @@ from typing import Any, Final
 from zipfile import BadZipFile, ZipFile
 
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
-from replay.logs.tables.dialect import DialectError
+from replay.logs.tables.hints import DialectError
 
 #: A workbook is packed: so many bytes at most when unpacked.
 _LARGEST: Final = 1 << 30

@@ -1,4 +1,4 @@
-"""What a person says of a table: the keys of `[log]`."""
+"""What a person says of a table: the keys of `[log]`, and the question where one is missing."""
 
 from dataclasses import dataclass
 
@@ -38,3 +38,7 @@ class TimeAxis:
     column: str | None
     unit: str | None = "s"
     table: TableHints = TableHints()
+
+
+class DialectError(Exception):
+    """Why the dialect is not known, and the key that says it, in a line."""
