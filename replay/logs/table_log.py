@@ -38,6 +38,10 @@ _TRUTHS: Final = ["true", "false"]
 _WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
 #: Rows that may share a time: more that all do have none.
 _FEW: Final = 2
+#: A table is sorted by time without a question where so small a share of its rows is late, or where
+#: of those that are late so many fall back: rows in any order, not one record behind another.
+_FEW_LATE: Final = 0.01
+_FALLS: Final = 0.05
 #: Characters of a cell that a loss quotes.
 _LONGEST: Final = 40
 
@@ -49,7 +53,8 @@ class TableLog(Log):
     """
 
     def __init__(self, path: Path, time: TimeAxis | None) -> None:
-        self._suffix = path.suffix.lower().removeprefix(".")
+        inner = path.with_suffix("") if path.suffix.lower() == ".gz" else path
+        self._suffix = inner.suffix.lower().removeprefix(".")
         copies = ExitStack()
         super().__init__(path, _FORMATS.get(self._suffix, "text table"), copies.close)
         self._losses = LossList()
@@ -110,7 +115,10 @@ class TableLog(Log):
                 f"{self.path}: no column '{given.column}' for the time; "
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
-        found = find_times(self._columns.columns, self._columns.head, given)
+        try:
+            found = find_times(self._columns.columns, self._columns.head, given)
+        except DialectError as error:
+            raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:
             more = f" and {len(columns) - _NAMED} more" if len(columns) > _NAMED else ""
             named = ", ".join(map(repr, columns[:_NAMED]))
@@ -138,9 +146,8 @@ class TableLog(Log):
         return self._stamps[topic]
 
     def _find_stamps(self, axis: TableTimes) -> pl.Series:
-        cells = list(self._cells(axis.columns).values())
         try:
-            found = axis.stamps(cells, self._columns.rows)
+            found = axis.stamps(self._cells(axis.columns), self._columns.rows)
         except TimeError as error:
             raise LogError(
                 f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {error}. "
@@ -154,17 +161,50 @@ class TableLog(Log):
                 self.path, f"{times.null_count()} of {times.len()} rows have no time: dropped"
             )
         there = times.drop_nulls()
-        backwards = int((there.diff() < 0).sum())
+        steps = there.diff()
+        backwards = int((steps < 0).sum())
+        self._refuse_shared(axis, there, steps)
         if backwards:
+            self._refuse_restarts(axis, there, backwards)
             self._losses.note(
                 self.path, f"the time goes back at {backwards} rows: sorted by time", TABLE
             )
-        if there.len() > _FEW and there.min() == there.max():
-            raise LogError(
-                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: all rows have the "
-                "same; name another column: [log] time"
-            )
         return times.alias("log_time_ns")
+
+    def _refuse_shared(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
+        """Refuse times that most rows share with the one before: their resolution is too coarse."""
+        shared = int((steps == 0).sum())
+        if there.len() <= _FEW or 2 * (there.len() - shared) >= there.len():
+            return
+        if shared == there.len() - 1:
+            said = "all rows have the same; name another column: [log] time"
+        else:
+            said = (
+                f"{shared:,} of {there.len():,} rows have the time of the row before; name another "
+                "column or the one of the fractions, [log] time or time_fraction, or set "
+                "[log] rate_hz = the rows in a second"
+            )
+        raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
+
+    def _refuse_restarts(self, axis: TableTimes, there: pl.Series, backwards: int) -> None:
+        """Refuse a time that falls back and goes on from there: sorted, two records would mix."""
+        wanted = self._hints.sort_times
+        if wanted or (wanted is None and self._is_shuffled(there, backwards)):
+            return
+        before = there.cum_max()
+        row = int((before > there).arg_max() or 0)
+        fall_s = (before[row] - there[row]) / 1e9
+        raise LogError(
+            f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it falls back by "
+            f"{fall_s:.6g} s at row {row + 1:,} and goes on from there: a second record, or a "
+            "counter that begins anew. Split the file, name another column ([log] time), or set "
+            "[log] rate_hz, or [log] sort_times = true if the rows belong together"
+        )
+
+    def _is_shuffled(self, there: pl.Series, backwards: int) -> bool:
+        """Whether few rows are late, or so many fall back that none go on from there."""
+        late = int((there < there.cum_max()).sum())
+        return late < _FEW_LATE * there.len() or backwards > _FALLS * late
 
     def _cells(self, names: Sequence[str]) -> dict[str, pl.Series]:
         try:

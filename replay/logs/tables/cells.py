@@ -17,9 +17,7 @@ _NUMBERS: Final = {
 }
 _WORDS_OF_NUMBERS: Final = frozenset({"nan", "inf", "-inf", "+inf", "-nan", "infinity"})
 #: 1.234 may be one and a bit, or a thousand.
-_THOUSANDS: Final = {
-    sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:[{sign}]\d{{3}})+") for sign in ".,"
-}
+_THOUSANDS: Final = {sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:[{sign}]\d{{3}})+") for sign in ".,"}
 _TIME: Final = re.compile(
     r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T, ]*)?\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?|[.,]\d+)?"
     r"\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
@@ -29,7 +27,9 @@ _TIME: Final = re.compile(
 _NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
 _TRUTHS: Final = frozenset({"true", "false"})
 #: A number with its unit: 3.50 km/h.
-_MEASURE: Final = re.compile(r"(?P<number>[+-]?[\d.,]*\d(?:[eE][+-]?\d+)?)(?P<unit>\s*[^\d\s.,+-]\S*)")
+_MEASURE: Final = re.compile(
+    r"(?P<number>[+-]?[\d.,]*\d(?:[eE][+-]?\d+)?)(?P<unit>\s*[^\d\s.,+-]\S*)"
+)
 #: A column's kind is that of so large a share of its cells.
 _MOSTLY: Final = 0.8
 
@@ -105,7 +105,9 @@ def with_points(
         cell = pl.when(cell.str.ends_with(unit)).then(cell.str.strip_suffix(unit)).otherwise(cell)
     form = _grouped(decimal) if is_grouped else _surely_grouped(decimal)
     has_groups = cell.str.contains(f"^(?:{form})$")
-    cell = pl.when(has_groups).then(cell.str.replace_all(f"[{_GROUPS[decimal]}]", "")).otherwise(cell)
+    cell = (
+        pl.when(has_groups).then(cell.str.replace_all(f"[{_GROUPS[decimal]}]", "")).otherwise(cell)
+    )
     if decimal == ",":
         cell = cell.str.replace(r"^([+-]?\d*),(\d*(?:[eEdD][+-]?\d+)?)$", "${1}.${2}")
     cell = cell.str.replace(r"^([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)$", "${1}e${2}")

@@ -164,9 +164,7 @@ class CsvColumns:
         if column.dtype != pl.String or column.name not in self._numeric:
             return column
         unit = self._dialect.cell_units[self.names.index(column.name)]
-        return with_points(
-            column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped
-        )
+        return with_points(column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped)
 
     def _collected(self, frame: pl.LazyFrame) -> pl.DataFrame:
         try:

@@ -39,9 +39,17 @@ def header_row(row: Row, separator: str, width: int, lines: Sequence[str]) -> Ro
     return Row(row.line, row.after, tuple(cells))
 
 
-def rows_of_names(
-    above: list[Row], width: int, hints: TableHints
-) -> tuple[Row | None, Row | None]:
+def rows_of_names(above: list[Row], width: int, hints: TableHints) -> tuple[Row | None, Row | None]:
+    """The row of the names and that of the units; None where there is none.
+
+    Args:
+        above: rows above the data, in order.
+        width: columns of the data.
+        hints: what is given.
+
+    Raises:
+        DialectError: the given line holds none, or two rows may be the units.
+    """
     by_line = {row.line + 1: row for row in above}
     for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
         if line and line not in by_line:

@@ -160,7 +160,6 @@ def dialect_files() -> list[DialectFile]:
             "time of day to the minute and seconds apart",
             Style(";").table([stamps("%H:%M:%S:%3f"), f], ["Uhrzeit;Kraft [N]"]),
             {"F": ("Kraft [N]", SI)},
-            keys=("log.time=Uhrzeit",),
             t0_ns=MIDNIGHT_NS,
         ),
         DialectFile(
