@@ -66,10 +66,11 @@ class TableLog(Log):
         except DialectError as error:
             raise LogError(f"{path}: {error} {_WHERE}") from error
         found = self._find_times(time)
-        self._check(found)
         names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
         self._parts = dict(zip(names, found, strict=True))
         self._stamps: dict[str, pl.Series] = {}
+        self._expected: list[str] = []
+        self._is_checked = False
         self._notes = [*self._columns.notes]
 
     @property
@@ -129,19 +130,28 @@ class TableLog(Log):
             )
         return found
 
-    def _check(self, found: Sequence[tuple[TableTimes, list[str]]]) -> None:
-        """Look at all rows of a text once, and read its times on the way."""
-        if not isinstance(self._columns, CsvColumns):
+    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
+        """Read these with the times, when all rows are looked at."""
+        inside = {name for topic in self._parts for name in self._fields(topic)}
+        asked = dict.fromkeys(name for names in fields.values() for name in names)
+        self._expected = [name for name in asked if name in inside]
+
+    def _look(self, fields: Sequence[str] = ()) -> None:
+        """Look at all rows of a text once, and read its times and some fields on the way."""
+        if self._is_checked or not isinstance(self._columns, CsvColumns):
             return
-        times = [column for axis, _ in found for column in axis.columns]
+        self._is_checked = True
+        times = [column for axis, _ in self._parts.values() for column in axis.columns]
+        once, self._expected = [*self._expected, *fields], []
         try:
-            self._columns.check(times, partial(self._losses.note, self.path))
+            self._columns.check(times, once, partial(self._losses.note, self.path))
         except BrokenBytesError as error:
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
     def _times(self, topic: str) -> pl.Series:
         """Log time of each row, null where it has none."""
         if topic not in self._stamps:
+            self._look()
             self._stamps[topic] = self._find_stamps(self._parts[topic][0])
         return self._stamps[topic]
 
@@ -149,9 +159,10 @@ class TableLog(Log):
         try:
             found = axis.stamps(self._cells(axis.columns), self._columns.rows)
         except TimeError as error:
+            remedy = "" if "[log]" in str(error) else ". Set [log] time and time_unit"
             raise LogError(
-                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {error}. "
-                "Set [log] time and time_unit in the machine file"
+                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {error}{remedy} "
+                f"{_WHERE}"
             ) from error
         times = found.stamps
         # one row has no spacing that would tell anything
@@ -248,6 +259,7 @@ class TableLog(Log):
         for field in fields:
             if field not in choices:
                 raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
+        self._look(fields)
         cells = self._cells(list(dict.fromkeys(fields)))
         columns = [self._values(cells.pop(field)) for field in dict.fromkeys(fields)]
         times = self._times(topic)
@@ -303,6 +315,7 @@ class TableLog(Log):
     def check(self) -> Checked:
         """Read every column; see `Log.check`."""
         self._check_open()
+        self._look()
         fields = {field for topic in self._parts for field in self._fields(topic)}
         message_bytes = 0
         for name in self._columns.names:

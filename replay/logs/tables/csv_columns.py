@@ -60,6 +60,7 @@ class CsvColumns:
         self.rows = 0
         self._height: int | None = None
         self._kept: dict[str, pl.Series] = {}
+        self._once: dict[str, pl.Series] = {}
         heads = {name: some_cells(self._dialect, k) for k, name in enumerate(self.names)}
         self._types = {name: _kind(cells) for name, cells in heads.items()}
         decimal = self._dialect.decimal
@@ -84,7 +85,7 @@ class CsvColumns:
         """Some first cells of a column, those that are not empty."""
         return some_cells(self._dialect, place)
 
-    def check(self, keep: Sequence[str], note: Callable[[str], None]) -> None:
+    def check(self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]) -> None:
         """Look for rows that are too long, too short or torn, and read some columns on the way.
 
         Rows with too few cells end in nulls; the last one, where no line end follows it, is torn
@@ -92,7 +93,8 @@ class CsvColumns:
         needs no line end: RFC 4180.)
 
         Args:
-            keep: columns that are read in the same pass.
+            keep: columns that are read in the same pass, and kept.
+            once: likewise, and kept until they are asked for.
             note: told what is lost, in a sentence.
 
         Raises:
@@ -102,7 +104,9 @@ class CsvColumns:
             return
         last = self.names[-1]
         looked = self._read(
-            keep, pl.col(last).is_null().alias(_SHORT), pl.col(_BEYOND).is_not_null().alias(_LONG)
+            list(dict.fromkeys([*keep, *once])),
+            pl.col(last).is_null().alias(_SHORT),
+            pl.col(_BEYOND).is_not_null().alias(_LONG),
         )
         short, long = looked.pop(_SHORT), looked.pop(_LONG)
         self.rows = short.len()
@@ -120,7 +124,10 @@ class CsvColumns:
                 f"rows with fewer cells than the header: {len(lines):,}, the first in line "
                 f"{lines[0]}; the cells that they lack are not there"
             )
-        self._kept = {name: series.head(self.rows) for name, series in looked.items()}
+        self._kept = {name: looked[name].head(self.rows) for name in dict.fromkeys(keep)}
+        self._once = {
+            name: series.head(self.rows) for name, series in looked.items() if name not in keep
+        }
 
     def read(self, names: Sequence[str]) -> dict[str, pl.Series]:
         """Columns, (rows,) each, in one pass: numbers where every cell is one, else text.
@@ -130,12 +137,12 @@ class CsvColumns:
         """
         if self._dialect.is_empty:
             return {name: pl.Series(name, [], dtype=pl.String) for name in names}
-        new = [name for name in dict.fromkeys(names) if name not in self._kept]
+        there = {n: self._once.pop(n) for n in dict.fromkeys(names) if n in self._once}
+        there |= {name: self._kept[name] for name in names if name in self._kept}
+        new = [name for name in dict.fromkeys(names) if name not in there]
         read = self._read(new) if new else {}
-        return {
-            name: self._kept[name] if name in self._kept else read[name].head(self.rows)
-            for name in dict.fromkeys(names)
-        }
+        there |= {name: series.head(self.rows) for name, series in read.items()}
+        return {name: there[name] for name in dict.fromkeys(names)}
 
     def _read(self, names: Sequence[str], *others: pl.Expr) -> dict[str, pl.Series]:
         """Columns in a pass; a second one reads those as text that hold more than numbers."""

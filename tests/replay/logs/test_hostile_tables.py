@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.dialects.every_file import SETS
 from estimators.errors import LogError
 from replay.logs import open_log
 from tests.one_line import assert_one_line
-from tests.replay.logs.dialects import dialect_files
 
 #: The process may grow by so much over all of them, in MB.
 MOST_MB = 1500
 SEEDS = range(160)
-BASES = [f for f in dialect_files() if f.name != "a thousand columns"]
+BASES = [f for f in SETS["written with the reader"] if f.name != "a thousand columns"]
 
 
 def damaged(seed: int) -> tuple[str, bytes]:

@@ -8,8 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import xlsxwriter
 
-from tests.replay.logs.dialects import DRIVE, KMH, ROWS, SI, T0_NS, DialectFile, stamps, whole
-from tests.replay.logs.dialects_drawn import cells, lines
+from benchmarks.dialects.dialect_file import DRIVE, KMH, ROWS, SI, T0_NS, DialectFile, stamps, whole
+from benchmarks.dialects.drawn_files import cells, lines
 
 _T: Final = DRIVE["t"]
 _V: Final = DRIVE["v"]
@@ -47,6 +47,7 @@ def _workbook() -> bytes:
 def _names() -> list[DialectFile]:
     """Headers and files."""
     plain, speed, force = cells(_T), cells(_KMH), cells(_F)
+    gear = ["2"] * ROWS
     comma = cells(_T, comma=True), cells(_KMH, comma=True)
     return [
         DialectFile(
@@ -74,7 +75,10 @@ def _names() -> list[DialectFile]:
         DialectFile(
             "aligned columns, names of two words",
             lines(
-                ["     Run Time   Ground Speed      Pull Force", "            s           km/h               N"],
+                [
+                    "     Run Time   Ground Speed      Pull Force",
+                    "            s           km/h               N",
+                ],
                 [cells(x, "{:>14.4f}") for x in (_T, _KMH, _F)],
                 "",
             ),
@@ -94,7 +98,10 @@ def _names() -> list[DialectFile]:
         DialectFile(
             "a head of keys = values",
             lines(
-                ["[Recorder]", "Rate = 50", "Start = 13.11.2026", "[Data]", "Time;Speed;Force", "[s];[km/h];[N]"],
+                [
+                    *("[Recorder]", "Rate = 50", "Start = 13.11.2026", "[Data]"),
+                    *("Time;Speed;Force", "[s];[km/h];[N]"),
+                ],
                 [plain, speed, force],
                 ";",
             ),
@@ -119,7 +126,10 @@ def _names() -> list[DialectFile]:
         ),
         DialectFile(
             "groups over the names",
-            lines(["Clock,Machine,,", "Time (s),Speed (km/h),Force (N),Gear"], [plain, speed, force, ["2"] * ROWS]),
+            lines(
+                ["Clock,Machine,,", "Time (s),Speed (km/h),Force (N),Gear"],
+                [plain, speed, force, gear],
+            ),
             {"v": ("Speed (km/h)", KMH), "F": ("Force (N)", SI)},
         ),
         DialectFile(
@@ -134,6 +144,7 @@ def _names() -> list[DialectFile]:
 def _times() -> list[DialectFile]:
     """Times."""
     speed, force = cells(_KMH), cells(_F)
+    week = ["2444"] * ROWS
     head = "Speed [km/h],Force [N]"
     fields = {"v": ("Speed [km/h]", KMH), "F": ("Force [N]", SI)}
     minutes = [f"{int(t // 3600)}:{int(t // 60):02d}:{t % 60:06.3f}" for t in _T]
@@ -192,9 +203,8 @@ def _times() -> list[DialectFile]:
         ),
         DialectFile(
             "week and seconds of GPS",
-            lines(["GPSWeek,GPSTime," + head], [["2444"] * ROWS, cells(_T + 461_730), speed, force]),
+            lines(["GPSWeek,GPSTime," + head], [week, cells(_T + 461_730), speed, force]),
             fields,
-            keys=("log.time=GPSTime", "log.time_unit=s"),
             t0_ns=461_730 * 10**9,
         ),
     ]  # fmt: skip

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tests.replay.logs.dialects import DRIVE, KMH, ROWS, SI, T0_NS, DialectFile, stamps, whole
+from benchmarks.dialects.dialect_file import DRIVE, KMH, ROWS, SI, T0_NS, DialectFile, stamps, whole
 
 _KN: Final = 1e-3
 _LBF: Final = 1 / 4.4482216152605
@@ -170,13 +170,19 @@ def _times() -> list[DialectFile]:
                 [whole(_T, 1000), cells(_V), whole(_T, 1000), force],
                 "\t",
             ),
-            {"v": ("column 2", SI), "F": ("column 4", SI)},
+            {"v": ("Axis.ActVelo", SI), "F": ("Axis.ActForce", SI)},
             suffix=".txt",
+            keys=(
+                *("log.header_row=6", "log.units_row=11"),
+                *("log.time=Name", "log.time_unit=ms"),
+            ),
         ),
         DialectFile(
             "ros2 topic echo --csv: seconds and nanoseconds, no names",
             lines([], [sec, nanosec, ["base_link"] * ROWS, cells(_V), force]),
             {"v": ("column 4", SI), "F": ("column 5", SI)},
+            keys=("log.time=column 1", "log.time_fraction=column 2"),
+            channels={"speed_x_m_s": 'field = "column 4"', "force_x_N": 'field = "column 5"'},
             t0_ns=T0_NS,
         ),
         DialectFile(
