@@ -167,10 +167,11 @@ class TableLog(Log):
         times = found.stamps
         # one row has no spacing that would tell anything
         self._notes += found.notes
-        if times.null_count():
-            self._losses.note(
-                self.path, f"{times.null_count()} of {times.len()} rows have no time: dropped"
-            )
+        # of pairs side by side one may end before the others
+        last = times.is_not_null().arg_true().max() if len(self._parts) > 1 else None
+        missing = times.head(int(last) + 1).null_count() if last is not None else times.null_count()  # pyright: ignore[reportArgumentType] an index
+        if missing:
+            self._losses.note(self.path, f"{missing} of {times.len()} rows have no time: dropped")
         there = times.drop_nulls()
         steps = there.diff()
         backwards = int((steps < 0).sum())

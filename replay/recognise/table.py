@@ -56,7 +56,7 @@ def recognise(log: Log) -> Recognised:
                 channel = "acc_x_m_s2"
             unit, reason = by_gravity.get(
                 column.field,
-                (column.unit, f"its name, in {column.unit}" if column.unit else "its name"),
+                (column.unit, "its name and unit" if column.unit else "its name"),
             )
             found.fill(column, channel, reason, unit)
     _by_unit_alone(columns, found)
