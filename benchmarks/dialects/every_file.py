@@ -51,7 +51,7 @@ def answered(draft: str, file: DialectFile) -> str:
         if line.startswith("field = "):
             field = line.split('"')[1]
         if line == 'unit = "?"':
-            line = file.units[field]
+            line = file.units.get(field, line)
         for word, number in _ANSWERS.items():
             line = line.replace(word, f"{number:g}") if line.startswith("derive") else line
         if line.startswith("# wheel_radius_m"):

@@ -257,8 +257,9 @@ class TableLog(Log):
             has = f"the one topic '{TABLE}'" if len(self._parts) == 1 else f"the topics {many}"
             raise LogError(f"{self.path}: no topic '{topic}'; a table has {has}")
         choices = self._fields(topic)
+        inside = frozenset(choices)
         for field in fields:
-            if field not in choices:
+            if field not in inside:
                 raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
         self._look(fields)
         cells = self._cells(list(dict.fromkeys(fields)))

@@ -73,7 +73,7 @@ def _columns(log: Log) -> list[LogColumn]:
         for name in row["fields"]:
             said, unit = meaning(_bare(name)), units.get(name)
             # "Motor Amps": the unit is the only word that names the quantity
-            said = said if said.quantity else meaning(name)
+            said = said if said.quantity or unit is None else meaning(name)
             found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
     return found
 

@@ -36,6 +36,18 @@ _WITHOUT_GRAVITY: Final = ("linear", "gps", "calculated", "calc", "derived", "wi
 _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
 
 
+#: A long one may be a part of a compound: Zugkraft, Motordrehzahl.
+_LONG: Final = 4
+
+
+def _parts(words: tuple[str, ...]) -> re.Pattern[str] | None:
+    long = [word for word in words if len(word) > _LONG]
+    return re.compile("|".join(long)) if long else None
+
+
+_KNOWN: Final = tuple((name, frozenset(words), _parts(words)) for name, words in _QUANTITIES)
+
+
 @dataclass(frozen=True, slots=True)
 class Meaning:
     """What a column's name says; None where it does not."""
@@ -57,13 +69,12 @@ def meaning(name: str) -> Meaning:
     spaced = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", name)
     words = [word for word in re.split(r"[\W\d_]+", spaced.lower()) if word]
     joined = ["".join(pair) for pair in pairwise(words)]
+    own, text = frozenset((*words, *joined)), " ".join(words)
     quantity = next(
         (
             quantity
-            for quantity, starts in _QUANTITIES
-            if any(word in starts for word in (*words, *joined))
-            # a part of a compound: Zugkraft, Motordrehzahl
-            or any(start in word for word in words for start in starts if len(start) > 4)
+            for quantity, whole, part in _KNOWN
+            if not own.isdisjoint(whole) or (part is not None and part.search(text))
         ),
         None,
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 import polars as pl
-from polars.exceptions import PolarsError
+from polars.exceptions import PanicException, PolarsError
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.tables.cells import is_numeric, kind, with_points
@@ -70,6 +70,7 @@ class CsvColumns:
             for name, cells in heads.items()
             if is_numeric([kind(cell, decimal) for cell in cells], empty=True)
         }
+        self._cell_units = dict(zip(self.names, self._dialect.cell_units, strict=False))
         self._quotes_are_paired = True
 
     def close(self) -> None:
@@ -170,7 +171,7 @@ class CsvColumns:
         """Numbers as they are read everywhere: with points, and nothing between or behind."""
         if column.dtype != pl.String or column.name not in self._numeric:
             return column
-        unit = self._dialect.cell_units[self.names.index(column.name)]
+        unit = self._cell_units.get(column.name)
         return with_points(column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped)
 
     def _collected(self, frame: pl.LazyFrame) -> pl.DataFrame:
@@ -178,7 +179,7 @@ class CsvColumns:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 found = frame.collect(engine="streaming")
-        except (PolarsError, OSError) as error:
+        except (PolarsError, PanicException, OSError) as error:
             # polars spreads some messages over several lines
             raise BrokenBytesError(str(error).strip().partition("\n")[0]) from error
         self._quotes_are_paired &= not any(_UNPAIRED in str(each.message) for each in caught)
