@@ -12,7 +12,9 @@ from benchmarks.damaged_tables import damaged, hostile, outcome, packed
 
 #: The process may grow by so much over all of them, in MB.
 MOST_MB = 600
-CASES = {name: (".csv", data) for name, data in hostile().items()} | packed()
+#: What takes half a minute is drawn in the campaign alone.
+LONG = "a hundred thousand columns"
+CASES = {n: (".csv", data) for n, data in hostile().items() if n != LONG} | packed()
 SEEDS = range(0, 200, 8)
 
 
