@@ -193,24 +193,17 @@ def outcome(path: Path) -> str:
     Raises:
         AssertionError: a message of several lines.
     """
-    described = None
     try:
         with open_log(path) as log:
             described = describe(log)
             text, lacking = draft_machine_file(log, None)
-            losses = log.losses()
+            said = [*(loss.what for loss in log.losses()), *lacking, *described.notes]
+            found = "losses declared" if log.losses() else "whole"
     except LogError as error:
-        lines = str(error).count("\n")
-    else:
-        lines = 0
-    if lines:
-        raise AssertionError(f"{path}: a message of several lines")
-    if described is None:
-        return "refused"
-    assert all("\n" not in loss.what for loss in losses)
-    assert all("\n" not in each for each in (*lacking, *described.notes))
-    assert text
-    return "losses declared" if losses else "whole"
+        text, said, found = "refused", [str(error)], "refused"
+    if not text or any("\n" in each for each in said):
+        raise AssertionError(f"{path}: a message of several lines, or no draft")
+    return found
 
 
 def main(seeds: int) -> None:

@@ -37,7 +37,8 @@ _SIGN: Final = (
 def _axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     """The three axes of the one accelerometer; none where there are several, or axes missing."""
     found = [c for c in columns if c.said.quantity == "acceleration" and c.said.axis]
-    return found if len(found) == len(_AXES) and {c.said.axis for c in found} == _AXES else []
+    axes = sorted(c.said.axis for c in found if c.said.axis)
+    return found if axes == sorted(_AXES) else []
 
 
 def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[str, str]]:

@@ -15,9 +15,9 @@ _TURNS: Final = ("rpm", "rad/s", "Hz")
 def propose_drives(columns: Sequence[LogColumn], found: Recognised) -> None:
     """Sketch force and speed from what motors and wheels report, where no column has them."""
     if not {"force_x_N"} & found.taken and not _has_both(found, "torque_{}_N_m"):
-        _unnamed_sides(columns, found) or _motor_force(columns, found) or _pressure(columns, found)
+        any(propose(columns, found) for propose in (_unnamed_sides, _motor_force, _pressure))
     if "speed_x_m_s" not in found.taken and not _has_both(found, "speed_{}_m_s"):
-        _wheel_speeds(columns, found) or _motor_speed(columns, found)
+        any(propose(columns, found) for propose in (_wheel_speeds, _motor_speed))
 
 
 def _has_both(found: Recognised, name: str) -> bool:

@@ -13,7 +13,7 @@ from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.tables.cells import is_numeric, kind, with_points
 from replay.logs.tables.dialect import BLANKS, sniff, some_cells
 from replay.logs.tables.hints import TableHints
-from replay.logs.tables.text import Utf8Text, as_utf8, head_lines, with_tabs
+from replay.logs.tables.text import Utf8Text, as_utf8, head_lines, with_tabs, without_torn_quote
 
 #: Stands in no text: a line is one cell.
 _NO_SEPARATOR: Final = "\x1f"
@@ -50,6 +50,11 @@ class CsvColumns:
             self._dialect = sniff(head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
                 text, self._text = self._text, with_tabs(self._text)
+                _remove(text)
+            whole = without_torn_quote(self._text, self._dialect.separator)
+            self._is_torn = whole is not None
+            if whole is not None:
+                text, self._text = self._text, whole
                 _remove(text)
         except BaseException:
             self.close()
@@ -113,6 +118,8 @@ class CsvColumns:
         self.rows = short.len()
         if long.any():
             note("rows with more cells than the header: what is too much is not read")
+        if self._is_torn:
+            note("its last row is torn and not read")
         if not self._quotes_are_paired:
             note("its quotes are not paired: rows between them may be read as one cell")
         lines = self._short_lines() if short.any() else []

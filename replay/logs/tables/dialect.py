@@ -233,7 +233,7 @@ def _reading(
     if first is None:
         return None
     cells = [row.cells[k] for row in rows[first:] for k in numeric if k < len(row.cells)]
-    signs = [is_signed(cell, decimal) for cell in cells]
+    with_sign = [is_signed(cell, decimal) for cell in cells]
     return _Reading(
         separator,
         decimal,
@@ -241,8 +241,8 @@ def _reading(
         first,
         width,
         0.0 if faults < _FEW_FAULTS else faults,
-        sum(x for x, _ in signs),
-        sum(y for _, y in signs),
+        sum(x for x, _ in with_sign),
+        sum(y for _, y in with_sign),
         grouped,
     )
 

@@ -116,6 +116,27 @@ def with_tabs(text: Utf8Text) -> Utf8Text:
     return _copied(text.path, lines, text.notes)
 
 
+def without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
+    """A copy without a last row that ends behind an opening quote, at which polars panics.
+
+    None where there is no such row.
+    """
+    with text.path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(size - _PIECE, 0))
+        tail = file.read()
+    if not tail.endswith((b'\n"', separator.encode() + b'"')):
+        return None
+    end = size - len(tail) + tail.rfind(b"\n") + 1
+    folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
+    place = Path(folder.name) / text.path.name
+    with text.path.open("rb") as file, place.open("wb") as copy:
+        while end > 0 and (piece := file.read(min(_PIECE, end))):
+            copy.write(piece)
+            end -= len(piece)
+    return Utf8Text(place, folder, text.notes)
+
+
 def _copied(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
     folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
     place = Path(folder.name) / path.name
