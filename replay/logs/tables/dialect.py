@@ -15,7 +15,7 @@ from typing import Final
 from replay.logs.tables.cells import common_unit, is_numeric, is_signed, kind
 from replay.logs.tables.dates import is_clock, is_date
 from replay.logs.tables.header import ColumnName, column_names
-from replay.logs.tables.header_rows import Row, header_row, rows_of_names
+from replay.logs.tables.header_rows import TextRow, header_row, rows_of_names
 from replay.logs.tables.hints import DialectError, TableHints
 
 SEPARATORS: Final = (",", ";", "\t", "|")
@@ -75,7 +75,7 @@ class Dialect:
 class _Reading:
     separator: str
     decimal: str
-    rows: list[Row]
+    rows: list[TextRow]
     first: int  #: index of the first row of data
     width: int
     faults: float  #: share of rows of another length, and of cells that are no number
@@ -150,12 +150,12 @@ def _decided(best: list[_Reading], hints: TableHints) -> _Reading:
     return reading
 
 
-def split_rows(lines: Sequence[str], separator: str) -> Iterator[Row]:
+def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
     """The rows that are not empty, without blanks around their cells."""
     if separator == BLANKS:
         for number, line in enumerate(lines):
             if cells := tuple(line.split()):
-                yield Row(number, number + 1, cells)
+                yield TextRow(number, number + 1, cells)
         return
     # with their ends, which belong to a cell that goes over lines
     reader = csv.reader((f"{line}\n" for line in lines), delimiter=separator)
@@ -170,7 +170,7 @@ def split_rows(lines: Sequence[str], separator: str) -> Iterator[Row]:
             continue
         cells = tuple(cell.strip() for cell in row)
         if any(cells):
-            yield Row(before, reader.line_num, cells)
+            yield TextRow(before, reader.line_num, cells)
         before = reader.line_num
 
 
@@ -197,7 +197,7 @@ def _readings(
 
 
 def _reading(
-    rows: list[Row], later: list[Row], width: int, signs: tuple[str, str], below: int
+    rows: list[TextRow], later: list[TextRow], width: int, signs: tuple[str, str], below: int
 ) -> _Reading | None:
     separator, decimal = signs
     fitting = [row for row in later if len(row.cells) == width] or later
@@ -312,7 +312,7 @@ def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
     return bool(data) and is_date(data[0][0]) and is_clock(data[0][1])
 
 
-def _notes(dialect: Dialect, names: Row | None, units: Row | None) -> Iterator[str]:
+def _notes(dialect: Dialect, names: TextRow | None, units: TextRow | None) -> Iterator[str]:
     said: list[str] = []
     if dialect.separator != ",":
         said.append(f"cells separated by {_NAMED[dialect.separator]}")

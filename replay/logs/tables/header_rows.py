@@ -13,7 +13,7 @@ _COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class TextRow:
     """Cells, and where they stand."""
 
     line: int  #: from 0
@@ -21,25 +21,27 @@ class Row:
     cells: tuple[str, ...]
 
 
-def header_row(row: Row, separator: str, width: int, lines: Sequence[str]) -> Row:
+def header_row(row: TextRow, separator: str, width: int, lines: Sequence[str]) -> TextRow:
     """A row above the data without its comment sign; words in brackets belong to their name."""
     text = _COMMENT.sub("", lines[row.line])
     if separator != " ":
         if text == lines[row.line] or not row.cells:
             return row
         cells = next(csv.reader([text], delimiter=separator), [])
-        return Row(row.line, row.after, tuple(cell.strip() for cell in cells) or row.cells)
+        return TextRow(row.line, row.after, tuple(cell.strip() for cell in cells) or row.cells)
     cells = text.split()
     if len(cells) != width:
         wide = [cell.strip() for cell in re.split(r"\t|\s{2,}", text.strip())]
         if len(wide) == width:
-            return Row(row.line, row.after, tuple(wide))
+            return TextRow(row.line, row.after, tuple(wide))
         joint = re.sub(r"\s+(?=[\[(])", "\0", text.strip()).split()
         cells = [cell.replace("\0", " ") for cell in joint]
-    return Row(row.line, row.after, tuple(cells))
+    return TextRow(row.line, row.after, tuple(cells))
 
 
-def rows_of_names(above: list[Row], width: int, hints: TableHints) -> tuple[Row | None, Row | None]:
+def rows_of_names(
+    above: list[TextRow], width: int, hints: TableHints
+) -> tuple[TextRow | None, TextRow | None]:
     """The row of the names and that of the units; None where there is none.
 
     Args:
@@ -86,6 +88,6 @@ def rows_of_names(above: list[Row], width: int, hints: TableHints) -> tuple[Row 
     return last, before if adjacent and is_units(before.cells) else None
 
 
-def _fits(row: Row, width: int) -> bool:
+def _fits(row: TextRow, width: int) -> bool:
     """Whether a row is about all columns: one of a preamble has few cells."""
     return len(row.cells) > 1 and len(row.cells) * 2 > width
