@@ -59,6 +59,7 @@ PAGES = (
             "first-recording",
             "loads",
             "explaining",
+            "from-your-own-table",
             "machine-file",
             "simulating",
             "reviewing-a-shift",

@@ -64,9 +64,31 @@ def _dimension(tree: Call, each: list[Any], registry: Any) -> Any:
 _WORDS = {"+": "sum", "-": "difference", **dict.fromkeys(COMPARISONS, "comparison")}
 
 
+#: What a person calls the SI unit of a dimension: exponents of kg, m, s, A.
+_NAMES = {
+    (1, 1, -2, 0): "N",
+    (1, 2, -2, 0): "N·m",
+    (1, 2, -3, 0): "W",
+    (1, -1, -2, 0): "Pa",
+    (0, 1, -1, 0): "m/s",
+    (0, 1, -2, 0): "m/s²",
+    (0, 0, -1, 0): "1/s",
+    (1, 2, -3, -1): "V",
+    (1, 2, -2, -1): "N·m/A",
+}
+_BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A"}
+
+
 def told(dimension: Any) -> str:
-    """A dimension as a person reads it: `[mass] * [length] / [time] ** 2`."""
-    return str(dimension) if dimension else "a pure number"
+    """A dimension as a person reads it: by its SI unit, `in N·m`."""
+    if not dimension:
+        return "a pure number"
+    powers = {_BASE.get(name, name.strip("[]")): power for name, power in dimension.items()}
+    exact = tuple(powers.get(unit, 0) for unit in _BASE.values())
+    if set(powers) <= set(_BASE.values()) and exact in _NAMES:
+        return f"in {_NAMES[exact]}"
+    parts = (unit if power == 1 else f"{unit}^{power:g}" for unit, power in powers.items())
+    return f"in {'·'.join(parts)}"
 
 
 def _gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:

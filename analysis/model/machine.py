@@ -112,6 +112,8 @@ class LogSection(BaseModel):
     day_first: bool | None = None
     rate_hz: float | None = Field(default=None, gt=0)
     sheet: str | None = None
+    time_fraction: str | None = None
+    sort_times: bool | None = None
 
     @model_serializer(mode="wrap")
     def _given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -66,7 +66,7 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "m/min": "m/min",
     "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 m_s2 m/s**2 m*s^-2 ms-2",
     "standard_gravity": "g G g_n gee g's gs",
-    "rad/s": "rad/s rad_s rad/sec rads",
+    "rad/s": "rad/s rad_s rad/sec",
     "deg/s": "deg/s deg_s dps °/s degree/s degrees/s deg/sec °/sec",
     "rpm": "rpm 1/min u/min r/min min-1 min^-1 rev/min tr/min 1_min",
     "rad/s**2": "rad/s2 rad/s^2 rad_s2",
@@ -121,6 +121,7 @@ _LOWER: Final[Mapping[str, str]] = {
     for each, unit in _EXACT.items()
     if len({u for e, u in _EXACT.items() if e.lower() == each.lower()}) == 1
 }
+_MILLI_OR_MEGA: Final = frozenset({"mN*m", "mA", "mV", "MPa"})
 _SIGNS: Final = str.maketrans(
     {"·": "*", "⋅": "*", "×": "*", "²": "^2", "μ": "µ", "º": "°", "⁻": "-", "¹": "1"}
 )
@@ -133,8 +134,12 @@ def spelt_unit(text: str) -> str | None:
         text: `Nm`, `km/h`, `[m/s²]`, `U/min`, `dps`.
     """
     bare = text.strip().strip("[](){}<>").strip().translate(_SIGNS).replace(" ", "")
+    if unit := _EXACT.get(bare):
+        return unit
     # a lone v or a is the name of a column more often than volts or amperes
-    return _EXACT.get(bare) or (_LOWER.get(bare.lower()) if len(bare) > 1 else None)
+    unit = _LOWER.get(bare.lower()) if len(bare) > 1 else None
+    # milli or mega: a capital tells, and without it neither is taken
+    return None if unit in _MILLI_OR_MEGA else unit
 
 
 #: Words of a unit behind a name: rad_s2, N_m.

@@ -48,9 +48,10 @@ def command(
         with open_log(log, time=axis) as opened:
             keep_apart(output, opened.files)
             text, missing = draft_machine_file(opened, axis)
+            lacking = [f"note: {note}" for note in opened.notes()]
             found = BRAKING if missing else replayed_lines(opened, text)
             text += "\n".join(["", *found])
-        lacking = [f"still missing: {sentence}" for sentence in missing]
+        lacking += [f"still missing: {sentence}" for sentence in missing]
     with whole_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:

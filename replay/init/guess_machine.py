@@ -15,7 +15,9 @@ from analysis.model.schema import CHANNEL_COLUMNS
 from replay.init.guess_mounting import mounting_lines
 from replay.logs import TABLE, Log, TimeAxis
 from replay.recognise.profile import FieldProfile, profiles
-from replay.recognise.table import ChannelProposal, Recognised, recognise
+from replay.recognise.proposals import ChannelProposal, Recognised
+from replay.recognise.table import recognise
+from replay.recognise.words import meaning
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
@@ -43,6 +45,13 @@ _SHORT = {
     "force_N": "force_x_N",
     "acceleration_m_s2": "acc_x_m_s2",
 }
+
+
+#: What every answer rests on and has a default: asked behind what is missing.
+_TO_ANSWER = (
+    "does it dig? machine.digs = false where it has no bucket",
+    "does the force see the brakes? settings.gate.exclude_braking = false where it does",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +123,16 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         lines += [f"field = {_quoted(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
     for proposal in told.channels:
         lines += _comment_lines(proposal) if proposal.is_comment else []
+    has_speed = "speed_x_m_s" in found
+    if kinematic and not has_speed and "acc_x_m_s2" not in found:
+        # ready for the speed that is asked for
+        derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
     for column, formula in derived.items():
-        sign = "# " if any(each in formula for each in open_columns) else ""
+        is_open = not has_speed or any(each in formula for each in open_columns)
+        sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
+    lines += [f"# to answer: {sentence}" for sentence in _TO_ANSWER]
     rest = _profile_lines(log, guesses) if is_table else list(_others(topics, guesses))
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
@@ -145,8 +160,8 @@ def _comment_lines(proposal: ChannelProposal) -> list[str]:
         lines.append(f"topic = {_quoted(proposal.topic)}")
     if proposal.field:
         lines.append(f"field = {_quoted(proposal.field)}")
-    if proposal.unit == "?":
-        lines.append('unit = "?"')
+    if proposal.unit:
+        lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:
         lines.append(f'derive = "{proposal.derive}"')
     return [f"# {_one_line(proposal.reason)}", *(f"# {line}" for line in lines), ""]
@@ -156,7 +171,13 @@ def _profile_lines(log: Log, guesses: list[Guess]) -> list[str]:
     """Every column that is not used, with its unit, rate and range."""
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     rest = [each for each in profiles(log) if (each.topic, each.field) not in used]
-    return ["# Also in the log:", *(f"#   {profile_line(each)}" for each in rest)]
+    return ["# Also in the log:", *(f"#   {profile_line(each)}{_named_as(each)}" for each in rest)]
+
+
+def _named_as(each: FieldProfile) -> str:
+    """What a column without a channel says that it is, where a person may look for it."""
+    quantity = meaning(each.field).quantity
+    return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
 
 def profile_line(each: FieldProfile) -> str:

@@ -47,6 +47,11 @@ class ReadOnce(Log):
         """What was recognised of the log."""
         return self._log.notes()
 
+    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
+        """What will be read is read of the log, where it is not kept."""
+        if not self._kept:
+            self._log.expect(fields)
+
     def units(self, topic: str) -> Mapping[str, str]:
         """The units that the log states."""
         return self._log.units(topic)

@@ -75,14 +75,17 @@ def side_by_side(logs: Sequence[Log], machine: Machine) -> tuple[Sequence[Log], 
         LogError: a column that no table has.
     """
     wanted = {field for channel in machine.channels.values() for field in channel.fields}
+    for log in logs:
+        log.expect({TABLE: sorted(wanted)})
     logs = _named(logs, wanted)
     columns = {
         topic: set[str](fields or [])
         for log in logs
         for topic, fields in log.topics().select("topic", "fields").iter_rows()
-        if topic.startswith(_NAMED)
+        if topic.startswith(_NAMED) or topic == TABLE
     }
-    if not columns:
+    # one table alone needs no name
+    if not any(topic.startswith(_NAMED) for topic in columns):
         return logs, machine
     by_field = {field: topic for topic, fields in columns.items() for field in fields & wanted}
     channels = dict(machine.channels)

@@ -216,6 +216,12 @@ class Log(ABC):
         """What was recognised of how the log is written, where nobody said it."""
         return ()
 
+    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:  # noqa: B027 most have no use for it
+        """Say which fields will be read next, by topic.
+
+        A log that has to pass over all of it to know its times reads them on the way.
+        """
+
     def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002
         """The units that the log itself states, by field of a topic."""
         return {}

@@ -33,6 +33,8 @@ def _open_db3(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
 
 
 def _open_table(path: Path, time: TimeAxis | None) -> Log:
+    if path.suffix.lower() == ".gz" and Path(path.stem).suffix.lower() not in _TEXTS:
+        raise LogError(f"{path}: only text tables are read as .gz; unpack it first")
     from replay.logs.table_log import TableLog
 
     return TableLog(path, time)
@@ -62,7 +64,9 @@ def _open_directory(path: Path) -> Log:
 #: as well.
 TABLES: Final = (
     *(".csv", ".parquet", ".tsv", ".txt", ".dat", ".log", ".asc", ".arrow", ".feather", ".xlsx"),
+    *(".prn", ".lvm", ".vbo", ".pos", ".tab", ".gz"),
 )
+_TEXTS: Final = tuple(s for s in TABLES if s not in (".parquet", ".arrow", ".feather", ".xlsx"))
 #: What opens a file, by its suffix.
 OPENERS: Final[dict[str, Callable[[Path, TimeAxis | None], Log]]] = {
     ".bag": _open_bag,

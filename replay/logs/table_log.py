@@ -38,6 +38,10 @@ _TRUTHS: Final = ["true", "false"]
 _WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
 #: Rows that may share a time: more that all do have none.
 _FEW: Final = 2
+#: A table is sorted by time without a question where so small a share of its rows is late, or where
+#: of those that are late so many fall back: rows in any order, not one record behind another.
+_FEW_LATE: Final = 0.01
+_FALLS: Final = 0.05
 #: Characters of a cell that a loss quotes.
 _LONGEST: Final = 40
 
@@ -49,7 +53,8 @@ class TableLog(Log):
     """
 
     def __init__(self, path: Path, time: TimeAxis | None) -> None:
-        self._suffix = path.suffix.lower().removeprefix(".")
+        inner = path.with_suffix("") if path.suffix.lower() == ".gz" else path
+        self._suffix = inner.suffix.lower().removeprefix(".")
         copies = ExitStack()
         super().__init__(path, _FORMATS.get(self._suffix, "text table"), copies.close)
         self._losses = LossList()
@@ -61,10 +66,11 @@ class TableLog(Log):
         except DialectError as error:
             raise LogError(f"{path}: {error} {_WHERE}") from error
         found = self._find_times(time)
-        self._check(found)
         names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
         self._parts = dict(zip(names, found, strict=True))
         self._stamps: dict[str, pl.Series] = {}
+        self._expected: list[str] = []
+        self._is_checked = False
         self._notes = [*self._columns.notes]
 
     @property
@@ -110,7 +116,10 @@ class TableLog(Log):
                 f"{self.path}: no column '{given.column}' for the time; "
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
-        found = find_times(self._columns.columns, self._columns.head, given)
+        try:
+            found = find_times(self._columns.columns, self._columns.head, given)
+        except DialectError as error:
+            raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:
             more = f" and {len(columns) - _NAMED} more" if len(columns) > _NAMED else ""
             named = ", ".join(map(repr, columns[:_NAMED]))
@@ -121,50 +130,93 @@ class TableLog(Log):
             )
         return found
 
-    def _check(self, found: Sequence[tuple[TableTimes, list[str]]]) -> None:
-        """Look at all rows of a text once, and read its times on the way."""
-        if not isinstance(self._columns, CsvColumns):
+    def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
+        """Read these with the times, when all rows are looked at."""
+        inside = {name for topic in self._parts for name in self._fields(topic)}
+        asked = dict.fromkeys(name for names in fields.values() for name in names)
+        self._expected = [name for name in asked if name in inside]
+
+    def _look(self, fields: Sequence[str] = ()) -> None:
+        """Look at all rows of a text once, and read its times and some fields on the way."""
+        if self._is_checked or not isinstance(self._columns, CsvColumns):
             return
-        times = [column for axis, _ in found for column in axis.columns]
+        self._is_checked = True
+        times = [column for axis, _ in self._parts.values() for column in axis.columns]
+        once, self._expected = [*self._expected, *fields], []
         try:
-            self._columns.check(times, partial(self._losses.note, self.path))
+            self._columns.check(times, once, partial(self._losses.note, self.path))
         except BrokenBytesError as error:
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
     def _times(self, topic: str) -> pl.Series:
         """Log time of each row, null where it has none."""
         if topic not in self._stamps:
+            self._look()
             self._stamps[topic] = self._find_stamps(self._parts[topic][0])
         return self._stamps[topic]
 
     def _find_stamps(self, axis: TableTimes) -> pl.Series:
-        cells = list(self._cells(axis.columns).values())
         try:
-            found = axis.stamps(cells, self._columns.rows)
+            found = axis.stamps(self._cells(axis.columns), self._columns.rows)
         except TimeError as error:
+            remedy = "" if "[log]" in str(error) else ". Set [log] time and time_unit"
             raise LogError(
-                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {error}. "
-                "Set [log] time and time_unit in the machine file"
+                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {error}{remedy} "
+                f"{_WHERE}"
             ) from error
         times = found.stamps
         # one row has no spacing that would tell anything
         self._notes += found.notes
-        if times.null_count():
-            self._losses.note(
-                self.path, f"{times.null_count()} of {times.len()} rows have no time: dropped"
-            )
+        # of pairs side by side one may end before the others
+        last = times.is_not_null().arg_true().max() if len(self._parts) > 1 else None
+        missing = times.head(int(last) + 1).null_count() if last is not None else times.null_count()  # pyright: ignore[reportArgumentType] an index
+        if missing:
+            self._losses.note(self.path, f"{missing} of {times.len()} rows have no time: dropped")
         there = times.drop_nulls()
-        backwards = int((there.diff() < 0).sum())
+        steps = there.diff()
+        backwards = int((steps < 0).sum())
+        self._refuse_shared(axis, there, steps)
         if backwards:
+            self._refuse_restarts(axis, there, backwards)
             self._losses.note(
                 self.path, f"the time goes back at {backwards} rows: sorted by time", TABLE
             )
-        if there.len() > _FEW and there.min() == there.max():
-            raise LogError(
-                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: all rows have the "
-                "same; name another column: [log] time"
-            )
         return times.alias("log_time_ns")
+
+    def _refuse_shared(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
+        """Refuse times that most rows share with the one before: their resolution is too coarse."""
+        shared = int((steps == 0).sum())
+        if there.len() <= _FEW or 2 * (there.len() - shared) >= there.len():
+            return
+        if shared == there.len() - 1:
+            said = "all rows have the same; name another column: [log] time"
+        else:
+            said = (
+                f"{shared:,} of {there.len():,} rows have the time of the row before; name another "
+                "column or the one of the fractions, [log] time or time_fraction, or set "
+                "[log] rate_hz = the rows in a second"
+            )
+        raise LogError(f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said}")
+
+    def _refuse_restarts(self, axis: TableTimes, there: pl.Series, backwards: int) -> None:
+        """Refuse a time that falls back and goes on from there: sorted, two records would mix."""
+        wanted = self._hints.sort_times
+        if wanted or (wanted is None and self._is_shuffled(there, backwards)):
+            return
+        before = there.cum_max()
+        row = int((before > there).arg_max() or 0)
+        fall_s = (before[row] - there[row]) / 1e9
+        raise LogError(
+            f"{self.path}: column '{axis.columns[-1]}' cannot be the time: it falls back by "
+            f"{fall_s:.6g} s at row {row + 1:,} and goes on from there: a second record, or a "
+            "counter that begins anew. Split the file, name another column ([log] time), or set "
+            "[log] rate_hz, or [log] sort_times = true if the rows belong together"
+        )
+
+    def _is_shuffled(self, there: pl.Series, backwards: int) -> bool:
+        """Whether few rows are late, or so many fall back that none go on from there."""
+        late = int((there < there.cum_max()).sum())
+        return late < _FEW_LATE * there.len() or backwards > _FALLS * late
 
     def _cells(self, names: Sequence[str]) -> dict[str, pl.Series]:
         try:
@@ -205,9 +257,11 @@ class TableLog(Log):
             has = f"the one topic '{TABLE}'" if len(self._parts) == 1 else f"the topics {many}"
             raise LogError(f"{self.path}: no topic '{topic}'; a table has {has}")
         choices = self._fields(topic)
+        inside = frozenset(choices)
         for field in fields:
-            if field not in choices:
+            if field not in inside:
                 raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
+        self._look(fields)
         cells = self._cells(list(dict.fromkeys(fields)))
         columns = [self._values(cells.pop(field)) for field in dict.fromkeys(fields)]
         times = self._times(topic)
@@ -263,6 +317,7 @@ class TableLog(Log):
     def check(self) -> Checked:
         """Read every column; see `Log.check`."""
         self._check_open()
+        self._look()
         fields = {field for topic in self._parts for field in self._fields(topic)}
         message_bytes = 0
         for name in self._columns.names:

@@ -17,8 +17,10 @@ Floats = NDArray[np.float64]
 #: Characters of a course, and the bars it is drawn with.
 _CELLS: Final = 16
 _BARS: Final = "▁▂▃▄▅▆▇█"
-#: Fields that are read in one pass: bounds the memory of a table of thousands of columns.
-_AT_ONCE: Final = 64
+#: Values that are read in one pass, 64 MB of them: bounds the memory of a table of thousands of
+#: columns; and fields at least, which bounds the passes of a long one.
+_AT_ONCE: Final = 8_000_000
+_FEWEST_AT_ONCE: Final = 16
 #: Names of stamps, which are no readings.
 _NO_READINGS: Final = ("header.stamp", "header.seq", "header.frame_id")
 
@@ -76,8 +78,9 @@ def profiles(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile
             continue
         fields = [f for f in row["fields"] or [] if "[]" not in f and f not in _NO_READINGS]
         units = log.units(row["topic"])
-        for begin in range(0, len(fields), _AT_ONCE):
-            part = fields[begin : begin + _AT_ONCE]
+        at_once = max(_AT_ONCE // row["messages"], _FEWEST_AT_ONCE)
+        for begin in range(0, len(fields), at_once):
+            part = fields[begin : begin + at_once]
             try:
                 frame = log.read(row["topic"], part)
             except LogError:

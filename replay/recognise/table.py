@@ -1,80 +1,31 @@
 """Channels that a table's columns fill, each with its reason, and what has to be asked.
 
-A column is proposed where its name says which quantity it is and its unit fits; how it goes with
-the others is said beside it. What the answer needs and no column tells is a question: the gear,
-the radius, the side, the sign.
+A column is proposed where its name says which quantity it is and its unit fits, or where its unit
+leaves one alone; how it goes with the others is said beside it. What the answer needs and no
+column tells is a question: the gear, the radius, the side, the unit, the sign.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Final
 
-import numpy as np
-import polars as pl
-from numpy.typing import NDArray
-
-from analysis.model.physical_units import to_si
+from analysis.model.physical_units import registry, unit_behind
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import unit_of
-from estimators.errors import LogError, MachineError
-from replay.logs import Log
-from replay.recognise.words import Meaning, meaning
-
-Floats = NDArray[np.float64]
+from replay.logs import TABLE, Log
+from replay.recognise.correlations import add_correlations, units_by_gravity, without_gravity
+from replay.recognise.drives import propose_drives
+from replay.recognise.proposals import LogColumn, Recognised
+from replay.recognise.words import meaning
 
 _KNOWN: Final = frozenset(column.name for column in CHANNEL_COLUMNS)
-#: Rows that correlations are taken over, at most, and the span of a slope, in s.
-_ROWS: Final = 200_000
-_SPAN_S: Final = 0.2
-#: A correlation that says something.
-_CLEAR: Final = 0.5
-#: Gravity on an axis, in m/s².
-_GRAVITY: Final = (9.0, 10.6)
-_GEAR: Final = "the gear ratio between motor and wheel, in channels.{}.derive"
-_SIGN: Final = (
-    "which way {} is positive: it goes against the change of speed ({:.2f}); if it is inverted, "
-    "scale = -1"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class ChannelProposal:
-    """A channel of a draft.
-
-    Attributes:
-        column: that is filled.
-        topic: None for the table's own.
-        field: that fills it; None where it is derived.
-        unit: that the field is in; None for SI.
-        reason: what it rests on.
-        derive: the arithmetic, where it is derived.
-        is_comment: whether something is missing, so that it stands there as a comment.
-    """
-
-    column: str
-    topic: str | None
-    field: str | None
-    unit: str | None
-    reason: str
-    derive: str | None = None
-    is_comment: bool = False
-
-
-@dataclass(slots=True)
-class Recognised:
-    """Channels, and questions in the order of need."""
-
-    channels: list[ChannelProposal] = field(default_factory=list)
-    questions: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class _Column:
-    topic: str | None
-    field: str
-    unit: str | None
-    said: Meaning
-    bare: str
+#: What a column is whose unit is of this dimension, whatever its name.
+_QUANTITY_OF: Final = {
+    "N": "force", "N*m": "torque", "W": "power", "A": "current", "Pa": "pressure",
+    "m/s": "speed", "m/s**2": "acceleration",
+}  # fmt: skip
+#: Torque and energy have one dimension, so have turns and frequencies: the name tells.
+_TURNS: Final = ("rpm", "rad/s", "Hz", "deg/s")
 
 
 def recognise(log: Log) -> Recognised:
@@ -85,104 +36,111 @@ def recognise(log: Log) -> Recognised:
     """
     columns = _columns(log)
     found = Recognised()
-    taken: set[str] = set()
-
-    def take(column: _Column, name: str, reason: str, unit: str | None = None) -> None:
-        if name in taken:
-            return
-        taken.add(name)
-        unit = unit if unit is not None else column.unit
-        found.channels.append(
-            ChannelProposal(name, column.topic, column.field, _not_si(unit, name), reason)
-        )
-
     for column in columns:
         if column.field in _KNOWN:
-            take(column, column.field, "its name", unit=unit_of(column.field))
-    for quantity, fill in _FILL.items():
+            found.fill(column, column.field, "its name", unit_of(column.field))
+    by_gravity = units_by_gravity(log, columns)
+    kinematic = without_gravity(log, columns)
+    for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
-            name = fill(column)
-            if column.said.quantity == quantity and name is not None:
-                stated = f"its name, in {column.unit}" if column.unit else "its name"
-                take(column, name, stated)
-    _motors(columns, found, taken)
-    _without_unit(columns, found, taken)
-    return _with_slopes(log, found)
+            channel = channel_of(column) if column.quantity == quantity else None
+            if channel is None and column.field in by_gravity:
+                channel = _specific_force(column)
+            if channel is None:
+                continue
+            if column.field in kinematic or (
+                column.said.is_without_gravity and channel.startswith("specific")
+            ):
+                if channel != "specific_force_x_m_s2":
+                    continue
+                channel = "acc_x_m_s2"
+            unit, reason = by_gravity.get(
+                column.field,
+                (column.unit, "its name and unit" if column.unit else "its name"),
+            )
+            found.fill(column, channel, reason, unit)
+    _by_unit_alone(columns, found)
+    propose_drives(columns, found)
+    _without_unit(columns, found)
+    return add_correlations(log, columns, found)
 
 
-def _columns(log: Log) -> list[_Column]:
-    found: list[_Column] = []
+def _columns(log: Log) -> list[LogColumn]:
+    found: list[LogColumn] = []
     for row in log.topics().iter_rows(named=True):
         units = log.units(row["topic"])
-        topic = None if row["topic"] == "table" else row["topic"]
+        topic = None if row["topic"] == TABLE else row["topic"]
         for name in row["fields"]:
-            bare = _bare(name)
-            found.append(_Column(topic, name, units.get(name), meaning(bare), bare))
+            said, unit = meaning(_bare(name)), units.get(name)
+            # "Motor Amps": the unit is the only word that names the quantity
+            said = said if said.quantity or unit is None else meaning(name)
+            found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
     return found
 
 
 def _bare(name: str) -> str:
-    from analysis.model.physical_units import unit_behind
-
+    """The words of a name, without its unit."""
     cut = name
     for opening in "[(":
         cut = cut.partition(opening)[0] or cut
     return unit_behind(cut)[0]
 
 
-def _fits(column: _Column, name: str) -> bool:
-    """Whether a column's unit is of a channel's dimension; none fits for now."""
-    if column.unit is None:
-        return False
-    try:
-        to_si(column.unit, unit_of(name))
-    except MachineError:
-        return False
-    return True
+def _quantity(said: str | None, unit: str | None) -> str | None:
+    """The quantity of a name, as far as its unit allows it."""
+    if unit is None or unit in _TURNS or said is None:
+        return said
+    dimension = registry().parse_units(unit).dimensionality
+    for each, quantity in _QUANTITY_OF.items():
+        if registry().parse_units(each).dimensionality == dimension:
+            return quantity
+    return said
 
 
-def _speed(column: _Column) -> str | None:
+def _speed(column: LogColumn) -> str | None:
     if column.said.axis in ("y", "z") or column.said.part == "motor":
         return None
     name = f"speed_{column.said.side}_m_s" if column.said.side else "speed_x_m_s"
-    return name if _fits(column, name) else None
+    return name if column.fits(name) else None
 
 
-def _force(column: _Column) -> str | None:
-    if column.said.axis in ("y", "z") or column.said.side:
-        return None
-    return "force_x_N" if _fits(column, "force_x_N") else None
+def _force(column: LogColumn) -> str | None:
+    off_axis = column.said.axis in ("y", "z") or column.said.side or column.said.is_linkage
+    return "force_x_N" if not off_axis and column.fits("force_x_N") else None
 
 
-def _torque(column: _Column) -> str | None:
+def _torque(column: LogColumn) -> str | None:
     side = column.said.side
     name = f"torque_{side}_N_m"
-    return name if side and column.said.part != "motor" and _fits(column, name) else None
+    return name if side and column.said.part != "motor" and column.fits(name) else None
 
 
-def _acceleration(column: _Column) -> str | None:
-    axis = column.said.axis
-    name = f"specific_force_{axis}_m_s2" if axis else None
-    return name if name and _fits(column, name) else None
+def _acceleration(column: LogColumn) -> str | None:
+    return _specific_force(column) if column.fits("acc_x_m_s2") else None
 
 
-def _position(column: _Column) -> str | None:
-    return (
-        "position_x_m"
-        if column.said.axis in (None, "x") and _fits(column, "position_x_m")
-        else None
-    )
+def _specific_force(column: LogColumn) -> str | None:
+    return f"specific_force_{column.said.axis}_m_s2" if column.said.axis else None
 
 
-def _yaw_rate(column: _Column) -> str | None:
-    return "yaw_rate_rad_s" if _fits(column, "yaw_rate_rad_s") else None
+def _position(column: LogColumn) -> str | None:
+    along = column.said.axis in (None, "x")
+    return "position_x_m" if along and column.fits("position_x_m") else None
 
 
-def _angle(name: str, column: _Column) -> str | None:
-    return name if _fits(column, name) and column.unit in ("deg", "rad") else None
+def _yaw_rate(column: LogColumn) -> str | None:
+    return "yaw_rate_rad_s" if column.fits("yaw_rate_rad_s") else None
 
 
-_FILL: Final[dict[str, Callable[[_Column], str | None]]] = {
+def _angle(name: str, column: LogColumn) -> str | None:
+    return name if column.unit in ("deg", "rad") else None
+
+
+def _degrees(column: LogColumn) -> bool:
+    return column.unit in (None, "deg")
+
+
+_CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
     "speed": _speed,
     "force": _force,
     "torque": _torque,
@@ -196,154 +154,36 @@ _FILL: Final[dict[str, Callable[[_Column], str | None]]] = {
 }
 
 
-def _degrees(column: _Column) -> bool:
-    return column.unit in (None, "deg")
-
-
-def _not_si(unit: str | None, name: str) -> str | None:
-    """The unit that a channel has to name: none for SI."""
-    if unit is None:
-        return None
-    gain, offset = to_si(unit, unit_of(name))
-    return None if (gain, offset) == (1.0, 0.0) else unit
-
-
-def _motors(columns: Sequence[_Column], found: Recognised, taken: set[str]) -> None:
-    """A motor's torque, current and revolutions are force and speed by a gear that is asked for."""
-    has_force = "force_x_N" in taken or {"torque_left_N_m", "torque_right_N_m"} <= taken
-    source = next(
-        (
-            (column, name, factor)
-            for quantity, unit, name, factor in (
-                ("torque", "N*m", "motor_torque_N_m", ""),
-                ("current", "A", "motor_current_A", " * TORQUE_CONSTANT [N*m/A]"),
-            )
-            for column in columns
-            if column.said.quantity == quantity
-            and (column.unit == unit or quantity == "current")
-            and column.said.side is None
-        ),
-        None,
-    )
-    if not has_force and source is not None:
-        column, name, factor = source
-        reason = f"{column.field}: at the motor; needs the gear"
-        found.channels.append(
-            ChannelProposal(name, column.topic, column.field, column.unit, reason, is_comment=True)
-        )
-        derive = f"{name}{factor} * GEAR / wheel_radius_m"
-        found.channels.append(
-            ChannelProposal("force_x_N", None, None, None, reason, derive, is_comment=True)
-        )
-        found.questions.append(_GEAR.format("force_x_N"))
-        if factor:
-            found.questions.append("the motor's torque constant in N*m/A, in the same line")
-        found.questions.append("machine.wheel_radius_m")
-    if "speed_x_m_s" in taken or {"speed_left_m_s", "speed_right_m_s"} <= taken:
-        return
-    turns = next((c for c in columns if c.said.quantity == "erpm"), None) or next(
-        (c for c in columns if c.said.quantity == "speed" and c.unit == "rpm"), None
-    )
-    if turns is None:
-        return
-    pairs = " / POLE_PAIRS" if turns.said.quantity == "erpm" else ""
-    reason = f"{turns.field}: revolutions; needs the gear" + (" and pole pairs" if pairs else "")
-    found.channels.append(
-        ChannelProposal("motor_rpm", turns.topic, turns.field, None, reason, is_comment=True)
-    )
-    derive = f"motor_rpm{pairs} / GEAR * wheel_radius_m"
-    found.channels.append(
-        ChannelProposal("speed_x_m_s", None, None, None, reason, derive, is_comment=True)
-    )
-    found.questions.append(_GEAR.format("speed_x_m_s"))
-    if pairs:
-        found.questions.append("the motor's pole pairs, in the same line")
-    found.questions.append("machine.wheel_radius_m")
-
-
-def _without_unit(columns: Sequence[_Column], found: Recognised, taken: set[str]) -> None:
-    """A column whose name says what it is, and nothing its unit."""
-    given = taken | {each.column for each in found.channels}
-    for quantity, name in _BY_UNIT.items():
-        column = next(
-            (
-                c
-                for c in columns
-                if c.said.quantity == quantity
-                and c.unit is None
-                and c.said.side is None
-                and c.said.part is None
-                and c.said.axis in (None, "x")
-            ),
-            None,
-        )
-        if column is None or name in given:
+def _by_unit_alone(columns: Sequence[LogColumn], found: Recognised) -> None:
+    """Columns whose names say nothing, the only ones in a unit of force or of speed."""
+    units = Counter(_quantity("", column.unit) for column in columns if column.unit)
+    for column in columns:
+        if column.said.quantity is not None or column.unit is None or column.unit in _TURNS:
             continue
-        reason = f"{column.field}: its unit is not stated"
-        found.channels.append(
-            ChannelProposal(name, column.topic, column.field, "?", reason, is_comment=True)
-        )
-        found.questions.append(f"the unit of '{column.field}', in channels.{name}.unit")
+        quantity = _quantity("", column.unit)
+        channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
+        if channel and units[quantity] == 1 and column.said.axis in (None, "x"):
+            found.fill(column, channel, f"in {column.unit}, the only {quantity}")
 
 
 #: Channels of quantities that one column holds for the whole machine.
-_BY_UNIT: Final = {
+_WITHOUT_UNIT: Final = {
     "force": "force_x_N",
     "speed": "speed_x_m_s",
     "acceleration": "specific_force_x_m_s2",
 }
 
 
-def _with_slopes(log: Log, found: Recognised) -> Recognised:
-    """Say how forces and accelerations go with the change of the speed."""
-    by_name = {each.column: each for each in found.channels if each.field}
-    speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
-    if speed is None:
-        return found
-    channels: list[ChannelProposal] = []
-    for each in found.channels:
-        is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
-        is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
-        goes = None
-        if each.field and (is_force or is_acceleration):
-            goes = _correlation(log, each, speed)
-        if goes is None:
-            channels.append(each)
+def _without_unit(columns: Sequence[LogColumn], found: Recognised) -> None:
+    """A column whose name says what it is, and nothing its unit."""
+    given = {each.column for each in found.channels}
+    for quantity, channel in _WITHOUT_UNIT.items():
+        if channel in given or (quantity == "speed" and "speed_left_m_s" in given):
             continue
-        reason = f"{each.reason}; goes with the change of {speed.field}, {goes:.2f}"
-        channels.append(
-            ChannelProposal(
-                each.column, each.topic, each.field, each.unit, reason, each.derive, each.is_comment
-            )
-        )
-        if goes < -_CLEAR:
-            found.questions.append(_SIGN.format(f"'{each.field}'", goes))
-    found.channels = channels
-    found.questions = list(dict.fromkeys(found.questions))
-    return found
-
-
-def _correlation(log: Log, one: ChannelProposal, speed: ChannelProposal) -> float | None:
-    """Correlation of a column with the slope of the speed; None where there is none."""
-    assert one.field is not None
-    assert speed.field is not None
-    try:
-        t, x = _series(log, one.topic, one.field)
-        at, v = _series(log, speed.topic, speed.field)
-    except (LogError, pl.exceptions.PolarsError):
-        return None
-    if t.size < 100 or at.size < 100:
-        return None
-    half = _SPAN_S / 2
-    slope = np.interp(t + half, at, v) - np.interp(t - half, at, v)
-    if x.std() == 0 or slope.std() == 0:
-        return None
-    return float(np.corrcoef(x, slope)[0, 1])
-
-
-def _series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
-    frame = log.read(topic or "table", [name]).head(_ROWS)
-    x = frame[name].cast(pl.Float64).to_numpy()
-    t = (frame["log_time_ns"] - frame["log_time_ns"][0]).to_numpy() / 1e9
-    known = np.isfinite(x)
-    return t[known], x[known]
+        for column in columns:
+            said = column.said
+            whole = said.side is None and said.part is None and said.axis in (None, "x")
+            if column.quantity == quantity and column.unit is None and whole:
+                found.sketch_source(column, channel, "?", f"{column.field}: its unit is not stated")
+                found.ask("unit", f"the unit of '{column.field}', in channels.{channel}.unit")
+                break

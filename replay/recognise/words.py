@@ -8,7 +8,8 @@ from typing import Final
 #: Beginnings of words of a name, by quantity; the first that fits.
 _QUANTITIES: Final = (
     ("erpm", ("erpm",)),
-    ("force", ("force", "kraft", "drawbar", "pull", "traction", "fuerza", "thrust", "loadcell")),
+    ("force", ("force", "kraft", "drawbar", "pull", "traction", "drawbarpull", "fuerza", "thrust",
+               "loadcell")),
     ("torque", ("torque", "drehmoment", "moment", "trq", "tq", "mz", "my", "couple", "effort")),
     ("current", ("current", "strom", "amps", "amp", "iq", "courant", "corriente")),
     ("power", ("power", "leistung", "puissance")),
@@ -31,7 +32,20 @@ _SIDES: Final = {
 _AXES: Final = {"x": ("x", "longitudinal", "long", "längs", "laengs"), "y": ("y", "lateral", "lat"),
                 "z": ("z", "vertical", "vert")}  # fmt: skip
 _MOTOR: Final = ("motor", "engine", "drive", "mot", "shaft", "input", "spindle")
+_WITHOUT_GRAVITY: Final = ("linear", "gps", "calculated", "calc", "derived", "without", "kinematic")
 _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
+
+
+#: A long one may be a part of a compound: Zugkraft, Motordrehzahl.
+_LONG: Final = 4
+
+
+def _parts(words: tuple[str, ...]) -> re.Pattern[str] | None:
+    long = [word for word in words if len(word) > _LONG]
+    return re.compile("|".join(long)) if long else None
+
+
+_KNOWN: Final = tuple((name, frozenset(words), _parts(words)) for name, words in _QUANTITIES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +56,8 @@ class Meaning:
     side: str | None
     axis: str | None
     part: str | None
+    is_linkage: bool = False  #: of the boom or the bucket
+    is_without_gravity: bool = False  #: an acceleration that a program or a GPS made
 
 
 def meaning(name: str) -> Meaning:
@@ -51,19 +67,23 @@ def meaning(name: str) -> Meaning:
         name: without its unit.
     """
     spaced = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", name)
-    words = [word for word in re.split(r"[^A-Za-zäöüÄÖÜ]+", spaced.lower()) if word]
+    words = [word for word in re.split(r"[\W\d_]+", spaced.lower()) if word]
     joined = ["".join(pair) for pair in pairwise(words)]
+    own, text = frozenset((*words, *joined)), " ".join(words)
     quantity = next(
         (
             quantity
-            for quantity, starts in _QUANTITIES
-            if any(word in starts for word in (*words, *joined))
-            or any(word.startswith(start) for word in words for start in starts if len(start) > 4)
+            for quantity, whole, part in _KNOWN
+            if not own.isdisjoint(whole) or (part is not None and part.search(text))
         ),
         None,
     )
     side = next((s for s, known in _SIDES.items() if any(w in known for w in words)), None)
     axis = next((a for a, known in _AXES.items() if any(w in known for w in words)), None)
-    part = "motor" if any(w in _MOTOR for w in words) else None
+    part = "motor" if any(w in _MOTOR or w.startswith("motor") for w in words) else None
     part = part or ("wheel" if any(w in _WHEEL for w in words) else None)
-    return Meaning(quantity, side, axis, part)
+    linkage = any(
+        word in starts for q, starts in _QUANTITIES if q in ("boom", "bucket") for word in words
+    )
+    without = any(word in _WITHOUT_GRAVITY for word in words)
+    return Meaning(quantity, side, axis, part, linkage, without)

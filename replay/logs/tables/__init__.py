@@ -6,8 +6,8 @@ of the log, and what is ambiguous is an error that names the key of `[log]` that
 
 from replay.logs.tables.axis import RowTimes, TableTimes, find_times
 from replay.logs.tables.csv_columns import CsvColumns
-from replay.logs.tables.dialect import Dialect, DialectError, sniff
-from replay.logs.tables.hints import TableHints, TimeAxis
+from replay.logs.tables.dialect import Dialect, sniff
+from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.text import Utf8Text, as_utf8, head_lines
 from replay.logs.tables.times import NS_PER_UNIT, TimeError
 

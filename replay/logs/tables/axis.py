@@ -1,7 +1,7 @@
 """Which columns are a table's time, and the time of its rows as integer nanoseconds."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,7 +9,14 @@ import polars as pl
 
 from replay.logs.tables.dates import clock_times, is_clock, is_date
 from replay.logs.tables.header import ColumnName, split_unit
-from replay.logs.tables.hints import TimeAxis
+from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
+from replay.logs.tables.time_parts import (
+    calendar_columns,
+    calendar_times,
+    fraction_column,
+    fractions_ns,
+    letters,
+)
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, nanoseconds
 from replay.logs.tables.unit_of_time import recognised_times
 
@@ -18,7 +25,20 @@ _NAMES: Final = (
     *("t", "logtime", "time", "timestamp", "timestamps", "timestamputc", "datetime", "utctime"),
     *("elapsedtime", "elapsed", "sampletime", "recordtime", "zeit", "zeitstempel", "mstoday"),
     *("sec", "secs", "seconds", "second", "millis", "milliseconds", "micros", "microseconds"),
-    *("epoch", "unixtime", "times", "timems", "timeus", "utc", "xvalue"),
+    *(
+        "epoch",
+        "unixtime",
+        "times",
+        "timems",
+        "timeus",
+        "utc",
+        "xvalue",
+        "runtime",
+        "gpstime",
+        "gpst",
+    ),
+    *("uhrzeit", "temps", "heure", "tiempo", "hora", "tempo", "ora", "czas", "tijd", "tid", "aika"),
+    *("время", "时间", "時間", "時刻", "시간"),
 )
 _DATES: Final = ("date", "day", "datum", "dateutc", "utcdate")
 _UNITS: Final = {
@@ -51,19 +71,30 @@ class TableTimes:
     """The time of the rows.
 
     Attributes:
-        columns: the time column; the date before the time of day; none for rows of a given rate.
+        time: its column; None for rows of a given rate, and for those of `calendar`.
+        date: the column of the days, where the time is one of day.
+        fraction: the column of the fractions of a second, where the time has none.
+        calendar: columns of year to second, or of hour to second.
         unit: of numbers; None: told by their range and spacing.
         day_first: of dates, where it is given.
         rate_hz: of the rows where there is no time column.
     """
 
-    columns: tuple[str, ...]
+    time: str | None
+    date: str | None = None
+    fraction: str | None = None
+    calendar: tuple[str, ...] = ()
     unit: str | None = None
     day_first: bool | None = None
     rate_hz: float | None = None
-    known: bool = False
 
-    def stamps(self, cells: Sequence[pl.Series], rows: int) -> RowTimes:
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """All that the time is made of; the one that errors name is the last."""
+        own = (self.date, self.fraction, self.time)
+        return (*self.calendar, *(name for name in own if name is not None))
+
+    def stamps(self, cells: Mapping[str, pl.Series], rows: int) -> RowTimes:
         """Log times of the rows.
 
         Args:
@@ -73,16 +104,29 @@ class TableTimes:
         Raises:
             TimeError: the cells are no times, or are in a unit that is not known.
         """
-        if not cells:
+        if self.calendar:
+            names = ", ".join(self.calendar)
+            note = f"its times are made of {names}" + ", as UTC" * (len(self.calendar) > 3)
+            return RowTimes(calendar_times([cells[name] for name in self.calendar]), (note,))
+        if self.time is None:
             assert self.rate_hz is not None
             every_ns = 10**9 / self.rate_hz
             counted = pl.int_range(rows, eager=True)
             stamps = (counted.cast(pl.Float64) * every_ns).round().cast(pl.Int64)
             note = f"the rows have no time: they are taken as {self.rate_hz:g} a second"
             return RowTimes(stamps.alias("log_time_ns"), (note,))
-        text = cells[-1]
-        if len(cells) > 1:
-            return RowTimes(*clock_times(cells[0], text, self.day_first))
+        whole = self._of_one_column(cells)
+        if self.fraction is None:
+            return whole
+        fractions, unit = fractions_ns(cells[self.fraction])
+        note = f"the fractions of its seconds are those of '{self.fraction}', in {unit}"
+        return RowTimes((whole.stamps + fractions).alias("log_time_ns"), (*whole.notes, note))
+
+    def _of_one_column(self, cells: Mapping[str, pl.Series]) -> RowTimes:
+        assert self.time is not None
+        text = cells[self.time]
+        if self.date is not None:
+            return RowTimes(*clock_times(cells[self.date], text, self.day_first))
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
@@ -95,6 +139,9 @@ class TableTimes:
             return RowTimes(nanoseconds(scaled, "s"), ())
         if self.unit is not None or text.dtype.is_temporal():
             return RowTimes(nanoseconds(text, self.unit or "s"))
+        if self.fraction is not None:
+            # what has a fraction beside it counts seconds
+            return RowTimes(nanoseconds(text, "s"))
         return RowTimes(*recognised_times(text))
 
 
@@ -117,37 +164,56 @@ def find_times(
     names = [column.name for column in columns]
     unit = given.unit if given else None
     if table is not None and table.rate_hz is not None and (given and given.column is None):
-        return [(TableTimes((), rate_hz=table.rate_hz), names)]
+        return [(TableTimes(None, rate_hz=table.rate_hz), names)]
     if given is not None and given.column is not None:
         place = names.index(given.column)
         if unit is None:
             unit = _unit(columns[place])
-        date = _date_beside(columns, cells, place)
-        return [(TableTimes((*date, given.column), unit, day_first), names)]
+        return [(_one_axis(columns, cells, place, unit, table), names)]
+    if calendar := calendar_columns(columns):
+        return [(TableTimes(None, calendar=calendar), names)]
     found = _candidates(columns, cells)
     if not found:
         return None
     first = found[0]
-    date = _date_beside(columns, cells, first)
     times = [
         k
         for k in found
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
-    if len(times) == 1 or date:
-        axis = TableTimes((*date, names[first]), unit or _unit(columns[first]), day_first)
-        return [(axis, names)]
+    one = _one_axis(columns, cells, first, unit or _unit(columns[first]), table)
+    if len(times) == 1 or one.date:
+        return [(one, names)]
     # pairs side by side: each column belongs to the time before it
     ends = [*times[1:], len(names)]
     return [
-        (TableTimes((names[at],), unit or _unit(columns[at]), day_first), names[start:end])
+        (
+            TableTimes(names[at], unit=unit or _unit(columns[at]), day_first=day_first),
+            names[start:end],
+        )
         for at, start, end in zip(times, [0, *times[1:]], ends, strict=True)
     ]
 
 
-def _letters(text: str) -> str:
-    return re.sub(r"[^a-zäöü]", "", text.lower())
+def _one_axis(
+    columns: Sequence[ColumnName],
+    cells: Callable[[int], list[str]],
+    place: int,
+    unit: str | None,
+    table: TableHints | None,
+) -> TableTimes:
+    """The time of all columns, with the days and the fractions that stand beside it."""
+    fraction = table.time_fraction if table else None
+    if fraction is not None and fraction not in [column.name for column in columns]:
+        raise DialectError(f"no column '{fraction}'; set [log] time_fraction")
+    return TableTimes(
+        columns[place].name,
+        _date_beside(columns, cells, place),
+        fraction or fraction_column(columns, cells, place),
+        unit=unit,
+        day_first=table.day_first if table else None,
+    )
 
 
 def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]) -> list[int]:
@@ -155,9 +221,9 @@ def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
     ranked: list[tuple[int, int, int]] = []
     for place, column in enumerate(columns):
         # what stands behind a number is an axis or a state: time1, t_2
-        bare = _letters(column.bare)
-        if _letters(column.name) in ("mstoday", "timeus", "timems"):
-            bare = _letters(column.name)
+        bare = letters(column.bare)
+        if letters(column.name) in ("mstoday", "timeus", "timems"):
+            bare = letters(column.name)
         if re.search(r"\d", re.sub(r" \(\d+\)$", "", column.bare)):
             continue
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
@@ -172,21 +238,21 @@ def _unit(column: ColumnName) -> str | None:
     """The unit of time that a column's name states."""
     if column.unit in _NS:
         return column.unit
-    return _UNITS.get(_letters(column.name)) or (
+    return _UNITS.get(letters(column.name)) or (
         unit if (unit := split_unit(column.name)[1]) in _NS else None
     )
 
 
 def _date_beside(
     columns: Sequence[ColumnName], cells: Callable[[int], list[str]], place: int
-) -> tuple[str, ...]:
+) -> str | None:
     """The column of the days, where the time is one of day."""
     own = cells(place)[:5]
     if not own or not all(is_clock(cell) for cell in own) or any(is_date(c[:10]) for c in own):
-        return ()
+        return None
     dates = [
         column.name
         for k, column in enumerate(columns)
-        if k != place and _letters(column.bare) in _DATES and all(map(is_date, cells(k)[:5] or ""))
+        if k != place and letters(column.bare) in _DATES and all(map(is_date, cells(k)[:5] or ""))
     ]
-    return tuple(dates[:1])
+    return dates[0] if dates else None

@@ -1,17 +1,19 @@
 """The rows of a text table: too long, too short, or torn where its writer stopped in one."""
 
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 import polars as pl
-from polars.exceptions import PolarsError
+from polars.exceptions import PanicException, PolarsError
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.tables.cells import is_numeric, kind, with_points
 from replay.logs.tables.dialect import BLANKS, sniff, some_cells
 from replay.logs.tables.hints import TableHints
-from replay.logs.tables.text import Utf8Text, as_utf8, head_lines, with_tabs
+from replay.logs.tables.text import Utf8Text, as_utf8, head_lines, with_tabs, without_torn_quote
 
 #: Stands in no text: a line is one cell.
 _NO_SEPARATOR: Final = "\x1f"
@@ -22,8 +24,8 @@ _LONG: Final = f"{_NO_SEPARATOR}long"
 #: A cell that polars reads as the same integer, or float, whether as text first or at once.
 _WHOLE: Final = re.compile(r"-?\d{1,18}")
 _FLOAT: Final = re.compile(r"-?\d+\.?\d*([eE][+-]?\d+)?")
-#: A number with a decimal comma; a date with one is none.
-_COMMA: Final = r"^(\s*[+-]?\d*),(\d*(?:[eE][+-]?\d+)?\s*)$"
+#: How polars says that it lost its place between quotes.
+_UNPAIRED: Final = "CSV malformed"
 
 
 class CsvColumns:
@@ -49,6 +51,11 @@ class CsvColumns:
             if self._dialect.separator == BLANKS:
                 text, self._text = self._text, with_tabs(self._text)
                 _remove(text)
+            whole = without_torn_quote(self._text, self._dialect.separator)
+            self._is_torn = whole is not None
+            if whole is not None:
+                text, self._text = self._text, whole
+                _remove(text)
         except BaseException:
             self.close()
             raise
@@ -58,9 +65,18 @@ class CsvColumns:
         self.rows = 0
         self._height: int | None = None
         self._kept: dict[str, pl.Series] = {}
-        self._types = {
-            name: _kind(some_cells(self._dialect, place)) for place, name in enumerate(self.names)
+        self._once: dict[str, pl.Series] = {}
+        heads = {name: some_cells(self._dialect, k) for k, name in enumerate(self.names)}
+        self._types = {name: _kind(cells) for name, cells in heads.items()}
+        decimal = self._dialect.decimal
+        #: Columns of numbers, or of which the beginning tells nothing.
+        self._numeric = {
+            name
+            for name, cells in heads.items()
+            if is_numeric([kind(cell, decimal) for cell in cells], empty=True)
         }
+        self._cell_units = dict(zip(self.names, self._dialect.cell_units, strict=False))
+        self._quotes_are_paired = True
 
     def close(self) -> None:
         """Remove the copy of the text, if there is one."""
@@ -75,7 +91,7 @@ class CsvColumns:
         """Some first cells of a column, those that are not empty."""
         return some_cells(self._dialect, place)
 
-    def check(self, keep: Sequence[str], note: Callable[[str], None]) -> None:
+    def check(self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]) -> None:
         """Look for rows that are too long, too short or torn, and read some columns on the way.
 
         Rows with too few cells end in nulls; the last one, where no line end follows it, is torn
@@ -83,7 +99,8 @@ class CsvColumns:
         needs no line end: RFC 4180.)
 
         Args:
-            keep: columns that are read in the same pass.
+            keep: columns that are read in the same pass, and kept.
+            once: likewise, and kept until they are asked for.
             note: told what is lost, in a sentence.
 
         Raises:
@@ -93,12 +110,18 @@ class CsvColumns:
             return
         last = self.names[-1]
         looked = self._read(
-            keep, pl.col(last).is_null().alias(_SHORT), pl.col(_BEYOND).is_not_null().alias(_LONG)
+            list(dict.fromkeys([*keep, *once])),
+            pl.col(last).is_null().alias(_SHORT),
+            pl.col(_BEYOND).is_not_null().alias(_LONG),
         )
         short, long = looked.pop(_SHORT), looked.pop(_LONG)
         self.rows = short.len()
         if long.any():
             note("rows with more cells than the header: what is too much is not read")
+        if self._is_torn:
+            note("its last row is torn and not read")
+        if not self._quotes_are_paired:
+            note("its quotes are not paired: rows between them may be read as one cell")
         lines = self._short_lines() if short.any() else []
         end = self.rows + self._dialect.data_line
         if lines and lines[-1] == end and not _ends_in_a_line_end(self._text.path):
@@ -109,7 +132,10 @@ class CsvColumns:
                 f"rows with fewer cells than the header: {len(lines):,}, the first in line "
                 f"{lines[0]}; the cells that they lack are not there"
             )
-        self._kept = {name: series.head(self.rows) for name, series in looked.items()}
+        self._kept = {name: looked[name].head(self.rows) for name in dict.fromkeys(keep)}
+        self._once = {
+            name: series.head(self.rows) for name, series in looked.items() if name not in keep
+        }
 
     def read(self, names: Sequence[str]) -> dict[str, pl.Series]:
         """Columns, (rows,) each, in one pass: numbers where every cell is one, else text.
@@ -119,30 +145,51 @@ class CsvColumns:
         """
         if self._dialect.is_empty:
             return {name: pl.Series(name, [], dtype=pl.String) for name in names}
-        new = [name for name in dict.fromkeys(names) if name not in self._kept]
+        there = {n: self._once.pop(n) for n in dict.fromkeys(names) if n in self._once}
+        there |= {name: self._kept[name] for name in names if name in self._kept}
+        new = [name for name in dict.fromkeys(names) if name not in there]
         read = self._read(new) if new else {}
-        return {
-            name: self._kept[name] if name in self._kept else read[name].head(self.rows)
-            for name in dict.fromkeys(names)
-        }
+        there |= {name: series.head(self.rows) for name, series in read.items()}
+        return {name: there[name] for name in dict.fromkeys(names)}
 
     def _read(self, names: Sequence[str], *others: pl.Expr) -> dict[str, pl.Series]:
         """Columns in a pass; a second one reads those as text that hold more than numbers."""
-        frame = _collected(self._scan(self._types).select(*names, *others))
+        frame = self._collected(self._scan(self._types).select(*names, *others))
         self._check_height(frame)
         found = {series.name: series for series in frame.get_columns()}
-        text = [n for n in names if found[n].dtype.is_numeric() and found[n].null_count()]
+        counts = {n: found[n].count() for n in names if found[n].dtype.is_numeric()}
+        text = self._not_only_numbers({n: c for n, c in counts.items() if c < frame.height})
         if text:
-            # an empty cell, or a fault: only the text tells
             self._types.update(dict.fromkeys(text, pl.String()))
-            again = _collected(self._scan({}).select(text))
+            again = self._collected(self._scan({}).select(text))
             self._check_height(again)
             found |= {series.name: series for series in again.get_columns()}
-        if self._dialect.decimal == ",":
-            found = {
-                name: column.str.replace(_COMMA, "$1.$2") if column.dtype == pl.String else column
-                for name, column in found.items()
-            }
+        return {name: self._plain(column) for name, column in found.items()}
+
+    def _not_only_numbers(self, numbers: Mapping[str, int]) -> list[str]:
+        """Columns with more cells than numbers, which are counted: their text is needed."""
+        if not numbers:
+            return []
+        cells = [(pl.col(name).str.strip_chars() != "").sum() for name in numbers]
+        counted = self._collected(self._scan({}).select(cells)).row(0)
+        return [n for (n, c), cells in zip(numbers.items(), counted, strict=True) if cells > c]
+
+    def _plain(self, column: pl.Series) -> pl.Series:
+        """Numbers as they are read everywhere: with points, and nothing between or behind."""
+        if column.dtype != pl.String or column.name not in self._numeric:
+            return column
+        unit = self._cell_units.get(column.name)
+        return with_points(column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped)
+
+    def _collected(self, frame: pl.LazyFrame) -> pl.DataFrame:
+        try:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                found = frame.collect(engine="streaming")
+        except (PolarsError, PanicException, OSError) as error:
+            # polars spreads some messages over several lines
+            raise BrokenBytesError(str(error).strip().partition("\n")[0]) from error
+        self._quotes_are_paired &= not any(_UNPAIRED in str(each.message) for each in caught)
         return found
 
     def _check_height(self, frame: pl.DataFrame) -> None:
@@ -196,13 +243,13 @@ class CsvColumns:
             row_index_offset=self._dialect.data_line + 1,
         )
         odd_quotes = line.str.count_matches('"', literal=True) % 2 == 1
-        if _collected(lines.select(odd_quotes.any())).item():
+        if self._collected(lines.select(odd_quotes.any())).item():
             return []
         # an empty line is a row without a time, which is counted there
         separators = line.str.count_matches(self._separator, literal=True)
         is_short = separators < len(self.names) - 1
         short = lines.filter(line.is_not_null() & is_short).select("number")
-        return _collected(short).to_series().to_list()
+        return self._collected(short).to_series().to_list()
 
 
 def _kind(cells: Sequence[str]) -> pl.DataType:
@@ -217,14 +264,6 @@ def _kind(cells: Sequence[str]) -> pl.DataType:
 def _remove(text: Utf8Text) -> None:
     if text.copy is not None:
         text.copy.cleanup()
-
-
-def _collected(frame: pl.LazyFrame) -> pl.DataFrame:
-    try:
-        return frame.collect(engine="streaming")
-    except (PolarsError, OSError) as error:
-        # polars spreads some messages over several lines
-        raise BrokenBytesError(str(error).strip().partition("\n")[0]) from error
 
 
 def _ends_in_a_line_end(path: Path) -> bool:

@@ -37,8 +37,8 @@ _WEEKDAY: Final = r"(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,?\s+)?"
 _COMPACT_CLOCK: Final = (
     r"(?P<h>\d{2})(?P<min>\d{2})(?P<s>\d{2})(?:[.,](?P<frac>\d{1,9})\d*)?(?P<zone>Z)?"
 )
-_DAY_NS: Final = 86_400 * 10**9
-_HALF_DAY_NS: Final = _DAY_NS // 2
+DAY_NS: Final = 86_400 * 10**9
+_HALF_DAY_NS: Final = DAY_NS // 2
 #: A jump back over midnight by the clock of twelve hours.
 _TWELVE_NS: Final = (10 * 3600 * 10**9, 12 * 3600 * 10**9)
 #: Times of day that run over the hour: minutes and seconds.
@@ -98,7 +98,7 @@ def clock_times(
     part = _groups(text, pattern)
     notes: list[str] = []
     day = _days(part, day_first, notes)
-    stamps = day * _DAY_NS + _clock_ns(part)
+    stamps = day * DAY_NS + _clock_ns(part)
     if part.get_column("zone").drop_nulls().is_empty():
         notes.append("the times name no zone: they are taken as UTC")
     return stamps.alias("log_time_ns"), tuple(notes)
@@ -202,4 +202,4 @@ def _of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
         raise TimeError("it goes back by twelve hours: a clock without AM and PM is ambiguous")
     days = frame.select((step < -_HALF_DAY_NS).fill_null(value=False).cum_sum()).to_series()
     note = "its times are of a day that is not named: they are counted from its midnight"
-    return (stamps + days.cast(pl.Int64) * _DAY_NS).alias("log_time_ns"), (note,)
+    return (stamps + days.cast(pl.Int64) * DAY_NS).alias("log_time_ns"), (note,)

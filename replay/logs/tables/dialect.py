@@ -5,7 +5,6 @@ have the same number of cells, or where cells are made of digits and signs and a
 """
 
 import csv
-import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,43 +12,24 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
-from replay.logs.tables.header import ColumnName, column_names, is_units
-from replay.logs.tables.hints import TableHints
+from replay.logs.tables.cells import common_unit, is_numeric, is_signed, kind
+from replay.logs.tables.dates import is_clock, is_date
+from replay.logs.tables.header import ColumnName, column_names
+from replay.logs.tables.header_rows import TextRow, header_row, rows_of_names
+from replay.logs.tables.hints import DialectError, TableHints
 
 SEPARATORS: Final = (",", ";", "\t", "|")
 BLANKS: Final = " "
 _NAMED: Final = {",": "a comma", ";": "a semicolon", "\t": "a tab", "|": "|", " ": "blanks"}
-_NUMBERS: Final = {
-    ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"),
-    ",": re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?"),
-}
-_WORDS_OF_NUMBERS: Final = frozenset({"nan", "inf", "-inf", "+inf", "-nan", "infinity"})
-#: 1.234 may be one and a bit, or a thousand.
-_THOUSANDS: Final = {
-    ".": re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+"),
-    ",": re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+"),
-}
-_TIME: Final = re.compile(
-    r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T, ]*)?\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?|[.,]\d+)?"
-    r"\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
-    r"|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{8}T\d{6}([.,]\d+)?Z?"
-)
-#: A cell of these alone is meant for a number, or a time.
-_NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
 #: Rows that a column's kind is judged by, and the share of them that must agree.
 _ROWS: Final = 400
-_MOSTLY: Final = 0.8
+#: A reading with fewer faults than this share has none: a torn cell, a stray word.
+_FEW_FAULTS: Final = 0.02
 #: A short table is judged by so many rows.
 _FEW: Final = 8
 #: Data begin at a row of data of which so large a share of the next rows are data.
 _NEXT: Final = 9
 _NEXT_SHARE: Final = 2 / 3
-_COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
-_TRUTHS: Final = frozenset({"true", "false"})
-
-
-class DialectError(Exception):
-    """Why the dialect is not known, and the key that says it, in a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +43,8 @@ class Dialect:
         data_line: lines before the data.
         rows: some first rows of the data.
         has_tail: whether each row ends in a separator, with no cell behind it.
+        is_grouped: whether the sign that is not the decimal is known to separate thousands.
+        cell_units: what stands behind the numbers of each column; None for nothing.
         notes: what was recognised.
         preamble: lines above the names.
     """
@@ -73,6 +55,8 @@ class Dialect:
     data_line: int
     rows: tuple[tuple[str, ...], ...]
     has_tail: bool = False
+    is_grouped: bool = False
+    cell_units: tuple[str | None, ...] = ()
     notes: tuple[str, ...] = ()
     preamble: tuple[str, ...] = ()
 
@@ -88,22 +72,16 @@ class Dialect:
 
 
 @dataclass(frozen=True, slots=True)
-class _Row:
-    line: int  #: from 0
-    after: int  #: the line behind it
-    cells: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class _Reading:
     separator: str
     decimal: str
-    rows: list[_Row]
+    rows: list[TextRow]
     first: int  #: index of the first row of data
     width: int
     faults: float  #: share of rows of another length, and of cells that are no number
     decimals: int  #: cells with the decimal sign
     thousands: int  #: cells that may as well be thousands
+    is_grouped: bool = False  #: whether the other sign is known to separate thousands
 
 
 def sniff(lines: Sequence[str], hints: TableHints) -> Dialect:
@@ -172,14 +150,15 @@ def _decided(best: list[_Reading], hints: TableHints) -> _Reading:
     return reading
 
 
-def _split(lines: Sequence[str], separator: str) -> Iterator[_Row]:
+def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
     """The rows that are not empty, without blanks around their cells."""
     if separator == BLANKS:
         for number, line in enumerate(lines):
             if cells := tuple(line.split()):
-                yield _Row(number, number + 1, cells)
+                yield TextRow(number, number + 1, cells)
         return
-    reader = csv.reader(lines, delimiter=separator)
+    # with their ends, which belong to a cell that goes over lines
+    reader = csv.reader((f"{line}\n" for line in lines), delimiter=separator)
     before = 0
     while True:
         try:
@@ -191,14 +170,14 @@ def _split(lines: Sequence[str], separator: str) -> Iterator[_Row]:
             continue
         cells = tuple(cell.strip() for cell in row)
         if any(cells):
-            yield _Row(before, reader.line_num, cells)
+            yield TextRow(before, reader.line_num, cells)
         before = reader.line_num
 
 
 def _readings(
     lines: Sequence[str], separator: str, decimals: Iterable[str], hints: TableHints
 ) -> Iterator[_Reading]:
-    rows = list(_split(lines, separator))
+    rows = list(split_rows(lines, separator))
     below = max(hints.header_row or 0, hints.units_row or 0)
     data = [row for row in rows if row.line >= below]
     if not data:
@@ -218,15 +197,18 @@ def _readings(
 
 
 def _reading(
-    rows: list[_Row], later: list[_Row], width: int, signs: tuple[str, str], below: int
+    rows: list[TextRow], later: list[TextRow], width: int, signs: tuple[str, str], below: int
 ) -> _Reading | None:
     separator, decimal = signs
     fitting = [row for row in later if len(row.cells) == width] or later
-    kinds = [
-        [_kind(row.cells[k], decimal) for row in fitting if k < len(row.cells)]
-        for k in range(width)
-    ]
-    numeric = [k for k, each in enumerate(kinds) if _is_numeric(each)]
+    columns = [[row.cells[k] for row in fitting if k < len(row.cells)] for k in range(width)]
+    kinds = [[kind(cell, decimal) for cell in column] for column in columns]
+    signed = [is_signed(cell, decimal) for column in columns for cell in column]
+    # a sign before three digits separates thousands where others show that it is not the decimal
+    grouped = any("grouped" in each for each in kinds) or any(x and not y for x, y in signed)
+    known = "grouped" if grouped else "odd"
+    kinds = [[known if each == "maybe grouped" else each for each in column] for column in kinds]
+    numeric = [k for k, each in enumerate(kinds) if is_numeric(each)]
     if not numeric:
         return None
     odd = sum(each.count("odd") for each in kinds)
@@ -251,43 +233,31 @@ def _reading(
     if first is None:
         return None
     cells = [row.cells[k] for row in rows[first:] for k in numeric if k < len(row.cells)]
-    number = _NUMBERS[decimal]
-    signed = [c for c in cells if decimal in c and number.fullmatch(c)]
-    thousands = sum(_THOUSANDS[decimal].fullmatch(c) is not None for c in signed)
-    few = faults < 0.02
+    with_sign = [is_signed(cell, decimal) for cell in cells]
     return _Reading(
-        separator, decimal, rows, first, width, 0.0 if few else faults, len(signed), thousands
+        separator,
+        decimal,
+        rows,
+        first,
+        width,
+        0.0 if faults < _FEW_FAULTS else faults,
+        sum(x for x, _ in with_sign),
+        sum(y for _, y in with_sign),
+        grouped,
     )
-
-
-def _kind(cell: str, decimal: str) -> str:
-    if not cell:
-        return "empty"
-    if _NUMBERS[decimal].fullmatch(cell) or cell.lower() in _WORDS_OF_NUMBERS:
-        return "number"
-    if _TIME.fullmatch(cell) or cell.lower() in _TRUTHS:
-        return "time"
-    return "odd" if _NUMBERLIKE.fullmatch(cell) else "text"
-
-
-def _is_numeric(kinds: Sequence[str]) -> bool:
-    present = [kind for kind in kinds if kind != "empty"]
-    number = sum(kind in ("number", "time") for kind in present)
-    return bool(present) and number >= _MOSTLY * len(present)
 
 
 def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: str) -> bool:
     if len(cells) > width + 1:
         return False
-    kinds = [_kind(cells[k], decimal) for k in numeric if k < len(cells)]
-    told = [kind for kind in kinds if kind != "empty"]
-    return bool(told) and sum(k in ("number", "time") for k in told) >= _MOSTLY * len(told)
+    kinds = [kind(cells[k], decimal) for k in numeric if k < len(cells)]
+    return is_numeric(["number" if each == "maybe grouped" else each for each in kinds])
 
 
 def _no_numbers(lines: Sequence[str], separators: Sequence[str], hints: TableHints) -> Dialect:
     """A header without data, or nothing that is a table."""
     for separator in separators:
-        rows = list(_split(lines, separator))
+        rows = list(split_rows(lines, separator))
         if rows and len(rows) <= 2 and all(len(row.cells) > 1 for row in rows):
             reading = _Reading(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
             return _named(reading, lines, hints)
@@ -300,8 +270,8 @@ def _no_numbers(lines: Sequence[str], separators: Sequence[str], hints: TableHin
 def _named(reading: _Reading, lines: Sequence[str], hints: TableHints) -> Dialect:
     """Find the rows of names and units above the data."""
     rows, width, separator = reading.rows, reading.width, reading.separator
-    above = [_header_row(row, separator, width, lines) for row in rows[: reading.first]]
-    names, units = _rows_of_names(above, width, hints)
+    above = [header_row(row, separator, width, lines) for row in rows[: reading.first]]
+    names, units = rows_of_names(above, width, hints)
     data = [row.cells for row in rows[reading.first :]]
     cells = list(names.cells) if names else [""] * width
     # a separator at the end of each line
@@ -311,86 +281,38 @@ def _named(reading: _Reading, lines: Sequence[str], hints: TableHints) -> Dialec
     cells = cells[:width] if has_tail else cells
     while len(cells) > width and not cells[-1]:
         cells.pop()
+    if separator == BLANKS and len(cells) == width - 1 and _begins_with_a_date(data):
+        # one name stands over the day and the time
+        cells = ["Date", "Time", *cells[1:]]
     if names is not None and len(cells) < width:
         raise DialectError(
             f"its header (line {names.line + 1}) has {len(cells)} cells, its rows {width}: "
             f"separated by {_NAMED[separator]}; set [log] separator and decimal, or header_row"
         )
+    cell_units = tuple(
+        common_unit([row[k] for row in data[:_ROWS] if k < len(row) and row[k]], reading.decimal)
+        for k in range(width)
+    )
+    stated = units.cells if units else tuple(each or "" for each in cell_units)
     dialect = Dialect(
         separator,
         reading.decimal,
-        tuple(column_names(cells, units.cells if units else ())),
+        tuple(column_names(cells, stated)),
         rows[reading.first].line if reading.first < len(rows) else rows[-1].after,
         tuple(data[:_ROWS]),
         has_tail,
+        reading.is_grouped,
+        cell_units,
         preamble=tuple(lines[: names.line if names else rows[0].line][:50]),
     )
     return replace(dialect, notes=tuple(_notes(dialect, names, units)))
 
 
-def _header_row(row: _Row, separator: str, width: int, lines: Sequence[str]) -> _Row:
-    """A row above the data without its comment sign; words in brackets belong to their name."""
-    text = _COMMENT.sub("", lines[row.line])
-    if separator != BLANKS:
-        if text == lines[row.line] or not row.cells:
-            return row
-        (first, *_) = list(_split([text], separator)) or [row]
-        return _Row(row.line, row.after, first.cells)
-    cells = text.split()
-    if len(cells) != width:
-        wide = [cell.strip() for cell in re.split(r"\t|\s{2,}", text.strip())]
-        if len(wide) == width:
-            return _Row(row.line, row.after, tuple(wide))
-        joint = re.sub(r"\s+(?=[\[(])", "\0", text.strip()).split()
-        cells = [cell.replace("\0", " ") for cell in joint]
-    return _Row(row.line, row.after, tuple(cells))
+def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
+    return bool(data) and is_date(data[0][0]) and is_clock(data[0][1])
 
 
-def _rows_of_names(
-    above: list[_Row], width: int, hints: TableHints
-) -> tuple[_Row | None, _Row | None]:
-    by_line = {row.line + 1: row for row in above}
-    for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
-        if line and line not in by_line:
-            raise DialectError(f"[log] {key} = {line}: that line holds no cells above the data")
-    given = by_line.get(hints.header_row or -1)
-    stated = by_line.get(hints.units_row or -1)
-    if hints.header_row == 0:
-        return None, stated
-    if given is not None:
-        if stated is None and hints.units_row is None:
-            nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
-            stated = next((r for r in nearby if _fits(r, width) and is_units(r.cells)), None)
-        return given, stated
-    wide = [row for row in above if _fits(row, width) and row != stated]
-    if not wide:
-        return None, stated
-    if hints.units_row is None and stated is None and len(wide) > 2:
-        # below the units may stand a row of types
-        (*_, third, second, first) = wide
-        together = first.line - third.line <= 2
-        if together and is_units(second.cells) and not is_units(first.cells + third.cells):
-            return third, second
-    last, before = wide[-1], wide[-2] if len(wide) > 1 else None
-    if stated is not None or hints.units_row == 0 or before is None:
-        return last, stated
-    adjacent = last.line - before.line <= 2
-    if adjacent and is_units(last.cells) and is_units(before.cells):
-        raise DialectError(
-            f"lines {before.line + 1} and {last.line + 1} may both be its units; set [log] "
-            "units_row and header_row"
-        )
-    if adjacent and is_units(last.cells):
-        return before, last
-    return last, before if adjacent and is_units(before.cells) else None
-
-
-def _fits(row: _Row, width: int) -> bool:
-    """Whether a row is about all columns: one of a preamble has few cells."""
-    return len(row.cells) > 1 and len(row.cells) * 2 > width
-
-
-def _notes(dialect: Dialect, names: _Row | None, units: _Row | None) -> Iterator[str]:
+def _notes(dialect: Dialect, names: TextRow | None, units: TextRow | None) -> Iterator[str]:
     said: list[str] = []
     if dialect.separator != ",":
         said.append(f"cells separated by {_NAMED[dialect.separator]}")

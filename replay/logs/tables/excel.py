@@ -1,6 +1,7 @@
 """A sheet of an Excel file as a text table: the values that were kept, no formula is run."""
 
 import csv
+import re
 import tempfile
 from contextlib import ExitStack
 from datetime import date, datetime, time, timedelta
@@ -9,11 +10,17 @@ from typing import Any, Final
 from zipfile import BadZipFile, ZipFile
 
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
-from replay.logs.tables.dialect import DialectError
+from replay.logs.tables.hints import DialectError
 
 #: A workbook is packed: so many bytes at most when unpacked.
 _LARGEST: Final = 1 << 30
 _PIECE: Final = 1 << 20
+_SHEETS: Final = "xl/worksheets/"
+#: Cells of a sheet, empty ones too: some 30 bytes each while it is read.
+_MOST_CELLS: Final = 20_000_000
+#: Where a cell or a row is, in a sheet's XML.
+_PLACE: Final = re.compile(rb"\br=[\"']([A-Z]{0,3})(\d{1,7})[\"']")
+_LONGEST_PLACE: Final = 16
 #: A table has so many rows at least.
 _FEWEST_ROWS: Final = 2
 
@@ -80,15 +87,44 @@ def _cell(value: Any) -> str:
     return str(value)
 
 
+class _Corner:
+    """The last row and column of a sheet: all cells before it are held in memory at once."""
+
+    def __init__(self) -> None:
+        self._row, self._column = 1, 1
+
+    def add(self, text: bytes) -> None:
+        """Look for places of cells (`r="XFD12"`) and of rows (`r="12"`).
+
+        Raises:
+            BrokenBytesError: the sheet is too large.
+        """
+        for column, row in _PLACE.findall(text):
+            number = 0
+            for letter in column:
+                number = number * 26 + letter - ord("A") + 1
+            self._row = max(self._row, int(row))
+            self._column = max(self._column, number)
+        if self._row * self._column > _MOST_CELLS:
+            raise BrokenBytesError(
+                f"a sheet of {self._row:,} rows and {self._column:,} columns is too large; save it "
+                "as CSV"
+            )
+
+
 def _check_size(path: Path) -> None:
     """Unpack it once, to nowhere: what a bomb says of its size is no proof."""
     try:
         with ZipFile(path) as archive:
             left = _LARGEST
             for member in archive.infolist():
+                corner, tail = _Corner(), b""
                 with archive.open(member) as file:
                     while piece := file.read(_PIECE):
                         left -= len(piece)
+                        if member.filename.startswith(_SHEETS):
+                            corner.add(tail + piece)
+                            tail = piece[-_LONGEST_PLACE:]
                         if left < 0:
                             raise BrokenBytesError(
                                 f"it unpacks to more than {_LARGEST >> 30} GiB; save it as CSV"

@@ -8,6 +8,12 @@ from typing import Final
 from analysis.model.physical_units import spelt_unit, unit_behind
 
 _BRACKETS: Final = re.compile(r"(?s)(?P<name>.*?)[\s_]*[\[({<](?P<unit>[^\[\](){}<>]*)[\])}>]\s*")
+#: A form of times, not a unit: (hh:mm:ss.sss), [dd/mm/yyyy].
+_FORM: Final = re.compile(
+    r"(?s)(?P<name>.*?)[\s_]*[\[({<](?=[^\])}>]*(?i:hh|ss|yy))[\shHmMsSfFdDyY:/.,\-]+[\])}>]\s*"
+)
+#: A quantity over its unit, as DIN 1313 writes it: t/s, v/(km/h).
+_OVER: Final = re.compile(r"(?P<name>[^\s/]+)/(?P<unit>\([^()]+\)|[^\s()]+)")
 #: "Speed / km/h", "Speed in km/h", "Speed, km/h".
 _BEHIND: Final = re.compile(r"(?s)(?P<name>.*?)(?:\s+/\s*|\s+in\s+|,\s*)(?P<unit>\S+)\s*")
 #: Characters: "unix time" is one as well.
@@ -30,6 +36,8 @@ def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[Column
         cells: of the header.
         units: of the row of units, () where there is none.
     """
+    over = [_OVER.fullmatch(cell.strip()) for cell in cells]
+    is_over = len(cells) > 1 and all(match and spelt_unit(match["unit"]) for match in over)
     found: list[ColumnName] = []
     taken: dict[str, int] = {}
     for number, cell in enumerate(cells, start=1):
@@ -40,6 +48,8 @@ def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[Column
             name = f"{stated} ({again + 1})"
         taken[stated], taken[name] = again, taken.get(name, 0)
         bare, unit = split_unit(stated)
+        if is_over and (match := over[number - 1]):
+            bare, unit = match["name"], spelt_unit(match["unit"])
         row_unit = units[number - 1] if number <= len(units) else ""
         found.append(ColumnName(name, bare, spelt_unit(row_unit) or unit))
     return found
@@ -50,6 +60,8 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
     `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`.
     """
+    if match := _FORM.fullmatch(name):
+        return match["name"], None
     for form in (_BRACKETS, _BEHIND):
         match = form.fullmatch(name)
         unit = spelt_unit(match["unit"]) if match and match["name"] else None

@@ -1,4 +1,4 @@
-"""What a person says of a table: the keys of `[log]`."""
+"""What a person says of a table: the keys of `[log]`, and the question where one is missing."""
 
 from dataclasses import dataclass
 
@@ -13,6 +13,8 @@ class TableHints:
         encoding: of the text, as Python names it: `utf-8`, `utf-16`, `latin-1`.
         header_row: line of the names, from 1; 0 where there are none.
         units_row: line of the units, from 1; 0 where there are none.
+        time_fraction: column of the fractions of a second, beside times without.
+        sort_times: whether rows are sorted whose time falls back as in a second record.
         day_first: whether 03/04/2026 is the third of April.
         rate_hz: of the rows, where the table has no time.
         sheet: of an Excel file.
@@ -26,6 +28,8 @@ class TableHints:
     day_first: bool | None = None
     rate_hz: float | None = None
     sheet: str | None = None
+    time_fraction: str | None = None
+    sort_times: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,3 +42,7 @@ class TimeAxis:
     column: str | None
     unit: str | None = "s"
     table: TableHints = TableHints()
+
+
+class DialectError(Exception):
+    """Why the dialect is not known, and the key that says it, in a line."""

@@ -1,8 +1,10 @@
 """A table's text as UTF-8: its encoding, and a copy where polars cannot read it as it is."""
 
 import codecs
+import gzip
 import re
 import tempfile
+import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +24,10 @@ _MARKS: Final = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+_GZIP: Final = b"\x1f\x8b"
+#: A packed table unpacks to so many bytes at most: what is larger may be a bomb.
+_LARGEST_UNPACKED: Final = 4 << 30
+_PIECE: Final = 1 << 20
 #: Share of NUL bytes at even or at odd places of UTF-16 without a mark, of Western text.
 _MOSTLY_NUL: Final = 0.4
 
@@ -51,6 +57,9 @@ def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
     Raises:
         BrokenBytesError: an encoding that there is not, or that the text is not in.
     """
+    with path.open("rb") as file:
+        if file.read(2) == _GZIP:
+            return _unpacked(path, encoding)
     found = encoding or _recognised(path)
     try:
         name = codecs.lookup(found).name
@@ -58,16 +67,74 @@ def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
         raise BrokenBytesError(
             f"no encoding '{found}'; [log] encoding is utf-8, utf-16 or latin-1"
         ) from None
+    notes = () if encoding or name.startswith("utf-8") else (f"its text is taken as {found}",)
+    if _ends_in_returns(path):
+        notes = (*notes, "its lines end in a carriage return alone")
+        return _copied(path, _lines(path, found, any_end=True), notes)
     if name in ("utf-8", "ascii", "utf-8-sig"):
         return Utf8Text(path)
-    notes = () if encoding else (f"its text is taken as {found}",)
-    return _copied(path, (line for line in _lines(path, found)), notes)
+    return _copied(path, _lines(path, found), notes)
+
+
+def _unpacked(path: Path, encoding: str | None) -> Utf8Text:
+    """The text of a gzip file."""
+    folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
+    place = Path(folder.name) / path.name.removesuffix(".gz")
+    try:
+        with gzip.open(path) as packed, place.open("wb") as file:
+            left = _LARGEST_UNPACKED
+            while piece := packed.read(_PIECE):
+                left -= len(piece)
+                if left < 0:
+                    raise BrokenBytesError(f"it unpacks to more than {_LARGEST_UNPACKED >> 30} GiB")
+                file.write(piece)
+        text = as_utf8(place, encoding) if place.stat().st_size else None
+    except (OSError, EOFError, zlib.error) as error:
+        folder.cleanup()
+        raise BrokenBytesError(f"it cannot be unpacked: {error}") from error
+    except BaseException:
+        folder.cleanup()
+        raise
+    if text is None:
+        folder.cleanup()
+        raise BrokenBytesError("it unpacks to nothing")
+    if text.copy is None:
+        return Utf8Text(place, folder, text.notes)
+    folder.cleanup()
+    return text
+
+
+def _ends_in_returns(path: Path) -> bool:
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    return b"\n" not in head and head.count(b"\r") > 1
 
 
 def with_tabs(text: Utf8Text) -> Utf8Text:
     """A copy in which each run of blanks is a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _lines(text.path, "utf-8-sig"))
     return _copied(text.path, lines, text.notes)
+
+
+def without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
+    """A copy without a last row that ends behind an opening quote, at which polars panics.
+
+    None where there is no such row.
+    """
+    with text.path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(size - _PIECE, 0))
+        tail = file.read()
+    if not tail.endswith((b'\n"', separator.encode() + b'"')):
+        return None
+    end = size - len(tail) + tail.rfind(b"\n") + 1
+    folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
+    place = Path(folder.name) / text.path.name
+    with text.path.open("rb") as file, place.open("wb") as copy:
+        while end > 0 and (piece := file.read(min(_PIECE, end))):
+            copy.write(piece)
+            end -= len(piece)
+    return Utf8Text(place, folder, text.notes)
 
 
 def _copied(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
@@ -82,10 +149,10 @@ def _copied(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Tex
     return Utf8Text(place, folder, notes)
 
 
-def _lines(path: Path, encoding: str) -> Iterator[str]:
-    with path.open(encoding=encoding, errors="replace", newline="") as file:
+def _lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator[str]:
+    with path.open(encoding=encoding, errors="replace", newline=None if any_end else "") as file:
         # in pieces: a line of a damaged file may be all of it
-        while piece := file.readline(1 << 20):
+        while piece := file.readline(_PIECE):
             yield piece
 
 

@@ -48,6 +48,13 @@ def test_a_torn_last_row_is_not_read_since_its_last_cell_may_be_half_a_number(
     assert told(log) == ["its last row (line 4) is torn and not read"]
 
 
+@pytest.mark.parametrize("end", ['"', '"2","', '"2","3","'])
+def test_a_row_that_is_torn_behind_a_quote_is_not_read(tmp_path: Path, end: str) -> None:
+    log = opened(tmp_path, f'"time_s","a","b"\n"0","1","1"\n"1","2","2"\n{end}')
+    assert log.read("table", ["a", "b"]).select("a", "b").rows() == [(1, 1), (2, 2)]
+    assert told(log) == ["its last row is torn and not read"]
+
+
 @pytest.mark.parametrize(
     "text",
     [

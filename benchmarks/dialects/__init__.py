@@ -1,0 +1,1 @@
+"""Tables as devices and programs write them, all of one drive."""

@@ -1,0 +1,64 @@
+"""All dialects, and what a person answers to the draft of each."""
+
+import re
+from typing import Final
+
+from benchmarks.dialects import (
+    controller_files,
+    drawn_files,
+    drawn_next_files,
+    later_files,
+    logger_files,
+    recorder_files,
+)
+from benchmarks.dialects.dialect_file import GEAR, NM_PER_A, POLE_PAIRS, RADIUS_M, DialectFile
+
+#: In the order that they were drawn in.
+SETS: Final = {
+    "written with the reader": (
+        *recorder_files.dialect_files(),
+        *controller_files.dialect_files(),
+        *logger_files.dialect_files(),
+    ),
+    "twenty more": tuple(later_files.dialect_files()),
+    "drawn against the reader as it was": tuple(drawn_files.dialect_files()),
+    "drawn before it was mended for those": tuple(drawn_next_files.dialect_files()),
+}
+_ANSWERS: Final = {
+    "GEAR": GEAR,
+    "TORQUE_CONSTANT": NM_PER_A,
+    "POLE_PAIRS": POLE_PAIRS,
+}
+_COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")
+
+
+def every_file() -> list[DialectFile]:
+    """All of them."""
+    return [file for files in SETS.values() for file in files]
+
+
+def answered(draft: str, file: DialectFile) -> str:
+    """A draft completed as a person would: numbers for its capitals, units, missing channels.
+
+    Args:
+        draft: that `init` wrote.
+        file: the table, with `units` and `channels` that only its owner knows.
+    """
+    lines: list[str] = []
+    field = ""
+    for line in draft.splitlines():
+        line = _COMMENT.sub("", line)
+        if line.startswith("field = "):
+            field = line.split('"')[1]
+        if line == 'unit = "?"':
+            line = file.units.get(field, line)
+        for word, number in _ANSWERS.items():
+            line = line.replace(word, f"{number:g}") if line.startswith("derive") else line
+        if line.startswith("# wheel_radius_m"):
+            line = f"wheel_radius_m = {RADIUS_M}"
+        lines.append(line)
+    text = "\n".join(lines) + "\n"
+    for channel, content in file.channels.items():
+        if f"[channels.{channel}]" not in text:
+            text += f"\n[channels.{channel}]\n{content}\n"
+    return text

@@ -1,0 +1,133 @@
+"""The cells of a text table: which are numbers, as people and their programs write them."""
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from typing import Final
+
+import polars as pl
+
+from analysis.model.physical_units import spelt_unit
+
+_EXPONENT: Final = r"(?:[eEdD][+-]?\d+)?"
+#: What may stand between thousands, by the decimal sign; no-break and narrow blanks too.
+_GROUPS: Final = {".": ",'’ \u00a0\u202f", ",": ".'’ \u00a0\u202f"}
+_NUMBERS: Final = {
+    sign: re.compile(rf"[+-]?(?:\d+[{sign}]?\d*|[{sign}]\d+){_EXPONENT}") for sign in ".,"
+}
+_WORDS_OF_NUMBERS: Final = frozenset({"nan", "inf", "-inf", "+inf", "-nan", "infinity"})
+#: 1.234 may be one and a bit, or a thousand.
+_THOUSANDS: Final = {sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:[{sign}]\d{{3}})+") for sign in ".,"}
+_TIME: Final = re.compile(
+    r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T, ]*)?\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?|[.,]\d+)?"
+    r"\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+    r"|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{8}T\d{6}([.,]\d+)?Z?"
+)
+#: A cell of these alone is meant for a number, or a time.
+_NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
+_TRUTHS: Final = frozenset({"true", "false"})
+#: A number with its unit: 3.50 km/h.
+_MEASURE: Final = re.compile(
+    r"(?P<number>[+-]?[\d.,]*\d(?:[eE][+-]?\d+)?)(?P<unit>\s*[^\d\s.,+-]\S*)"
+)
+#: A column's kind is that of so large a share of its cells.
+_MOSTLY: Final = 0.8
+
+
+def kind(cell: str, decimal: str) -> str:
+    """What a cell is: empty, number, grouped, measure, time, odd or text.
+
+    A grouped one is a number with signs between its thousands: surely, or where the decimal sign
+    of the others leaves no other reading (`maybe grouped`). An odd one is made of digits and signs
+    and is no number. A measure has its unit behind it.
+    """
+    if not cell:
+        return "empty"
+    if _NUMBERS[decimal].fullmatch(cell) or cell.lower() in _WORDS_OF_NUMBERS:
+        return "number"
+    if _TIME.fullmatch(cell) or cell.lower() in _TRUTHS:
+        return "time"
+    if _SURELY[decimal].fullmatch(cell):
+        return "grouped"
+    if _GROUPED[decimal].fullmatch(cell):
+        return "maybe grouped"
+    if _NUMBERLIKE.fullmatch(cell):
+        return "odd"
+    return "measure" if unit_in_cell(cell, decimal) else "text"
+
+
+#: Kinds of cells that fill a numeric column.
+NUMERIC: Final = frozenset({"number", "grouped", "measure", "time"})
+
+
+def is_numeric(kinds: Sequence[str], *, empty: bool = False) -> bool:
+    """Whether most cells are numbers or times; `empty` where there are none."""
+    present = [each for each in kinds if each != "empty"]
+    if not present:
+        return empty
+    return sum(each in NUMERIC for each in present) >= _MOSTLY * len(present)
+
+
+def is_signed(cell: str, decimal: str) -> tuple[bool, bool]:
+    """Whether a number has the decimal sign, and whether that may separate thousands."""
+    signed = decimal in cell and _NUMBERS[decimal].fullmatch(cell) is not None
+    return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
+
+
+@cache
+def unit_in_cell(cell: str, decimal: str) -> str | None:
+    """The unit behind a number as it stands there (` km/h`); None where there is none known."""
+    match = _MEASURE.fullmatch(cell)
+    if match is None or not _NUMBERS[decimal].fullmatch(match["number"]):
+        return None
+    return match["unit"] if spelt_unit(match["unit"]) else None
+
+
+def common_unit(cells: Sequence[str], decimal: str) -> str | None:
+    """What stands behind each number of a column, where it is one and the same unit."""
+    found = {unit_in_cell(cell, decimal) for cell in cells}
+    return next(iter(found)) if len(found) == 1 else None
+
+
+def with_points(
+    column: pl.Series, decimal: str, unit: str | None, *, is_grouped: bool
+) -> pl.Series:
+    """The text of a column with its numbers as Python writes them.
+
+    Args:
+        column: text, (rows,).
+        decimal: sign.
+        unit: behind each number, as it stands there; taken off.
+        is_grouped: whether a lone sign before three digits is known to separate thousands.
+    """
+    cell = pl.col(column.name).str.strip_chars()
+    if unit is not None:
+        cell = pl.when(cell.str.ends_with(unit)).then(cell.str.strip_suffix(unit)).otherwise(cell)
+    form = _grouped(decimal) if is_grouped else _surely_grouped(decimal)
+    has_groups = cell.str.contains(f"^(?:{form})$")
+    cell = (
+        pl.when(has_groups).then(cell.str.replace_all(f"[{_GROUPS[decimal]}]", "")).otherwise(cell)
+    )
+    if decimal == ",":
+        cell = cell.str.replace(r"^([+-]?\d*),(\d*(?:[eEdD][+-]?\d+)?)$", "${1}.${2}")
+    cell = cell.str.replace(r"^([+-]?(?:\d+\.?\d*|\.\d+))[dD]([+-]?\d+)$", "${1}e${2}")
+    return column.to_frame().select(cell.alias(column.name)).to_series()
+
+
+def _grouped(decimal: str) -> str:
+    """A number with signs between its thousands."""
+    return rf"[+-]?\d{{1,3}}(?:[{_GROUPS[decimal]}]\d{{3}})+(?:[{decimal}]\d*)?"
+
+
+def _surely_grouped(decimal: str) -> str:
+    """One that cannot be another number: several groups, or blanks, or a decimal sign behind."""
+    signs = _GROUPS[decimal]
+    ambiguous, blanks = signs[0], signs[1:]
+    return (
+        rf"[+-]?\d{{1,3}}(?:(?:[{blanks}]\d{{3}})+(?:[{decimal}]\d*)?"
+        rf"|(?:[{ambiguous}]\d{{3}}){{2,}}(?:[{decimal}]\d*)?|[{ambiguous}]\d{{3}}[{decimal}]\d*)"
+    )
+
+
+_GROUPED: Final = {sign: re.compile(_grouped(sign)) for sign in ".,"}
+_SURELY: Final = {sign: re.compile(_surely_grouped(sign)) for sign in ".,"}

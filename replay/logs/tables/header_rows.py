@@ -1,0 +1,93 @@
+"""The rows of names and of units above the data."""
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from replay.logs.tables.header import is_units
+from replay.logs.tables.hints import DialectError, TableHints
+
+_COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class TextRow:
+    """Cells, and where they stand."""
+
+    line: int  #: from 0
+    after: int  #: the line behind it
+    cells: tuple[str, ...]
+
+
+def header_row(row: TextRow, separator: str, width: int, lines: Sequence[str]) -> TextRow:
+    """A row above the data without its comment sign; words in brackets belong to their name."""
+    text = _COMMENT.sub("", lines[row.line])
+    if separator != " ":
+        if text == lines[row.line] or not row.cells:
+            return row
+        cells = next(csv.reader([text], delimiter=separator), [])
+        return TextRow(row.line, row.after, tuple(cell.strip() for cell in cells) or row.cells)
+    cells = text.split()
+    if len(cells) != width:
+        wide = [cell.strip() for cell in re.split(r"\t|\s{2,}", text.strip())]
+        if len(wide) == width:
+            return TextRow(row.line, row.after, tuple(wide))
+        joint = re.sub(r"\s+(?=[\[(])", "\0", text.strip()).split()
+        cells = [cell.replace("\0", " ") for cell in joint]
+    return TextRow(row.line, row.after, tuple(cells))
+
+
+def rows_of_names(
+    above: list[TextRow], width: int, hints: TableHints
+) -> tuple[TextRow | None, TextRow | None]:
+    """The row of the names and that of the units; None where there is none.
+
+    Args:
+        above: rows above the data, in order.
+        width: columns of the data.
+        hints: what is given.
+
+    Raises:
+        DialectError: the given line holds none, or two rows may be the units.
+    """
+    by_line = {row.line + 1: row for row in above}
+    for key, line in (("header_row", hints.header_row), ("units_row", hints.units_row)):
+        if line and line not in by_line:
+            raise DialectError(f"[log] {key} = {line}: that line holds no cells above the data")
+    given = by_line.get(hints.header_row or -1)
+    stated = by_line.get(hints.units_row or -1)
+    if hints.header_row == 0:
+        return None, stated
+    if given is not None:
+        if stated is None and hints.units_row is None:
+            nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
+            stated = next((r for r in nearby if _fits(r, width) and is_units(r.cells)), None)
+        return given, stated
+    wide = [row for row in above if _fits(row, width) and row != stated]
+    if not wide:
+        return None, stated
+    if hints.units_row is None and stated is None and len(wide) > 2:
+        # below the units may stand a row of types
+        (*_, third, second, first) = wide
+        together = first.line - third.line <= 2
+        if together and is_units(second.cells) and not is_units(first.cells + third.cells):
+            return third, second
+    last, before = wide[-1], wide[-2] if len(wide) > 1 else None
+    if stated is not None or hints.units_row == 0 or before is None:
+        return last, stated
+    adjacent = last.line - before.line <= 2
+    if adjacent and is_units(last.cells) and is_units(before.cells):
+        raise DialectError(
+            f"lines {before.line + 1} and {last.line + 1} may both be its units; set [log] "
+            "units_row and header_row"
+        )
+    if adjacent and is_units(last.cells):
+        return before, last
+    return last, before if adjacent and is_units(before.cells) else None
+
+
+def _fits(row: TextRow, width: int) -> bool:
+    """Whether a row is about all columns: one of a preamble has few cells."""
+    return len(row.cells) > 1 and len(row.cells) * 2 > width

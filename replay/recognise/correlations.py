@@ -1,0 +1,139 @@
+"""What the readings say of the columns: gravity on an axis, slopes of each other, signs."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.model.physical_units import to_si
+from estimators.errors import LogError
+from replay.logs import TABLE, Log
+from replay.recognise.proposals import ChannelProposal, LogColumn, Recognised
+
+Floats = NDArray[np.float64]
+
+#: Rows that correlations are taken over, at most, and the span of a slope, in s.
+_ROWS: Final = 200_000
+_SPAN_S: Final = 0.2
+#: A correlation is of so many rows at least.
+_FEWEST: Final = 100
+#: A correlation that says something.
+_CLEAR: Final = 0.5
+#: Gravity on an axis of an accelerometer, in m/s²: what it shows on a machine that may stand on a
+#: slope of 15 degrees, with the gain errors of a cheap one.
+_GRAVITY_M_S2: Final = (9.3, 10.2)
+#: What the same is where the unit is g.
+_GRAVITY_G: Final = (0.95, 1.04)
+_AXES: Final = frozenset({"x", "y", "z"})
+_SIGN: Final = (
+    "which way {} is positive: it goes against the change of speed ({:.2f}); if it is inverted, "
+    "scale = -1"
+)
+
+
+def _axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
+    """The three axes of the one accelerometer; none where there are several, or axes missing."""
+    found = [c for c in columns if c.said.quantity == "acceleration" and c.said.axis]
+    axes = sorted(c.said.axis for c in found if c.said.axis)
+    return found if axes == sorted(_AXES) else []
+
+
+def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[str, str]]:
+    """Units, with the reason, of an accelerometer's three axes that state none: one shows gravity.
+
+    Args:
+        log: an opened table.
+        columns: of it.
+    """
+    axes = [column for column in _axes(columns) if column.unit is None]
+    for column in axes if len(axes) == len(_AXES) else ():
+        middle = abs(_median(log, column))
+        for unit, (low, high) in (("m/s**2", _GRAVITY_M_S2), ("standard_gravity", _GRAVITY_G)):
+            if low <= middle <= high:
+                reason = f"gravity is on '{column.field}' ({middle:.2f}): in {unit}"
+                return {each.field: (unit, reason) for each in axes}
+    return {}
+
+
+def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
+    """Fields of an accelerometer of which no axis shows gravity: a program took it off."""
+    axes = [column for column in _axes(columns) if column.unit is not None]
+    if len(axes) != len(_AXES):
+        return set()
+    total = 0.0
+    for column in axes:
+        assert column.unit is not None
+        if not column.fits("acc_x_m_s2"):
+            return set()
+        total += (_median(log, column) * to_si(column.unit, "m/s²")[0]) ** 2
+    return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
+
+
+def _median(log: Log, column: LogColumn) -> float:
+    try:
+        _, x = _series(log, column.topic, column.field)
+    except (LogError, pl.exceptions.PolarsError):
+        return 0.0
+    return float(np.median(x)) if x.size else 0.0
+
+
+def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognised) -> Recognised:
+    """Say how forces and accelerations go with the change of the speed, and speeds of the place."""
+    by_name = {each.column: each for each in found.channels if each.field}
+    speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
+    place = by_name.get("position_x_m") or next(
+        (
+            ChannelProposal("position_x_m", c.topic, c.field, None, "")
+            for c in columns
+            if c.said.quantity == "position" and c.unit is not None
+        ),
+        None,
+    )
+    channels: list[ChannelProposal] = []
+    for each in found.channels:
+        reason = each.reason
+        is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
+        is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
+        if each.field and speed is not None and (is_force or is_acceleration):
+            goes = _correlation(log, each, speed)
+            if goes is not None:
+                reason += f"; goes with the change of {speed.field}, {goes:.2f}"
+                if goes < -_CLEAR:
+                    found.ask("sign", _SIGN.format(f"'{each.field}'", goes))
+        if each is speed and place is not None:
+            goes = _correlation(log, each, place)
+            if goes is not None and abs(goes) > _CLEAR:
+                reason += f"; goes with the change of {place.field}, {goes:.2f}"
+        channels.append(replace(each, reason=reason))
+    found.channels = channels
+    return found
+
+
+def _correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
+    """Correlation of a column with the slope of another; None where there is none."""
+    assert one.field is not None
+    assert other.field is not None
+    try:
+        t, x = _series(log, one.topic, one.field)
+        at, y = _series(log, other.topic, other.field)
+    except (LogError, pl.exceptions.PolarsError):
+        return None
+    if t.size < _FEWEST or at.size < _FEWEST:
+        return None
+    half = _SPAN_S / 2
+    slope = np.interp(t + half, at, y) - np.interp(t - half, at, y)
+    if x.std() == 0 or slope.std() == 0:
+        return None
+    return float(np.corrcoef(x, slope)[0, 1])
+
+
+def _series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
+    """Seconds from the first row, and the readings, where they are numbers."""
+    frame = log.read(topic or TABLE, [name]).head(_ROWS)
+    x = frame[name].cast(pl.Float64).to_numpy()
+    t = (frame["log_time_ns"] - frame["log_time_ns"][0]).to_numpy() / 1e9
+    known = np.isfinite(x)
+    return t[known], x[known]

@@ -1,0 +1,147 @@
+"""Force and speed from what a drive reports, by a gear that is asked for."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from replay.recognise.proposals import LogColumn, Recognised
+
+_GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
+_RADIUS: Final = "machine.wheel_radius_m"
+_SIDES: Final = ("left", "right")
+#: Units of revolutions.
+_TURNS: Final = ("rpm", "rad/s", "Hz")
+
+
+def propose_drives(columns: Sequence[LogColumn], found: Recognised) -> None:
+    """Sketch force and speed from what motors and wheels report, where no column has them."""
+    if not {"force_x_N"} & found.taken and not _has_both(found, "torque_{}_N_m"):
+        any(propose(columns, found) for propose in (_unnamed_sides, _motor_force, _pressure))
+    if "speed_x_m_s" not in found.taken and not _has_both(found, "speed_{}_m_s"):
+        any(propose(columns, found) for propose in (_wheel_speeds, _motor_speed))
+
+
+def _has_both(found: Recognised, name: str) -> bool:
+    return {name.format(side) for side in _SIDES} <= found.taken
+
+
+def _unnamed_sides(columns: Sequence[LogColumn], found: Recognised) -> bool:
+    """Two torques of wheels without a side."""
+    torques = [
+        c
+        for c in columns
+        if c.quantity == "torque" and c.fits("torque_left_N_m") and c.said.part != "motor"
+    ]
+    wheels = [c for c in torques if c.said.side is None and c.said.axis in (None, "x", "y", "z")]
+    if len(wheels) != 2 or len(torques) != 2:
+        return False
+    names = " or ".join(f"'{column.field}'" for column in wheels)
+    for side, column in zip(_SIDES, wheels, strict=True):
+        found.sketch_source(
+            column,
+            f"torque_{side}_N_m",
+            column.unit,
+            f"{column.field}: one of two torques; its name has no side",
+        )
+    found.ask("radius", _RADIUS)
+    found.ask("side", f"which is the left one, {names}")
+    return True
+
+
+def _motor_force(columns: Sequence[LogColumn], found: Recognised) -> bool:
+    """A force from a motor's torque, or from its current."""
+    for quantity, unit, name, factor in (
+        ("torque", "N*m", "motor_torque_N_m", ""),
+        ("current", "A", "motor_current_A", " * TORQUE_CONSTANT [N*m/A]"),
+    ):
+        fitting = [
+            c
+            for c in columns
+            if c.quantity == quantity
+            and c.said.side is None
+            # a current is in amperes where nothing is stated, as motor controllers write it
+            and (c.is_in(unit) or (unit == "A" and c.unit is None))
+        ]
+        # a battery's current is no motor's
+        fitting.sort(key=lambda c: c.said.part != "motor")
+        if not fitting:
+            continue
+        column = fitting[0]
+        reason = f"{column.field}: at the motor; needs the gear"
+        found.sketch_source(column, name, column.unit, reason)
+        found.sketch("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)
+        found.ask("gear", _GEAR.format("force_x_N"))
+        if factor:
+            found.ask("gear", "the motor's TORQUE_CONSTANT in N*m/A, in the same line")
+        found.ask("radius", _RADIUS)
+        return True
+    return False
+
+
+def _pressure(columns: Sequence[LogColumn], found: Recognised) -> bool:
+    """A force from the pressures of a hydrostatic drive: not those of boom and bucket."""
+    drive = [c for c in columns if c.quantity == "pressure" and c.unit and not c.said.is_linkage]
+    if not drive or len(drive) > 2:
+        return False
+    names = ["pressure_high_bar", "pressure_low_bar"][: len(drive)]
+    for name, column in zip(names, drive, strict=True):
+        reason = f"{column.field}: a pressure; needs the motor's displacement and the gear"
+        found.sketch_source(column, name, column.unit, reason)
+    torque = f"({' - '.join(names)})" if len(names) > 1 else names[0]
+    found.sketch(
+        "force_x_N",
+        f"{torque} * DISPLACEMENT [m^3/turn] * GEAR / wheel_radius_m",
+        "the drive's pressure times its displacement",
+    )
+    found.ask("gear", _GEAR.format("force_x_N"))
+    found.ask("gear", "the motor's DISPLACEMENT in m³ a revolution, in the same line")
+    found.ask("radius", _RADIUS)
+    if len(names) > 1:
+        found.ask(
+            "side", f"which pressure drives forwards, '{drive[0].field}' or '{drive[1].field}'"
+        )
+    return True
+
+
+def _wheel_speeds(columns: Sequence[LogColumn], found: Recognised) -> bool:
+    """Speeds of wheels in revolutions: of both sides, or of one wheel."""
+    wheels = [
+        c
+        for c in columns
+        if c.quantity == "speed"
+        and c.unit in _TURNS
+        and c.said.part != "motor"
+        and (c.said.side or c.said.part == "wheel")
+    ]
+    by_side = {c.said.side: c for c in reversed(wheels)}
+    if set(_SIDES) <= set(by_side):
+        wheels = [by_side[side] for side in _SIDES]
+        channels = [f"speed_{side}_m_s" for side in _SIDES]
+    elif wheels:
+        wheels, channels = wheels[:1], ["speed_x_m_s"]
+    else:
+        return False
+    for channel, column in zip(channels, wheels, strict=True):
+        source = channel.replace("speed", "wheel").replace("m_s", "rpm")
+        reason = f"{column.field}: turns of a wheel; needs its radius"
+        found.sketch_source(column, source, column.unit, reason)
+        found.sketch(channel, f"{source} * wheel_radius_m", reason)
+    found.ask("radius", _RADIUS)
+    return True
+
+
+def _motor_speed(columns: Sequence[LogColumn], found: Recognised) -> bool:
+    turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
+        (c for c in columns if c.quantity == "speed" and c.unit in _TURNS), None
+    )
+    if turns is None:
+        return False
+    pairs = " / POLE_PAIRS" if turns.quantity == "erpm" else ""
+    reason = f"{turns.field}: revolutions; needs the gear" + (" and pole pairs" if pairs else "")
+    unit = None if turns.unit in (None, "rpm") else turns.unit
+    found.sketch_source(turns, "motor_rpm", unit, reason)
+    found.sketch("speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason)
+    found.ask("gear", _GEAR.format("speed_x_m_s"))
+    if pairs:
+        found.ask("gear", "the motor's POLE_PAIRS, in the same line")
+    found.ask("radius", _RADIUS)
+    return True

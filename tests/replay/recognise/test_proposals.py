@@ -1,0 +1,150 @@
+"""What `init` proposes for the columns of a table, and what it asks."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from analysis.model.machine import Machine
+from replay.init.guess_machine import draft_machine_file
+from replay.logs import open_log
+from replay.recognise.proposals import ChannelProposal
+from replay.recognise.table import recognise
+
+T = np.arange(600) / 50
+V = np.clip(np.sin(T), 0, None) * 3
+A = np.gradient(V, T)
+
+
+def proposed(tmp_path: Path, **columns: object) -> tuple[dict[str, ChannelProposal], list[str]]:
+    """Channels by name, and questions, of a table with these columns behind its time."""
+    path = tmp_path / "log.csv"
+    names = {name.replace("__", " ["): name for name in columns}
+    frame = pl.DataFrame({"time_s": T, **columns})
+    frame.rename({old: f"{new}]" for new, old in names.items() if "__" in old}).write_csv(path)
+    with open_log(path) as log:
+        found = recognise(log)
+    return {each.column: each for each in found.channels}, found.questions
+
+
+@pytest.mark.parametrize(
+    ("name", "channel"),
+    [
+        *(("Force__kN", "force_x_N"), ("Zugkraft__N", "force_x_N"), ("effort__daN", "force_x_N")),
+        *(("Fahrgeschwindigkeit__km/h", "speed_x_m_s"), ("left_velocity_m_s", "speed_left_m_s")),
+        *(("left_Mz_Nm", "torque_left_N_m"), ("Boom angle__deg", "boom_rad")),
+        *(("odometer__m", "position_x_m"), ("gyro_z__dps", "yaw_rate_rad_s")),
+        *(("F7__kN", "force_x_N"), ("c2__km/h", "speed_x_m_s")),
+    ],
+)
+def test_a_column_is_recognised_by_its_name_and_unit(
+    tmp_path: Path, name: str, channel: str
+) -> None:
+    channels, questions = proposed(tmp_path, **{name: V})
+    assert list(channels) == [channel]
+    assert not channels[channel].is_comment
+    assert questions == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "motor_temp__degC",
+        "Force__mNm",
+        "speed__m",
+        "Lift force__N",
+        "lateral_force_N",
+        "Speed__MNm",
+    ],
+)
+def test_a_column_of_another_quantity_is_not_taken(tmp_path: Path, name: str) -> None:
+    channels, _ = proposed(tmp_path, **{name: V})
+    assert not {"force_x_N", "speed_x_m_s"} & {c for c, p in channels.items() if not p.is_comment}
+
+
+def test_a_force_goes_with_the_change_of_the_speed(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, speed_m_s=V, force_N=1000 * A)
+    assert "goes with the change of speed_m_s, 0.99" in channels["force_x_N"].reason
+    assert questions == []
+
+
+def test_an_inverted_force_is_a_question(tmp_path: Path) -> None:
+    _, questions = proposed(tmp_path, speed_m_s=V, force_N=-1000 * A)
+    (asked,) = questions
+    assert "which way 'force_N' is positive" in asked
+    assert "scale = -1" in asked
+
+
+def test_a_speed_is_the_slope_of_a_position(tmp_path: Path) -> None:
+    place = np.cumsum(V) / 50
+    channels, _ = proposed(tmp_path, distance_m=place, speed_m_s=V)
+    assert "goes with the change of distance_m, 1.00" in channels["speed_x_m_s"].reason
+
+
+@pytest.mark.parametrize(("down", "unit"), [(9.81, None), (1.0, "standard_gravity")])
+def test_gravity_tells_the_unit_of_an_accelerometer(
+    tmp_path: Path, down: float, unit: str | None
+) -> None:
+    noise = np.random.default_rng(1).normal(0, 0.01, T.size)
+    axes = {"acc_x": A * down / 9.81, "acc_y": noise, "acc_z": down + noise}
+    channels, _ = proposed(tmp_path, **axes)
+    assert channels["specific_force_x_m_s2"].unit == unit
+    assert "gravity is on 'acc_z'" in channels["specific_force_x_m_s2"].reason
+
+
+def test_an_acceleration_without_gravity_is_no_specific_force(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).normal(0, 0.01, T.size)
+    axes = {"acc x__m/s2": A, "acc y__m/s2": noise, "acc z__m/s2": noise}
+    channels, _ = proposed(tmp_path, **axes)
+    assert set(channels) == {"acc_x_m_s2"}
+
+
+def test_questions_come_in_the_order_of_need(tmp_path: Path) -> None:
+    columns = {"Motor Torque__Nm": -A, "Motor Speed__rpm": V * 100}
+    channels, questions = proposed(tmp_path, **columns)
+    assert channels["force_x_N"].derive == "motor_torque_N_m * GEAR / wheel_radius_m"
+    assert channels["speed_x_m_s"].derive == "motor_rpm / GEAR * wheel_radius_m"
+    kinds = [
+        next(w for w in ("gear", "radius", "positive") if w in question) for question in questions
+    ]
+    assert kinds == ["gear", "gear", "radius", "positive"]
+
+
+def test_a_controllers_current_and_erpm_need_constants(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, current_motor=A, erpm=V * 1000)
+    assert "TORQUE_CONSTANT [N*m/A]" in str(channels["force_x_N"].derive)
+    assert "POLE_PAIRS" in str(channels["speed_x_m_s"].derive)
+    assert any("POLE_PAIRS" in question for question in questions)
+
+
+def test_pressures_of_a_drive_need_its_displacement(tmp_path: Path) -> None:
+    columns = {"Pressure A__bar": A, "Pressure B__bar": -A, "Boom pressure__bar": A}
+    channels, questions = proposed(tmp_path, **columns)
+    assert "DISPLACEMENT [m^3/turn]" in str(channels["force_x_N"].derive)
+    assert any("which pressure drives forwards" in question for question in questions)
+
+
+def test_two_torques_without_a_side_are_a_question(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, **{"Torque 1__Nm": A, "Torque 2__Nm": A})
+    assert {"torque_left_N_m", "torque_right_N_m"} <= set(channels)
+    assert any("which is the left one" in question for question in questions)
+
+
+def test_wheels_in_turns_need_the_radius_alone(tmp_path: Path) -> None:
+    columns = {"left wheel speed__rad/s": V, "right wheel speed__rad/s": V}
+    channels, questions = proposed(tmp_path, **columns)
+    assert channels["speed_left_m_s"].derive == "wheel_left_rpm * wheel_radius_m"
+    assert questions == ["machine.wheel_radius_m"]
+
+
+def test_every_column_is_in_the_draft_and_the_draft_says_what_is_missing(tmp_path: Path) -> None:
+    frame = pl.DataFrame({"time_s": T, **{f"column_{k}": V for k in range(40)}})
+    frame.write_csv(tmp_path / "log.csv")
+    with open_log(tmp_path / "log.csv") as log:
+        text, lacking = draft_machine_file(log, None)
+    assert all(f"#   column_{k}, 50 Hz: 0 … " in text for k in range(40))
+    assert lacking[0].startswith("a force")
+    with pytest.raises(ValueError, match=r"no force: give channels\.force_x_N"):
+        Machine.model_validate(tomllib.loads(text))
