@@ -313,7 +313,7 @@ UNLISTED: Final = (
         (1.6, 2.0, 2.5),
         body=lambda size: {"wheel_radius_m": size},
     ),
-    Unlisted("left torque small", ("unlike_sides",), (0.85, 0.6, 0.2), times("torque", TORQUES[0])),
+    Unlisted("left torque small", ("unlike_sides",), (0.9, 0.6, 0.2), times("torque", TORQUES[0])),
     Unlisted(
         "left torque dead",
         ("frozen", "unlike_sides"),

@@ -13,6 +13,7 @@ from analysis.findings import (
     residual_causes,
     sampling_causes,
     scale,
+    side_causes,
     sign_causes,
 )
 from analysis.findings.cause import Cause
@@ -38,7 +39,7 @@ CAUSES: Final = (
         withholds=True,
         explains=(
             *(*_OF_FIT, "unsigned", "offset", "wrong_unit", "imu_misaligned", "swapped_sides"),
-            "wrong_scale",
+            *("wrong_scale", "unlike_sides"),
         ),
         hides=True,
     ),
@@ -50,7 +51,7 @@ CAUSES: Final = (
         withholds=True,
         explains=(
             *("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
-            "wrong_scale",
+            *("wrong_scale", "unlike_sides"),
         ),
     ),
     Cause(
@@ -77,12 +78,24 @@ CAUSES: Final = (
         sign_causes.swapped,
     ),
     Cause(
+        "unlike_sides",
+        "left and right do not push, or turn, alike: one sensor or one wheel is off",
+        "straight drives with the torque of both sides, or with the speed of both and a gyroscope",
+        side_causes.unlike,
+        withholds=True,
+        as_judged=True,
+        explains=(*_OF_FIT, "wrong_scale", "offset", "imu_misaligned"),
+    ),
+    Cause(
         "frozen",
         "a channel repeats one reading while the machine moves on",
         "another channel that changes meanwhile",
         channel_causes.frozen,
         withholds=True,
-        explains=(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale"),
+        explains=(
+            *(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale", "unlike_sides"),
+            *("unsigned", "offset"),
+        ),
     ),
     Cause(
         "saturated",
@@ -90,7 +103,7 @@ CAUSES: Final = (
         "starts that reach it",
         channel_causes.saturated,
         withholds=True,
-        explains=(*_OF_FIT, "quantised", "wrong_unit", "wrong_scale"),
+        explains=(*_OF_FIT, "quantised", "wrong_unit", "wrong_scale", "unlike_sides"),
     ),
     Cause(
         "spikes",
