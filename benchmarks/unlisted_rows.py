@@ -294,6 +294,11 @@ def _dry_friction(log: DrawnLog, size: float, _: np.random.Generator) -> Frames:
     return {**log.topics, "torque": torque.with_columns(changed)}
 
 
+def _in_another_unit(x: Floats, log: DrawnLog, size: float, _: np.random.Generator) -> Floats:
+    """So many times as much; 1: the wheels' rad/s as m/s."""
+    return x * (1.0 / float(log.machine.machine.wheel_radius_m or 1.0) if size == 1.0 else size)
+
+
 UNLISTED: Final = (
     Unlisted(
         "gear not divided out",
@@ -340,11 +345,11 @@ UNLISTED: Final = (
     Unlisted(
         "speed in another unit",
         ("wrong_unit",),
-        (9.5493, 57.2958, 1 / 0.42),
-        times("speed", *SPEEDS),
+        (9.5493, 57.2958, 1.0),
+        Column("speed", SPEEDS, _in_another_unit),
     ),
     Unlisted("IMU upside down", ("imu_misaligned", "sign_flipped"), (1.0, 2.0, 3.0), _upside_down),
-    Unlisted("IMU loose", ("resonance", "imu_misaligned"), (0.5, 1.0, 2.0), _loose),
+    Unlisted("IMU loose", ("imu_loose", "resonance"), (0.5, 1.0, 2.0), _loose),
     Unlisted("clock set back", ("clock_jump",), (1.0, 3.0, 10.0), _runs_back),
     Unlisted(
         "gain drifts",

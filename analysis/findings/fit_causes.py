@@ -146,7 +146,7 @@ def coulomb(case: Case) -> list[Sign]:
     motion = fit.motion
     name = "direction" if motion.both_ways else "const"
     way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
-    pick = found.get(name)
+    pick = found.get(name) or _own_term(case, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
@@ -165,6 +165,23 @@ def coulomb(case: Case) -> list[Sign]:
             alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
+
+
+def _own_term(case: Case, name: str) -> Pick | None:
+    """A term as the joint fit has it, beyond what standing explains of it.
+
+    Where all starts have one throttle, their samples hardly tell it from mass and friction; the
+    fit does, by its priors.
+    """
+    fit, seen = case.fit, constants(case)
+    names = [] if fit is None else [term.name for term in fit.terms]
+    if fit is None or name not in names or not np.isfinite(seen.rest_N[0]):
+        return None
+    value, std = (float(each[names.index(name)]) for each in fit.posterior)
+    if name == "const":
+        error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
+        value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
+    return Pick(name, value, std, (value / std) ** 2, ())
 
 
 def _without_friction(
