@@ -218,6 +218,12 @@ CAUSES: Final = (
         explains=("heteroscedastic",),
     ),
     Cause(
+        "gain_drift",
+        "the force's gain drifts over the log, or the load changes steadily",
+        "starts at the beginning of the log and at its end",
+        fit_causes.gain_drift,
+    ),
+    Cause(
         "braking_inside",
         "braking that the force does not see counts as driving",
         "settings.gate.exclude_braking = false",

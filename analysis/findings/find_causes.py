@@ -44,6 +44,8 @@ def findings(case: Case) -> pl.DataFrame:
 
 def _explains(one: tuple[Cause, Sign], other: tuple[Cause, Sign]) -> bool:
     (cause, own), (seen, sign) = one, other
+    if seen.key in own.explains:
+        return True
     return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
 
 

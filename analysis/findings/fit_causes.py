@@ -28,6 +28,8 @@ _LEAST_GAIN: Final = 0.003
 _LEAST_SHARE: Final = 0.002
 #: Nor the share of the force that is measured to less, by m/s².
 _LEAST_CHANGE: Final = 0.01
+#: Nor a gain to drift by less over a log: friction that warms looks like 0.02.
+_LEAST_DRIFT: Final = 0.03
 #: An answer whose standard uncertainty is this share of it has too little to go by.
 POOR: Final = 0.06
 #: Share of the mass that priors alone leave open where regressors go together.
@@ -243,6 +245,26 @@ def driveline(case: Case) -> list[Sign]:
             )
         )
     return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def gain_drift(case: Case) -> list[Sign]:
+    """A force whose gain changes over the log, or a load that changes steadily."""
+    pick = picks(case).get("gain_drift")
+    if pick is None or case.fit is None or case.fit.count > 1:
+        return []
+    return [
+        Sign(
+            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_DRIFT),
+            f"force over acceleration changes by {pick.value:+.1%} ± {pick.std:.1%} from the "
+            "beginning of the log to its end: the force's gain, or the load",
+            channel=case.force_channel,
+            # its mean over the log is what the masses have
+            change=lambda: Change(0.0, abs(pick.value) / 2.0 * abs(case.fit.mass_kg))
+            if case.fit is not None
+            else None,
+            alternatives=_others(pick),
+        )
+    ]
 
 
 def _share_changes(value: float, std: float) -> str:

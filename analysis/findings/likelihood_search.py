@@ -27,6 +27,7 @@ _LEAST: Final = {
     "wheel_radius": 0.003,
     "driveline": 0.01,
     "braking": 0.002,
+    "gain_drift": 0.03,
 }
 #: So are those of brakes and of what looks alike by less than this share.
 _OF_BRAKES: Final = 0.5

@@ -85,6 +85,7 @@ def force_system(
         "clock_drift": -rate * (taken / max(motion.force.size - 1, 1)),
         "slip": -friction * np.abs(v) * f,
         "driveline": a * f,
+        "gain_drift": f * motion.progress[taken],
         "const": np.ones(f.size),
     }
     if motion.both_ways:
