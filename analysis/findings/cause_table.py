@@ -10,6 +10,7 @@ from analysis.findings import (
     fit_causes,
     forgetting_causes,
     growing_load_cause,
+    loose_imu,
     residual_causes,
     sampling_causes,
     scale,
@@ -154,6 +155,13 @@ CAUSES: Final = (
         explains=("wheel_radius", "coulomb", "offset", "slip"),
     ),
     Cause(
+        "imu_loose",
+        "the IMU rocks on its mount: its scale is off, and it rings after starts",
+        f"{_STILL}, and three starts from it whose force rises fast",
+        loose_imu.loose,
+        explains=(*_OF_FIT, "imu_misaligned", "spikes"),
+    ),
+    Cause(
         "imu_bias",
         "the accelerometer's zero is off",
         f"{_STILL}, the pitch and the z axis; below 6° nothing tells it from a tilt",
@@ -263,7 +271,7 @@ CAUSES: Final = (
         # noise of the acceleration takes the mass away; what the wheels gain it leaves alone
         explains=(
             *("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
-            *("slip", "coulomb"),
+            *("slip", "coulomb", "imu_loose"),
         ),
     ),
     Cause(

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.findings.altered_motion import moved
 from analysis.findings.cause import Sign
 from analysis.findings.finding_inputs import ACC, Case
-from analysis.findings.likelihood_search import Pick, picks
+from analysis.findings.likelihood_search import NO_FAULTS, Pick, picks
 from analysis.findings.long_delays import LongDelay, long_delay
 from analysis.findings.refit import mended
 
@@ -65,7 +65,7 @@ def _sign(case: Case, pick: Pick) -> Sign:
     if rivals:
         said += f"; as likely the {' or '.join(_SHOWN[each] for each in rivals)} is off"
     smooth = channel == "imu" and late_s > 0
-    others = [each for each in pick.rivals if not each.startswith("delay")]
+    others = [n for n in pick.rivals if not n.startswith("delay") and n not in NO_FAULTS]
     # what is early against an accelerometer may be in time, and the accelerometer filtered
     filtered = smooth or (late_s < 0.0 and "imu" in rivals)
     return Sign(

@@ -10,7 +10,7 @@ from analysis.findings.alternating_load import share_instead_of_loads
 from analysis.findings.cause import Change, Sign
 from analysis.findings.constant_forces import DEVIATIONS, LEAST_SHARE, constants
 from analysis.findings.finding_inputs import Case
-from analysis.findings.likelihood_search import APART, Pick, picks
+from analysis.findings.likelihood_search import APART, NO_FAULTS, Pick, picks
 from analysis.findings.refit import mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import CHANNEL_COLUMNS
@@ -22,6 +22,8 @@ from estimators.errors import counted
 _TERM: Final = 3.45
 #: So many of the wheels' radius: a boom that moves is in the accelerometer alone.
 _WHEELS: Final = 4.0
+#: Of the acceleration, an IMU that rocks on its mount adds this and more.
+_ROCKS: Final = 0.03
 #: No accelerometer's scale is trusted to less.
 _LEAST_GAIN: Final = 0.003
 #: Nor Coulomb friction to a smaller share of the largest force.
@@ -72,7 +74,8 @@ def wheel_radius(case: Case) -> list[Sign]:
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
             change=lambda: mended(case, larger, min(std / abs(gain), 1.0)),
-            alternatives=_others(pick),
+            # an accelerometer that reads too much may rock on its mount
+            alternatives=(*_others(pick), *(("imu_loose",) if gain < -_ROCKS else ())),
         )
     ]
 
@@ -82,7 +85,7 @@ def _others(pick: Pick) -> tuple[str, ...]:
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
     named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
-    return tuple(key for key in dict.fromkeys(named) if key != own)
+    return tuple(key for key in dict.fromkeys(named) if key not in (own, *NO_FAULTS))
 
 
 def offset(case: Case) -> list[Sign]:

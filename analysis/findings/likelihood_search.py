@@ -19,6 +19,8 @@ from analysis.findings.refit import whole_stretches
 from analysis.findings.whitened_rows import Explained, force_system, wheel_system
 from analysis.weighing.motion_samples import Equation
 
+#: Columns that sound machines have, and no cause.
+NO_FAULTS: Final = ("viscous_drift", "viscous_bend")
 #: Gains (twice the log likelihood) that differ by less are not told apart.
 APART: Final = 6.0
 #: Parameters below these are no causes.
