@@ -80,7 +80,9 @@ def with_usual_sides(log: DrawnLog, seed: int) -> DrawnLog:
     mean = (left + right) / 2.0
     # gentle curves, another one every few seconds, up to a radius of 10 m
     number = (t_s.clip(0.0) / 5.0).astype(np.int64)
-    bend = dice.uniform(-0.1, 0.1, int(number.max()) + 1) * (dice.random(int(number.max()) + 1) < 0.5)
+    bend = dice.uniform(-0.1, 0.1, int(number.max()) + 1) * (
+        dice.random(int(number.max()) + 1) < 0.5
+    )
     turn = bend[number] * mean
     apart = width_m * turn + of_speed * mean
     torque_s, imu_s = seconds(torque), seconds(imu)

@@ -48,6 +48,11 @@ def low_pass(case: Case) -> list[Sign]:
     return [replace(_sign(case, found), alternatives=("delay",), setting=None, value=None)]
 
 
+def is_long(cause: str, strength: float) -> bool:
+    """Whether a finding is a delay that hides all else."""
+    return cause == "delay" and strength >= _LONG_STANDS_FIRST
+
+
 def is_low_pass(pick: Pick) -> bool:
     """Whether a delay is rather an accelerometer that a filter makes late."""
     return pick.name == "delay:imu" and pick.value > _SMOOTH_S

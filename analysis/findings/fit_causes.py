@@ -262,9 +262,11 @@ def gain_drift(case: Case) -> list[Sign]:
             "beginning of the log to its end: the force's gain, or the load",
             channel=case.force_channel,
             # its mean over the log is what the masses have
-            change=lambda: Change(0.0, abs(pick.value) / 2.0 * abs(case.fit.mass_kg))
-            if case.fit is not None
-            else None,
+            change=lambda: (
+                Change(0.0, abs(pick.value) / 2.0 * abs(case.fit.mass_kg))
+                if case.fit is not None
+                else None
+            ),
             alternatives=_others(pick),
         )
     ]

@@ -277,7 +277,9 @@ def _of_speed(case: Case) -> list[Sign]:
     times = 1.0 / ratio if names[0] == ACC else ratio
     setting, value = case.scaled(names, times)
     told = all(channels[each] == names for each in alike)
-    what = " or ".join({**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__))
+    what = " or ".join(
+        {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
+    )
     return [
         Sign(
             10.0 * abs(float(np.log(gain))) / _SIGN,
