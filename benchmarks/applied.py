@@ -22,6 +22,7 @@ import typer
 
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
+from analysis.model.settings import Settings
 from analysis.simulation.logs.fault_injection import FAULTS, Fault
 from analysis.simulation.scenario.drawn_designs import joined
 from benchmarks.findings_rows import AXES, design, needed, own_machine, simulated
@@ -58,12 +59,12 @@ class Applied:
     fault: str
     seed: int
     true_kg: float
-    before: tuple[float, float] | None
-    after: tuple[float, float] | None
+    before: Sequence[float] | None
+    after: Sequence[float] | None
     causes: Sequence[str]
     taken_back: Sequence[tuple[str, str]]
 
-    def off_u(self, said: tuple[float, float] | None) -> float | None:
+    def off_u(self, said: Sequence[float] | None) -> float | None:
         """How far a mass is from the truth in its own standard uncertainty."""
         return None if said is None else abs(said[0] - self.true_kg) / said[1]
 
@@ -118,7 +119,7 @@ def _drawn(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     # as a user has it: the limits of the verdict hold
     own = own_machine(log.scenario, fault.overrides, AXES)
     settings = own.settings.changed({"trace.methods": ("pooled",)})
-    limits = type(settings.verdict)()
+    limits = Settings.model_validate({}).verdict
     own = own.model_copy(update={"settings": settings.model_copy(update={"verdict": limits})})
     return MemoryLog(log), reading_memory(own, log), log.scenario.machine.mass_kg
 
@@ -154,11 +155,7 @@ def kept(path: Path) -> list[Applied]:
     """The lines of a campaign."""
     if not path.is_file():
         return []
-    rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return [
-        Applied(**{**row, **{k: row[k] and tuple(row[k]) for k in ("before", "after")}})
-        for row in rows
-    ]
+    return [Applied(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 def tasks(

@@ -269,7 +269,7 @@ def slipping(*names: str, from_share: float) -> Change:
 
 
 def late(topic: str, *names: str) -> Change:
-    """Columns that say what was so many seconds ago."""
+    """Columns that say what was so many seconds ago, from the first such reading on."""
 
     def topics(log: DrawnLog, size: float, _: np.random.Generator) -> Frames:
         frame = log.topics[topic]
@@ -279,7 +279,7 @@ def late(topic: str, *names: str) -> Change:
             pl.Series(name, np.interp(ago, (t - t[0]) * 1e-9, frame[name].to_numpy()))
             for name in names
         ]
-        return {**log.topics, topic: frame.with_columns(changed)}
+        return {**log.topics, topic: frame.with_columns(changed).filter(pl.Series(ago >= 0.0))}
 
     return topics
 

@@ -101,7 +101,8 @@ def side_differences(
 
     def in_phase(*names: str) -> Bools:
         inside = excitation["phase"].is_in(names).fill_null(value=False).to_numpy()
-        return inside[: count * size].reshape(count, size).all(axis=1)
+        blocks = inside[: count * size].reshape(count, size)
+        return np.asarray(blocks.all(axis=1), np.bool_)
 
     turns = means(_YAW_RATE)
     straight = np.ones(count, np.bool_) if turns is None else np.abs(turns) < _STRAIGHT_RAD_S

@@ -16,6 +16,7 @@ from analysis.findings import (
     scale,
     side_causes,
     sign_causes,
+    unexplained,
 )
 from analysis.findings.cause import Cause
 
@@ -316,4 +317,14 @@ CAUSES: Final = (
         _START,
         fit_causes.collinear,
     ),
+)
+
+#: What is left where checks fail and none of them accounts for that: looked for last.
+UNKNOWN: Final = Cause(
+    "unknown",
+    "checks fail, and no known cause accounts for it",
+    "a failed check that withholds the mass or widens its uncertainty",
+    unexplained.unknown,
+    withholds=True,
+    as_judged=True,
 )

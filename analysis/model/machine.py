@@ -282,7 +282,7 @@ class Machine(BaseModel):
                 raise ValueError(
                     f"channels.{name}.scale is {abs(channel.scale):g} m/rad and "
                     f"machine.wheel_radius_m {radius_m:g}: two radii of one wheel; correct the one "
-                    'that is wrong, say scale = "wheel_radius_m", or unit = "m/s" if it is no radius'
+                    'that is wrong, say scale = "wheel_radius_m", or unit = "m/s" of no radius'
                 )
 
     def _enough(self) -> None:

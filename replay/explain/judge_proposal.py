@@ -56,9 +56,8 @@ class Tried:
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
         still = _same(self.finding, self.after)
-        if still is not None and not _less(
-            still, self.finding, _as_claimed(was, now, self.finding)
-        ):
+        claimed = _as_claimed(was, now, self.finding)
+        if still is not None and not _less(still, self.finding, as_claimed=claimed):
             return "the log still shows it"
         by_mass = self._against_empty_mass(was, now)
         if by_mass:
