@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 _FEWEST: Final = 4
 #: The lightest of them, as a quantile, are those of the empty machine:
 _EMPTY: Final = 0.2
-#: of a side that is loaded all along none is, and so the heaviest quantile is heavier by this share.
+#: of a side that is loaded all along none is, so that the heaviest quantile is this much heavier.
 _LOADED: Final = 0.8
 _CARRIES: Final = 0.08
 #: Empty masses differ by this share, and so many of their standard deviations.

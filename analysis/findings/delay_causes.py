@@ -48,9 +48,9 @@ def low_pass(case: Case) -> list[Sign]:
     return [replace(_sign(case, found), alternatives=("delay",), setting=None, value=None)]
 
 
-def is_long(cause: str, strength: float) -> bool:
+def is_long(cause: str, strength: float | None) -> bool:
     """Whether a finding is a delay that hides all else."""
-    return cause == "delay" and strength >= _LONG_STANDS_FIRST
+    return cause == "delay" and strength is not None and strength >= _LONG_STANDS_FIRST
 
 
 def is_low_pass(pick: Pick) -> bool:

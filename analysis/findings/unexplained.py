@@ -1,7 +1,9 @@
 """Checks that fail, and no cause that accounts for them: unknown, and this is what disagrees."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, Final
+
+import polars as pl
 
 from analysis.findings.cause import Sign
 from analysis.findings.finding_inputs import Case
@@ -28,17 +30,22 @@ _AS_STRONG: Final = 1.0
 def unknown(case: Case) -> list[Sign]:
     """The failed checks of the mass that no cause accounts for."""
     kept = case.kept.get(SHOWN, ())
-    shown = set(kept) if isinstance(kept, tuple) else set()
-    failed = [row for row in case.judged.iter_rows(named=True) if _is_open(row, shown)]
+    found = unaccounted(case.judged, kept if isinstance(kept, tuple) else ())
+    return [] if found is None else [found]
+
+
+def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Sign | None:
+    """What fails and none of the causes accounts for; None where each does.
+
+    Args:
+        judged: `verdict`.
+        shown: keys of the causes that the log shows.
+    """
+    failed = [row for row in judged.iter_rows(named=True) if _is_open(row, set(shown))]
     if not failed:
-        return []
+        return None
     said = "; ".join(f"{row['check']} {_number(row)}: {row['meaning']}" for row in failed)
-    return [
-        Sign(
-            max(map(_strength, failed)),
-            f"no known cause accounts for what disagrees: {said}",
-        )
-    ]
+    return Sign(max(map(_strength, failed)), f"no known cause accounts for what disagrees: {said}")
 
 
 def _is_open(row: Mapping[str, Any], shown: set[str]) -> bool:
