@@ -272,7 +272,7 @@ CAUSES: Final = (
         # noise of the acceleration takes the mass away; what the wheels gain it leaves alone
         explains=(
             *("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
-            *("slip", "coulomb", "imu_loose"),
+            *("slip", "coulomb"),
         ),
     ),
     Cause(

@@ -9,12 +9,16 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
+from analysis.findings.accelerometer_share import share_seen
 from analysis.findings.cause import Sign
 from analysis.findings.finding_inputs import ACC, Case
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in
 
+#: Of the wheels' acceleration a loose accelerometer reads so much at least, by so many deviations.
+_READS_MORE: Final = 1.02
+_SURELY: Final = 2.0
 #: A start is looked at for so long, in s, from so long after its force rises,
 _LOOKED_S: Final = 1.28
 _RISES_S: Final = 0.1
@@ -38,6 +42,10 @@ _OVER_STANDING: Final = 4.0
 
 def loose(case: Case) -> list[Sign]:
     """A peak in what the force leaves of the accelerometer, in the first second of starts."""
+    share = share_seen(case)
+    # a frame that swings rings too, and reads the acceleration of the wheels all the same
+    if share is None or share[0] - _SURELY * share[1] < _READS_MORE:
+        return []
     spectra = _spectra(case)
     if spectra is None:
         return []
@@ -58,7 +66,8 @@ def loose(case: Case) -> list[Sign]:
     return [
         Sign(
             best,
-            f"in the first second of {count} starts it rings at {hz[at]:.1f} Hz, with "
+            f"it reads {share[0]:.2f} of the wheels' acceleration, and in the first second of "
+            f"{count} starts it rings at {hz[at]:.1f} Hz, with "
             f"{np.sqrt(_STANDS_OUT * best):.1f} times the size of what is beside that, and the "
             "force does not",
             channel=ACC,
