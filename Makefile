@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 
-.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended shifts shift-coverage payloads degenerate independent-shifts reproduction reading writing speed memory fuzz lock clean help
+.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended unlisted shifts shift-coverage payloads degenerate independent-shifts reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -83,6 +83,10 @@ honesty: $(TEST_STAMP) ## whether the answer's interval holds on machines unlike
 
 findings-kept: $(TEST_STAMP) ## print what findings name otherwise than before in small logs, and keep it (half a minute)
 	$(BIN)/python -m tests.analysis.findings.kept
+
+unlisted: $(TEST_STAMP) ## faults outside the table of injected ones: shown, named, and whether mending does harm (two hours)
+	$(BIN)/python -P benchmarks/unlisted_faults.py --json unlisted.jsonl
+	$(BIN)/python -P benchmarks/applied.py --json applied.jsonl
 
 mended: $(TEST_STAMP) ## whether a machine file mended by `explain --apply` gives the mass back, into the documentation (ten minutes)
 	$(BIN)/python -P benchmarks/mended.py --write

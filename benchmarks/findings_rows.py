@@ -45,6 +45,8 @@ OPEN: Final = tuple(
         "scatter_max": 1e9,
         "frozen_max_s": 1e9,
         "clipped_max": 1.0,
+        "sides_max": 1e9,
+        "one_sided_max": 1e9,
         "clocks_max_s": 1e9,
         "imu_tilt_max_deg": 180.0,
         "accepted_stretches_min": 0,

@@ -20,7 +20,7 @@ import typer
 from analysis.model.run_record import Run
 from benchmarks.page import markdown
 from benchmarks.unlisted_more import MORE
-from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
+from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log, with_usual_sides
 from estimators.errors import PayscopeError
 from replay.pipeline import run
 
@@ -72,8 +72,7 @@ class Shown:
 def shown(fault: Unlisted | None, size: float, seed: int, *, odd: bool = False) -> Shown:
     """Draw a log, put the fault into it, replay it."""
     log = drawn_log(seed, odd=odd, both_ways=fault is not None and fault.both_ways)
-    if fault is not None:
-        log = fault.put_into(log, size, seed)
+    log = with_usual_sides(log, seed) if fault is None else fault.put_into(log, size, seed)
     name = _CLEAN if fault is None else fault.name
     try:
         replayed = run([memory_log(log)], log.machine)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.empty_mass import EmptyMassDifference, empty_mass_difference
 from analysis.diagnosis.excluded_stretches import LeftOut
 from analysis.diagnosis.measured_channels import Signals
+from analysis.diagnosis.side_comparison import SideDifference, side_differences
 from analysis.model.axes import Z, axes, spin, straight
 from analysis.model.machine import Machine
 from analysis.stages.estimation import fit_quality
@@ -107,6 +108,11 @@ class Evidence:
     def empty_mass(self) -> EmptyMassDifference | None:
         """The lightest load against the machine's empty mass; None without either."""
         return empty_mass_difference(self.weighing, self.machine)
+
+    @cached_property
+    def sides(self) -> Mapping[str, SideDifference]:
+        """Left against right, by kind: torque, speed, slip."""
+        return side_differences(self.excitation, self.signals, self.machine, self.t0_unix_ns)
 
     @cached_property
     def straight(self) -> Motion:

@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import Evidence, Floats, Motion
 from analysis.diagnosis.check_row import CheckRow
+from analysis.diagnosis.side_comparison import SideDifference
 from analysis.stages.estimation import fit_quality
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg
 
@@ -58,6 +59,26 @@ def _became(check: str) -> Callable[[Evidence, Motion], str]:
     return of
 
 
+def _unlike(evidence: Evidence, _: Motion) -> float:
+    """The largest difference of left and right; NaN without two sides."""
+    return max(map(_surely, evidence.sides.values()), default=np.nan)
+
+
+def _surely(seen: SideDifference) -> float:
+    """A difference that is surely there, else 0."""
+    return abs(seen.value_1) if seen.is_sure else 0.0
+
+
+def _one_sided(evidence: Evidence, _: Motion) -> float:
+    torque = evidence.sides.get("torque")
+    return np.nan if torque is None else _surely(torque)
+
+
+def _which_sides(evidence: Evidence, _: Motion) -> str:
+    worst = max(evidence.sides.values(), key=_surely, default=None)
+    return "" if worst is None else worst.kind
+
+
 SIGNAL_CHECKS: Final = (
     CheckRow(
         "raw_opposing_share",
@@ -89,6 +110,26 @@ SIGNAL_CHECKS: Final = (
         names=_became("clipped"),
         moved_u=_moved_u("clipped"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
+    ),
+    CheckRow(
+        "sides",
+        "mass",
+        _unlike,
+        "difference of left and right on straight drives over their mean, where it is beyond noise",
+        maximum="sides_max",
+        optional=True,
+        names=_which_sides,
+        consequence="tell",
+        remedy="channels.torque_left_N_m and torque_right_N_m, or the speeds: their scales",
+    ),
+    CheckRow(
+        "one_sided",
+        "mass",
+        _one_sided,
+        "the same of the torques alone: more says that one of them is not measured",
+        maximum="one_sided_max",
+        optional=True,
+        remedy="the sensor of the side that reads less",
     ),
     CheckRow(
         "clocks",

@@ -61,9 +61,9 @@ class Finding:
     def of(cls, row: Mapping[str, Any]) -> "Finding":
         """Read a row of `findings`."""
         # the causes bring all that looks for them; most recordings show none
-        from analysis.findings import CAUSES
+        from analysis.findings import CAUSES, UNKNOWN
 
-        says = {cause.key: cause.says for cause in CAUSES}
+        says = {cause.key: cause.says for cause in (*CAUSES, UNKNOWN)}
         kept: dict[str, Any] = {n: row[n] for n in cls.__dataclass_fields__ if n in row}
         start, end = (row[name] for name in ("start_t_ns", "end_t_ns"))
         kept["says"] = says.get(row["cause"], row["cause"].replace("_", " "))

@@ -39,6 +39,8 @@ _TELLS_UNIT: Final = 0.02
 _GRAVITY: Final = 0.5
 #: An angle whose gravity is to be missed.
 _LEAST_PITCH_RAD: Final = 0.002
+#: What is upside down stands before what has a size.
+_STANDS_FIRST: Final = 100.0
 #: Ratios of usual units are `wrong_unit`'s.
 _UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
 
@@ -60,9 +62,39 @@ def without_gravity(case: Case) -> bool:
 
 def tilted(case: Case) -> list[Sign]:
     """Gravity on the forward axis at standstill, and motion across the axis that drives."""
+    over = _upside_down(case)
+    if over:
+        return over
     upright = _zero(case, ("tilt", ""))
     found = [*upright, *_yaw(case)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _upside_down(case: Case) -> list[Sign]:
+    """Gravity the other way along z: rolled over, or pitched over where x reads backwards."""
+    z, std = case.level(_Z)
+    pull = case.machine.machine.gravity_m_s2
+    if not z < -_GRAVITY * pull or not case.measured(_Z):
+        return []
+    seen = share_seen(case)
+    backwards = seen is not None and seen[0] < -_SURELY * seen[1]
+    angle = "pitch_deg" if backwards else "roll_deg"
+    whole = len(case.measured(*_ALL_AXES)) == len(_ALL_AXES)
+    turned = (ACC, "roll_rate_rad_s") if backwards else (_Y, "pitch_rate_rad_s")
+    keys, scales = case.scaled(case.measured(_Z, *turned, "yaw_rate_rad_s"), -1.0)
+    stated = getattr(case.machine.machine.imu, angle)
+    kind = "pitched" if backwards else "rolled"
+    return [
+        Sign(
+            _STANDS_FIRST * abs(z) / pull,
+            f"standing, it reads {z:+.2f} ± {std:.2f} m/s² along z, and gravity upright would read "
+            f"{pull:+.2f}: it is {kind} over, upside down",
+            channel=_Z,
+            setting=f"machine.imu.{angle}" if whole else keys,
+            value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
+            change=None if backwards else lambda: mended(case, lambda motion: motion),
+        )
+    ]
 
 
 def biased(case: Case) -> list[Sign]:

@@ -32,6 +32,7 @@ class Sign:
         value: proposed for it, as TOML.
         change: of the mass; None where it is not known.
         alternatives: causes that this log cannot tell it from.
+        explains: causes that are seen where this is as large as it is, besides those of its cause.
         harmless: whether what is named was left out, and the answer is the same without it; None
             where nobody has looked.
     """
@@ -45,6 +46,7 @@ class Sign:
     change: Callable[[], Change | None] | None = None
     alternatives: tuple[str, ...] = ()
     harmless: bool | None = None
+    explains: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,13 @@ from analysis.findings import (
     fit_causes,
     forgetting_causes,
     growing_load_cause,
+    loose_imu,
     residual_causes,
     sampling_causes,
     scale,
+    side_causes,
     sign_causes,
+    unexplained,
 )
 from analysis.findings.cause import Cause
 
@@ -38,7 +41,7 @@ CAUSES: Final = (
         withholds=True,
         explains=(
             *(*_OF_FIT, "unsigned", "offset", "wrong_unit", "imu_misaligned", "swapped_sides"),
-            "wrong_scale",
+            *("wrong_scale", "unlike_sides"),
         ),
         hides=True,
     ),
@@ -50,7 +53,7 @@ CAUSES: Final = (
         withholds=True,
         explains=(
             *("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
-            "wrong_scale",
+            *("wrong_scale", "unlike_sides"),
         ),
     ),
     Cause(
@@ -77,12 +80,24 @@ CAUSES: Final = (
         sign_causes.swapped,
     ),
     Cause(
+        "unlike_sides",
+        "left and right do not push, or turn, alike: one sensor or one wheel is off",
+        "straight drives with the torque of both sides, or with the speed of both and a gyroscope",
+        side_causes.unlike,
+        withholds=True,
+        as_judged=True,
+        explains=(*_OF_FIT, "wrong_scale", "offset", "imu_misaligned"),
+    ),
+    Cause(
         "frozen",
         "a channel repeats one reading while the machine moves on",
         "another channel that changes meanwhile",
         channel_causes.frozen,
         withholds=True,
-        explains=(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale"),
+        explains=(
+            *(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale", "unlike_sides"),
+            *("unsigned", "offset"),
+        ),
     ),
     Cause(
         "saturated",
@@ -90,7 +105,7 @@ CAUSES: Final = (
         "starts that reach it",
         channel_causes.saturated,
         withholds=True,
-        explains=(*_OF_FIT, "quantised", "wrong_unit", "wrong_scale"),
+        explains=(*_OF_FIT, "quantised", "wrong_unit", "wrong_scale", "unlike_sides"),
     ),
     Cause(
         "spikes",
@@ -139,6 +154,13 @@ CAUSES: Final = (
         "from a bias",
         accelerometer_causes.tilted,
         explains=("wheel_radius", "coulomb", "offset", "slip"),
+    ),
+    Cause(
+        "imu_loose",
+        "the IMU rocks on its mount: its scale is off, and it rings after starts",
+        f"{_STILL}, and three starts from it whose force rises fast",
+        loose_imu.loose,
+        explains=(*_OF_FIT, "imu_misaligned", "spikes"),
     ),
     Cause(
         "imu_bias",
@@ -203,6 +225,12 @@ CAUSES: Final = (
         "starts at different throttles",
         fit_causes.driveline,
         explains=("heteroscedastic",),
+    ),
+    Cause(
+        "gain_drift",
+        "the force's gain drifts over the log, or the load changes steadily",
+        "starts at the beginning of the log and at its end",
+        fit_causes.gain_drift,
     ),
     Cause(
         "braking_inside",
@@ -289,4 +317,14 @@ CAUSES: Final = (
         _START,
         fit_causes.collinear,
     ),
+)
+
+#: What is left where checks fail and none of them accounts for that: looked for last.
+UNKNOWN: Final = Cause(
+    "unknown",
+    "checks fail, and no known cause accounts for it",
+    "a failed check that withholds the mass or widens its uncertainty",
+    unexplained.unknown,
+    withholds=True,
+    as_judged=True,
 )

@@ -8,7 +8,8 @@ import numpy as np
 from analysis.findings.altered_motion import moved
 from analysis.findings.cause import Sign
 from analysis.findings.finding_inputs import ACC, Case
-from analysis.findings.likelihood_search import Pick, picks
+from analysis.findings.likelihood_search import NO_FAULTS, Pick, picks
+from analysis.findings.long_delays import LongDelay, long_delay
 from analysis.findings.refit import mended
 
 #: Likelihood gains are this times the square root's limit.
@@ -17,11 +18,24 @@ _LIMIT: Final = 3.45
 _LEAST_S: Final = 0.002
 #: An accelerometer that is later has been filtered.
 _SMOOTH_S: Final = 0.06
+#: A delay of the whole motion stands before what it makes of everything else,
+_LONG_STANDS_FIRST: Final = 100.0
+#: which is this.
+EXPLAINED_BY_LONG: Final = (
+    *("sign_flipped", "unsigned", "wrong_unit", "wrong_scale", "unlike_sides", "frozen"),
+    *("imu_misaligned", "imu_bias", "slope", "offset", "imu_low_passed", "wheel_radius", "slip"),
+    *("coulomb", "driveline", "gain_drift", "braking_inside", "braking_left_out", "resonance"),
+    *("external_force", "load_changed_inside", "heteroscedastic", "coloured_residuals"),
+    *("too_little_excitation", "collinear", "imu_loose", "spikes"),
+)
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 
 def delays(case: Case) -> list[Sign]:
     """The channels that are late, by the likelihood of f(t - d) = m a + b v with m, b refitted."""
+    late = long_delay(case)
+    if late is not None:
+        return [_of_long(case, late)]
     found = [pick for name, pick in picks(case).items() if name.startswith("delay")]
     return [_sign(case, pick) for pick in found if not is_low_pass(pick)]
 
@@ -32,6 +46,11 @@ def low_pass(case: Case) -> list[Sign]:
     if found is None or not is_low_pass(found):
         return []
     return [replace(_sign(case, found), alternatives=("delay",), setting=None, value=None)]
+
+
+def is_long(cause: str, strength: float | None) -> bool:
+    """Whether a finding is a delay that hides all else."""
+    return cause == "delay" and strength is not None and strength >= _LONG_STANDS_FIRST
 
 
 def is_low_pass(pick: Pick) -> bool:
@@ -51,7 +70,7 @@ def _sign(case: Case, pick: Pick) -> Sign:
     if rivals:
         said += f"; as likely the {' or '.join(_SHOWN[each] for each in rivals)} is off"
     smooth = channel == "imu" and late_s > 0
-    others = [each for each in pick.rivals if not each.startswith("delay")]
+    others = [n for n in pick.rivals if not n.startswith("delay") and n not in NO_FAULTS]
     # what is early against an accelerometer may be in time, and the accelerometer filtered
     filtered = smooth or (late_s < 0.0 and "imu" in rivals)
     return Sign(
@@ -67,6 +86,26 @@ def _sign(case: Case, pick: Pick) -> Sign:
             case, lambda motion: moved(motion, channel, late_s), min(std_s / abs(late_s), 1.0)
         ),
         alternatives=(*others, *(("imu_low_passed",) if filtered else ())),
+    )
+
+
+def _of_long(case: Case, late: LongDelay) -> Sign:
+    names = _channels(case, late.channel)
+    setting, value = case.shifted(names, late.late_s)
+    words = "late" if late.late_s > 0.0 else "early"
+    rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
+    against = " and ".join(_SHOWN[each] for each in rest)
+    others = f"; as likely the {_SHOWN[late.rival]} is off" if late.rival else ""
+    return Sign(
+        _LONG_STANDS_FIRST,
+        f"{abs(late.late_s):.2f} s {words} against {against}: so they correlate by "
+        f"{late.correlation[0]:.2f}, as they are by {late.correlation[1]:.2f}{others}",
+        channel=next(iter(names), None),
+        setting=setting if names and not late.rival else None,
+        value=value if names and not late.rival else None,
+        # what is late may have been filtered
+        alternatives=("imu_low_passed",) if late.channel == "imu" and late.late_s > 0.0 else (),
+        explains=EXPLAINED_BY_LONG,
     )
 
 

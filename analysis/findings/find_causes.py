@@ -8,8 +8,9 @@ import numpy as np
 import polars as pl
 
 from analysis.findings.cause import Cause, Change, Sign
-from analysis.findings.cause_table import CAUSES
+from analysis.findings.cause_table import CAUSES, UNKNOWN
 from analysis.findings.finding_inputs import Case
+from analysis.findings.unexplained import SHOWN
 from analysis.model.schema import build, frame_schema
 
 #: A change of so many of the answer's standard uncertainties widens it.
@@ -34,6 +35,8 @@ def findings(case: Case) -> pl.DataFrame:
         and (cause[1].strength >= other[1].strength or not _explains(other, cause))
     )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
+    case.kept[SHOWN] = tuple(cause.key for cause, _ in shown)
+    shown += [(UNKNOWN, sign) for sign in UNKNOWN.find(case)]
     rows = [_row(rank, cause, sign, case) for rank, (cause, sign) in enumerate(shown, 1)]
     columns = frame_schema("findings").columns
     return build(
@@ -44,6 +47,8 @@ def findings(case: Case) -> pl.DataFrame:
 
 def _explains(one: tuple[Cause, Sign], other: tuple[Cause, Sign]) -> bool:
     (cause, own), (seen, sign) = one, other
+    if seen.key in own.explains:
+        return True
     return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
 
 

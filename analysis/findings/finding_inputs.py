@@ -11,7 +11,7 @@ import polars as pl
 from analysis.diagnosis.check_inputs import Bools, Evidence, Floats
 from analysis.diagnosis.measured_channels import Ints, Series
 from analysis.model.axes import X
-from analysis.model.machine import Machine
+from analysis.model.machine import Channel, Machine
 from analysis.model.schema import values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import windows_with
@@ -146,11 +146,17 @@ class Case:
         return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
 
     def scaled(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
-        """Keys and values that multiply channels."""
+        """Keys and values that multiply channels.
+
+        A speed that is read as it is gets its unit: a scale alone would pass for a wheel's radius.
+        """
         channels = self.machine.channels
+        as_read = [n for n in names if n in SPEEDS and _is_as_read(channels[n])]
+        keys = (f"channels.{name}.scale" for name in names)
+        values = (f"{channels[name].scale * times:.6g}" for name in names)
         return (
-            ", ".join(f"channels.{name}.scale" for name in names),
-            ", ".join(f"{channels[name].scale * times:.6g}" for name in names),
+            ", ".join([*keys, *(f"channels.{name}.unit" for name in as_read)]),
+            ", ".join([*values, *('"m/s"' for _ in as_read)]),
         )
 
     def shifted(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
@@ -186,6 +192,10 @@ class Case:
             return np.full(motion.force.size, fit.mass_kg)
         place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
         return fit.masses_kg[fit.states.of[place.clip(0, fit.states.unit.size - 1)]]
+
+
+def _is_as_read(channel: Channel) -> bool:
+    return channel.unit is None and channel.scale == 1.0
 
 
 @compiled

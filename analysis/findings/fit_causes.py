@@ -10,7 +10,7 @@ from analysis.findings.alternating_load import share_instead_of_loads
 from analysis.findings.cause import Change, Sign
 from analysis.findings.constant_forces import DEVIATIONS, LEAST_SHARE, constants
 from analysis.findings.finding_inputs import Case
-from analysis.findings.likelihood_search import APART, Pick, picks
+from analysis.findings.likelihood_search import APART, NO_FAULTS, Pick, picks
 from analysis.findings.refit import mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import CHANNEL_COLUMNS
@@ -22,12 +22,16 @@ from estimators.errors import counted
 _TERM: Final = 3.45
 #: So many of the wheels' radius: a boom that moves is in the accelerometer alone.
 _WHEELS: Final = 4.0
+#: Of the acceleration, an IMU that rocks on its mount adds this and more.
+_ROCKS: Final = 0.03
 #: No accelerometer's scale is trusted to less.
 _LEAST_GAIN: Final = 0.003
 #: Nor Coulomb friction to a smaller share of the largest force.
 _LEAST_SHARE: Final = 0.002
 #: Nor the share of the force that is measured to less, by m/s².
 _LEAST_CHANGE: Final = 0.01
+#: Nor a gain to drift by less over a log: friction that warms looks like 0.02.
+_LEAST_DRIFT: Final = 0.03
 #: An answer whose standard uncertainty is this share of it has too little to go by.
 POOR: Final = 0.06
 #: Share of the mass that priors alone leave open where regressors go together.
@@ -70,7 +74,8 @@ def wheel_radius(case: Case) -> list[Sign]:
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
             change=lambda: mended(case, larger, min(std / abs(gain), 1.0)),
-            alternatives=_others(pick),
+            # an accelerometer that reads too much may rock on its mount
+            alternatives=(*_others(pick), *(("imu_loose",) if gain < -_ROCKS else ())),
         )
     ]
 
@@ -80,7 +85,7 @@ def _others(pick: Pick) -> tuple[str, ...]:
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
     named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
-    return tuple(key for key in dict.fromkeys(named) if key != own)
+    return tuple(key for key in dict.fromkeys(named) if key not in (own, *NO_FAULTS))
 
 
 def offset(case: Case) -> list[Sign]:
@@ -146,7 +151,7 @@ def coulomb(case: Case) -> list[Sign]:
     motion = fit.motion
     name = "direction" if motion.both_ways else "const"
     way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
-    pick = found.get(name)
+    pick = found.get(name) or _own_term(case, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
@@ -165,6 +170,23 @@ def coulomb(case: Case) -> list[Sign]:
             alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
+
+
+def _own_term(case: Case, name: str) -> Pick | None:
+    """A term as the joint fit has it, beyond what standing explains of it.
+
+    Where all starts have one throttle, their samples hardly tell it from mass and friction; the
+    fit does, by its priors.
+    """
+    fit, seen = case.fit, constants(case)
+    names = [] if fit is None else [term.name for term in fit.terms]
+    if fit is None or name not in names or not np.isfinite(seen.rest_N[0]):
+        return None
+    value, std = (float(each[names.index(name)]) for each in fit.posterior)
+    if name == "const":
+        error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
+        value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
+    return Pick(name, value, std, (value / std) ** 2, ())
 
 
 def _without_friction(
@@ -226,6 +248,28 @@ def driveline(case: Case) -> list[Sign]:
             )
         )
     return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def gain_drift(case: Case) -> list[Sign]:
+    """A force whose gain changes over the log, or a load that changes steadily."""
+    pick = picks(case).get("gain_drift")
+    if pick is None or case.fit is None or case.fit.count > 1:
+        return []
+    return [
+        Sign(
+            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_DRIFT),
+            f"force over acceleration changes by {pick.value:+.1%} ± {pick.std:.1%} from the "
+            "beginning of the log to its end: the force's gain, or the load",
+            channel=case.force_channel,
+            # its mean over the log is what the masses have
+            change=lambda: (
+                Change(0.0, abs(pick.value) / 2.0 * abs(case.fit.mass_kg))
+                if case.fit is not None
+                else None
+            ),
+            alternatives=_others(pick),
+        )
+    ]
 
 
 def _share_changes(value: float, std: float) -> str:

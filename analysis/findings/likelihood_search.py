@@ -19,6 +19,8 @@ from analysis.findings.refit import whole_stretches
 from analysis.findings.whitened_rows import Explained, force_system, wheel_system
 from analysis.weighing.motion_samples import Equation
 
+#: Columns that sound machines have, and no cause.
+NO_FAULTS: Final = ("viscous_drift", "viscous_bend")
 #: Gains (twice the log likelihood) that differ by less are not told apart.
 APART: Final = 6.0
 #: Parameters below these are no causes.
@@ -27,6 +29,7 @@ _LEAST: Final = {
     "wheel_radius": 0.003,
     "driveline": 0.01,
     "braking": 0.002,
+    "gain_drift": 0.03,
 }
 #: So are those of brakes and of what looks alike by less than this share.
 _OF_BRAKES: Final = 0.5

@@ -1,7 +1,8 @@
 """Causes that another one hides: what a log shows once that one is mended.
 
-A force of the wrong sign, or in another unit, leaves nothing that could be weighed, so that nothing
-else shows. What mends it is a scale, and the log is looked at once more with it.
+A force of the wrong sign, in another unit or late by a second leaves nothing that could be weighed,
+so that nothing else shows. What mends it is a key of a channel, and the log is looked at once more
+with it.
 """
 
 import tomllib
@@ -11,6 +12,7 @@ from typing import Final
 import polars as pl
 
 from analysis.findings.cause_table import CAUSES
+from analysis.findings.delay_causes import is_long
 from analysis.model.machine import Machine
 
 #: Of a longer log its beginning is looked at once more.
@@ -18,7 +20,8 @@ _LONGEST_S: Final = 3600.0
 #: A log is looked at so many times more.
 _MOST: Final = 3
 _HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
-_SCALE: Final = "scale"
+#: Keys of a channel that mend one.
+_OF_CHANNEL: Final = ("scale", "unit", "delay_s")
 
 
 def beginning(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
@@ -84,20 +87,22 @@ def _any_has(hiding: list[pl.DataFrame], cause: str) -> bool:
 
 
 def _mended(machine: Machine, first: pl.DataFrame) -> Machine | None:
-    """The machine without a cause that hides others; None where no scale mends one."""
-    if not first["cause"].is_in(_HIDES).any() or first["setting"][0] is None:
+    """The machine without a cause that hides others; None where no channel mends one."""
+    if first.is_empty() or first["setting"][0] is None:
+        return None
+    if first["cause"][0] not in _HIDES and not is_long(first["cause"][0], first["strength_1"][0]):
         return None
     return _scaled(machine, first["setting"][0], first["value"][0])
 
 
 def _scaled(machine: Machine, keys: str, values: str) -> Machine | None:
-    """The machine with other scales of channels; None where more than scales would change."""
-    scales = tomllib.loads(f"values = [{values}]")["values"]
+    """The machine with channels read otherwise; None where more would change."""
     channels = dict(machine.channels)
-    for key, scale in zip(keys.split(", "), scales, strict=True):
+    read = tomllib.loads(f"values = [{values}]")["values"]
+    for key, value in zip(keys.split(", "), read, strict=True):
         section, _, rest = key.partition(".")
         name, _, field = rest.rpartition(".")
-        if section != "channels" or field != _SCALE:
+        if section != "channels" or field not in _OF_CHANNEL:
             return None
-        channels[name] = channels[name].model_copy(update={_SCALE: float(scale)})
+        channels[name] = channels[name].model_copy(update={field: value})
     return machine.model_copy(update={"channels": channels})

@@ -40,6 +40,14 @@ _SPEED_UNITS: Final = {
     1.0 / 0.44704: "mile/h as m/s",
     1.0 / 0.3048: "ft/s as m/s",
     1000.0: "mm/s as m/s",
+    9.5493: "rpm as rad/s",
+    57.2958: "degrees/s as rad/s",
+}
+#: Likewise of wheels, over their radius.
+_WHEEL_UNITS: Final = {
+    1.0: "rad/s as m/s",
+    9.5493: "rpm as m/s",
+    57.2958: "degrees/s as m/s",
 }
 _ACC_AXES: Final = (ACC, "specific_force_y_m_s2", "specific_force_z_m_s2")
 _ACC_UNITS: Final = {1.0 / 9.80665: "g as m/s²", 1000.0: "mm/s² as m/s²"}
@@ -57,6 +65,8 @@ _KNOWN: Final = 0.15
 #: A ratio is a unit's within this share; a load and friction bend a mass more.
 _NEAR: Final = 0.06
 _NEAR_MASS: Final = 0.35
+#: Ratios that are nearer to each other are not told apart.
+_APART: Final = 0.015
 
 
 def flipped(case: Case) -> list[Sign]:
@@ -226,6 +236,21 @@ def _of_gravity(case: Case) -> list[Sign]:
     ]
 
 
+def _reads_gravity(case: Case) -> bool:
+    """Whether the z axis reads gravity at rest, either way up: then its unit is m/s²."""
+    reads, _ = case.level(_ACC_AXES[2])
+    return bool(abs(abs(reads) / case.machine.machine.gravity_m_s2 - 1.0) < _NEAR)
+
+
+def _speed_units(case: Case) -> dict[float, str]:
+    """Ratios of the accelerometer to wheels in another unit, and which."""
+    found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
+    radius_m = case.machine.machine.wheel_radius_m
+    if radius_m is None:
+        return found
+    return {**{radius_m / times: what for times, what in _WHEEL_UNITS.items()}, **found}
+
+
 def _of_speed(case: Case) -> list[Sign]:
     """The accelerometer against the wheels, and against gravity."""
     gain = case.checks.get("acceleration_gain", np.nan)
@@ -233,30 +258,38 @@ def _of_speed(case: Case) -> list[Sign]:
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < _SURE * abs(seen[0]):
         return []
-    own = dict.fromkeys(_ACC_UNITS, case.measured(*_ACC_AXES))
-    of_speed = {1.0 / times: case.speed_channels for times in _SPEED_UNITS}
-    named = {**_ACC_UNITS, **{1.0 / times: what for times, what in _SPEED_UNITS.items()}}
-    out: list[Sign] = []
-    for ratio, names in {**of_speed, **own}.items():
-        off = abs(np.log(gain / ratio))
-        if off > _NEAR or not names:
-            continue
-        # the accelerometer's scale from the wheels' side, or the other way round
-        times = 1.0 / ratio if names[0] == ACC else ratio
-        setting, value = case.scaled(names, times)
-        out.append(
-            Sign(
-                10.0 * abs(float(np.log(gain))) / _SIGN,
-                f"accelerometer over wheels is {gain:.4g}, near {ratio:.4g}: {named[ratio]}",
-                channel=names[0],
-                setting=setting,
-                value=value,
-                change=lambda names=names, times=times: anew(
-                    case, lambda motion: _times(motion, names[0], times), 0.05
-                ),
-            )
+    units = _speed_units(case)
+    channels = dict.fromkeys(units, case.speed_channels)
+    if not _reads_gravity(case):
+        channels |= dict.fromkeys(_ACC_UNITS, case.measured(*_ACC_AXES))
+    near = {
+        ratio: abs(float(np.log(gain / ratio)))
+        for ratio, names in channels.items()
+        # wheels of a radius of a metre read m/s either way
+        if names and abs(np.log(ratio)) > 2.0 * _NEAR
+    }
+    ratio = min(near, key=near.__getitem__, default=None)
+    if ratio is None or near[ratio] > _NEAR:
+        return []
+    alike = [r for r in near if near[r] < near[ratio] + max(_APART, 3.0 * seen[1] / seen[0])]
+    names = channels[ratio]
+    # the accelerometer's scale from the wheels' side, or the other way round
+    times = 1.0 / ratio if names[0] == ACC else ratio
+    setting, value = case.scaled(names, times)
+    told = all(channels[each] == names for each in alike)
+    what = " or ".join(
+        {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
+    )
+    return [
+        Sign(
+            10.0 * abs(float(np.log(gain))) / _SIGN,
+            f"accelerometer over wheels is {gain:.4g}, near {ratio:.4g}: {what}",
+            channel=names[0],
+            setting=setting if told else None,
+            value=value if told else None,
+            change=lambda: anew(case, lambda motion: _times(motion, names[0], times), 0.05),
         )
-    return out
+    ]
 
 
 def _of_force(case: Case) -> list[Sign]:

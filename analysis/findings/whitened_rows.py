@@ -27,6 +27,8 @@ _LONG: Final = 100
 _LAGS: Final = 10
 #: A cause of whose column the others leave less is not told from what a model never has.
 _LEFT: Final = 0.012
+#: Mean square of the progress over a log, which goes from -1/2 to 1/2.
+_MEAN_SQUARE: Final = 1.0 / 12.0
 #: Samples of the parabola that gives a derivative.
 _RATE: Final = 9
 
@@ -78,6 +80,7 @@ def force_system(
     # a force without noise is known to its last digit
     std = max(std, np.finfo(np.float64).eps * motion.largest_force) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
+    along = motion.progress[taken]
     rate = _rate(motion.force, motion.rate_hz)[taken]
     columns = {
         "delay:force": -rate,
@@ -85,6 +88,10 @@ def force_system(
         "clock_drift": -rate * (taken / max(motion.force.size - 1, 1)),
         "slip": -friction * np.abs(v) * f,
         "driveline": a * f,
+        "gain_drift": f * along,
+        # no faults: oil that warms, fast at first
+        "viscous_drift": v * along,
+        "viscous_bend": v * (along**2 - _MEAN_SQUARE),
         "const": np.ones(f.size),
     }
     if motion.both_ways:

@@ -33,6 +33,9 @@ _WHEEL_RADIUS = "wheel_radius_m"
 _SAME_WHEEL = 0.5
 #: and differs from it by this share: tyres wear and sink in by less.
 _WHEELS_DIFFER = 0.08
+#: A scale that is a unit of speed in m/s within this share is no radius: km/h, mile/h, knot, ft/s.
+_SPEED_UNITS_M_S = (1.0 / 3.6, 0.44704, 0.514444, 0.3048)
+_SAME_UNIT = 1e-3
 _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 
 
@@ -274,12 +277,14 @@ class Machine(BaseModel):
             channel = self.channels.get(name)
             if channel is None or channel.unit is not None or channel.scale == 1.0:
                 continue
+            if any(abs(abs(channel.scale) / unit - 1.0) < _SAME_UNIT for unit in _SPEED_UNITS_M_S):
+                continue
             ratio = abs(channel.scale) / radius_m
             if _SAME_WHEEL <= ratio <= 1.0 / _SAME_WHEEL and abs(ratio - 1.0) > _WHEELS_DIFFER:
                 raise ValueError(
                     f"channels.{name}.scale is {abs(channel.scale):g} m/rad and "
                     f"machine.wheel_radius_m {radius_m:g}: two radii of one wheel; correct the one "
-                    'that is wrong, or say scale = "wheel_radius_m"'
+                    'that is wrong, say scale = "wheel_radius_m", or unit = "m/s" of no radius'
                 )
 
     def _enough(self) -> None:

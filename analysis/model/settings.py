@@ -400,6 +400,12 @@ class VerdictLimits(BaseModel):
     clipped_max: float = Field(
         0.0, ge=0, le=1, description="largest share of a force channel's readings that clip"
     )
+    sides_max: float = Field(
+        0.07, gt=0, description="largest difference of left and right that is not told of"
+    )
+    one_sided_max: float = Field(
+        0.4, gt=0, description="largest such difference of the torques that withholds nothing"
+    )
     clocks_max_s: float = Field(
         0.1, gt=0, description="farthest that clocks may run apart over the log"
     )

@@ -42,13 +42,13 @@ def verdict_sentence(explained: Explanation) -> str:
         return f"{said}{here}; this recording has no findings: replay the log."
     if not found:
         return f"{said}{here}; none of the known causes of an error was detected."
-    first = next((each for each in found if affects_mass(each)), None)
-    if first is None:
+    if not any(map(affects_mass, found)):
         names = ", ".join(name_of(each.cause) for each in found)
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
-    others = len(found) - 1
+    # the list's own order: a sentence that skips would be another order of likelihood
+    first, others = found[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
-    change = change_of(first)
+    change = change_of(first) or ("" if affects_mass(first) else "not known to affect the mass")
     return (
         f"{said}{here}; likeliest cause of an error: {name_of(first.cause)}"
         f"{f' ({change})' if change else ''}{more}."

@@ -261,9 +261,15 @@ def _tonnes(kg: float, u_kg: float) -> str:
     return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
+def two_machines(state: ReviewState) -> str:
+    """The warning that these may be logs of two machines, as a sentence."""
+    return f"{state.mixed_machines[:1].upper()}{state.mixed_machines[1:]}."
+
+
 def _warnings(page: ReviewPage) -> list[str]:
     state = page.state
-    found = missing_loads(page.shift)
+    found = [two_machines(state)] if state.mixed_machines else []
+    found += missing_loads(page.shift)
     if state.losses:
         found.append(f"Damaged or incomplete: {counted(len(state.losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]

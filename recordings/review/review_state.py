@@ -18,7 +18,7 @@ from recordings.rrd.recording_texts import local_time, machine_name
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
-FORMAT: Final = 5
+FORMAT: Final = 6
 _NS: Final = 10**9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
@@ -61,6 +61,7 @@ class ReviewState(BaseModel):
         friction_parts: the same over the shift.
         no_cycle: why no cycle was found; empty where one was.
         gaps_s: stretches without a recording, from the first sample.
+        mixed_machines: that these may be logs of two machines; empty where nothing says so.
         findings: causes of a wrong mass that these logs show and that matter, a line each.
     """
 
@@ -86,9 +87,12 @@ class ReviewState(BaseModel):
     digs: int
     findings: tuple[str, ...] = ()
     no_cycle: str = ""
+    mixed_machines: str = ""
 
 
-def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]) -> ReviewState:
+def state_of(
+    run: Run, key: str, recording_sha256: str, resolved: dict[str, Any], mixed_machines: str = ""
+) -> ReviewState:
     """Take from a replay what the page needs.
 
     Args:
@@ -96,6 +100,7 @@ def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]
         key: of what it depends on.
         recording_sha256: of the recording.
         resolved: see `ReviewState`.
+        mixed_machines: likewise.
     """
     about, frames = run.provenance, run.frames
     verdict = Verdict.of(frames["verdict"])
@@ -140,6 +145,7 @@ def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]
         digs=frames["digging"].height,
         findings=tuple(finding_line(e) for e in findings_of(run) if e.severity != "tell"),
         no_cycle=_no_cycle(frames["cycles"], frames["loads"]),
+        mixed_machines=mixed_machines,
     )
 
 

@@ -72,11 +72,14 @@ def print_review(screen: "Console", made: "Reviewed") -> None:
         facts,
         headline,
         missing_loads,
+        two_machines,
     )
     from replay.commands.print_tables import print_line
 
     if not made.no_tonnes:
         print_line(screen, headline(made.shift, ""))
+    if made.state.mixed_machines:
+        print_line(screen, f"warning: {two_machines(made.state)}")
     for sentence in missing_loads(made.shift):
         print_line(screen, sentence)
     for name, value in (*facts(made.shift, made.target), *breakdown(made.ledger)):

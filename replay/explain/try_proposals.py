@@ -1,26 +1,33 @@
-"""A machine file mended by what a log shows: one proposal at a time, each tried by a replay.
+"""A machine file mended by what a log shows: one proposal at a time, each tried by replays.
 
-A proposal is kept where the log then still weighs, no longer shows that cause (or less than half of
-it, or less of it and the mass moved as claimed), and is known no worse. The next one is taken from
-what the log shows after it: what one cause explains is gone with it, and is not mended while that
-cause stays.
+A proposal is kept where the log then still weighs, fails no other check, no longer shows that cause
+(or less than half of it, or less of it and the mass moved as claimed), where that holds on a half
+of the log that it was not fitted to, and where the empty machine's mass does not speak against it.
+The next one is taken from what the log shows after it: what one cause explains is gone with it, and
+is not mended while that cause stays. Where the mass stays withheld nothing is written.
 """
 
-import math
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
+import polars as pl
+
 from analysis.explain import Finding
 from analysis.model.answer import Answer, answer
+from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from recordings.report.atomic_output import whole_file
 from recordings.report.finding_text import findings_of, name_of
+from replay.explain.judge_proposal import Stretch, Tried, held_out_objection
 from replay.explain.mended_file import Proposal, mended, proposals
 from replay.inputs.cached_log import ReadOnce
+from replay.inputs.channel_inputs import channel_fields
+from replay.inputs.part_of_log import PartOfLog
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
@@ -29,12 +36,6 @@ from replay.pipeline import run
 _POOR: Final = ("too_little_excitation", "collinear", "coloured_residuals", "heteroscedastic")
 #: More causes at once are no log to mend.
 _MOST: Final = 8
-#: By how much the uncertainty may grow for a cause that hardly moves the mass.
-_WIDER: Final = 1.05
-#: A mass moved as claimed is so many standard uncertainties from that, and a claim so many from 0.
-_COVERAGE: Final = 2.0
-#: What a proposal leaves of a cause is a remainder from this share of its strength on down.
-_REMAINDER: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,15 +85,61 @@ class Mended:
     left: tuple[Finding, ...]
 
 
-@dataclass
-class _Tried:
-    """What was kept so far, and what not."""
+@dataclass(frozen=True)
+class Replays:
+    """Replays of one log with a machine file as it is and with proposals in it.
 
+    Attributes:
+        log: that is replayed.
+        text: of the machine file.
+        load: makes the machine of a text in which keys are proposed.
+        on_stage: told the stages of each replay.
+    """
+
+    log: Log
     text: str
+    load: Callable[[str, Sequence[str]], Machine]
+    path: Path
+    on_stage: Callable[[str], None] = lambda _: None
+
+    def run(self, changes: Sequence[Proposal], stretch: Stretch = (None, None)) -> Run:
+        """Replay the log, or a stretch of it, with proposals in its machine file.
+
+        Raises:
+            DataError: nothing can be replayed so.
+            MachineError: the proposals make no machine file.
+        """
+        machine = self.load(mended(self.text, changes, self.path), [each.key for each in changes])
+        whole = stretch == (None, None)
+        return run(self.log if whole else PartOfLog(self.log, *stretch), machine, self.on_stage)
+
+    @cached_property
+    def span_ns(self) -> tuple[int, int]:
+        """First and last log time of the topics that are read."""
+        topics = self.log.topics().filter(
+            pl.col("topic").is_in(list(channel_fields(self.load(self.text, ()))))
+        )
+        begin, end = topics["start_ns"].min(), topics["end_ns"].max()
+        return (begin if isinstance(begin, int) else 0), (end if isinstance(end, int) else 0)
+
+
+@dataclass
+class Progress:
+    """What was kept so far, and what not.
+
+    Attributes:
+        run: the replay with what was kept.
+        changes: that were kept.
+        taken_back: what was not.
+        seen: causes and channels that were tried.
+        while_withheld: findings that were kept while the mass stayed withheld.
+    """
+
     run: Run
     changes: list[Proposal] = field(default_factory=list[Proposal])
     taken_back: list[TakenBack] = field(default_factory=list[TakenBack])
     seen: set[tuple[str, str | None]] = field(default_factory=set[tuple[str, str | None]])
+    while_withheld: list[Finding] = field(default_factory=list[Finding])
 
 
 def mend(
@@ -115,29 +162,76 @@ def mend(
         PayscopeError: the machine file cannot be read, or the output not written.
     """
     file = machine_path(source.path)
-    tried = _Tried(_text(file), before)
+    text = _text(file)
     machine = load_machine(source.path, source.overrides)
     with (
         open_log(path, time=time_axis(machine)) as opened,
         tempfile.TemporaryDirectory(prefix="payscope-") as folder,
     ):
-        log, trial = ReadOnce(opened), Path(folder) / file.name
-        for _ in range(_MOST):
-            finding = _next(tried)
-            if finding is None:
-                break
-            _try(tried, finding, (log, source, file, trial), on_stage)
+        trial = Path(folder) / file.name
+
+        def load(text: str, keys: Sequence[str]) -> Machine:
+            trial.write_text(text, encoding="utf-8")
+            others = [o for o in source.overrides if o.partition("=")[0].strip() not in keys]
+            try:
+                return load_machine(trial, others)
+            except MachineError as error:
+                raise MachineError(str(error).removeprefix(f"{trial}: ")) from None
+
+        progress = improve(before, Replays(ReadOnce(opened), text, load, file, on_stage))
+    if not progress.changes:
+        return _outcome(None, progress, before)
+    with whole_file(output[0], force=output[1]) as partial:
+        partial.write_text(mended(text, progress.changes, file), encoding="utf-8")
+    return _outcome(output[0], progress, before)
+
+
+def improve(before: Run, replays: Replays) -> Progress:
+    """Try the proposals of a replay one by one, and keep those that pay.
+
+    Args:
+        before: the replay without any.
+        replays: replays its log.
+    """
+    tried = Progress(before)
+    for _ in range(_MOST):
+        finding = _next(tried)
+        if finding is None:
+            break
+        _try(tried, finding, replays)
     behind = _behind(tried)
     tried.taken_back += [
         TakenBack(proposals(each)[0], f"{name_of(behind[each.cause])} explains it, and stays")
         for each in _untried(tried)
         if each.cause in behind
     ]
-    if not tried.changes:
-        return _outcome(None, tried, before)
-    with whole_file(output[0], force=output[1]) as partial:
-        partial.write_text(tried.text, encoding="utf-8")
-    return _outcome(output[0], tried, before)
+    if tried.changes and not answer(tried.run).verdict.can_weigh:
+        tried.taken_back += [
+            TakenBack(each, "the mass stays withheld") for each in _first_keys(tried.changes)
+        ]
+        return Progress(before, taken_back=tried.taken_back)
+    _leave_out_needless(tried, replays)
+    return tried
+
+
+def _first_keys(changes: Sequence[Proposal]) -> list[Proposal]:
+    """The first key of each cause."""
+    return list({each.cause: each for each in reversed(changes)}.values())[::-1]
+
+
+def _leave_out_needless(tried: Progress, replays: Replays) -> None:
+    """Take back what was kept while the mass was withheld, and is as open without it."""
+    for finding in tried.while_withheld[:-1]:
+        others = [each for each in tried.changes if each.cause != finding.cause]
+        try:
+            without = replays.run(others)
+        except (DataError, MachineError):
+            continue
+        shown = {each.cause for each in findings_of(without)}
+        if answer(without).verdict.can_weigh and finding.cause not in shown:
+            own = next(each for each in tried.changes if each.cause == finding.cause)
+            tried.taken_back.append(TakenBack(own, "the log weighs as well without it"))
+            tried.changes, tried.run = others, without
 
 
 def _text(file: Path) -> str:
@@ -147,18 +241,18 @@ def _text(file: Path) -> str:
         raise MachineError(f"{file}: cannot be read ({error})") from None
 
 
-def _next(tried: _Tried) -> Finding | None:
+def _next(tried: Progress) -> Finding | None:
     """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
     return next((each for each in _untried(tried) if each.cause not in _behind(tried)), None)
 
 
-def _untried(tried: _Tried) -> list[Finding]:
+def _untried(tried: Progress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
     shown = findings_of(tried.run)
     return [each for each in shown if _key(each) not in tried.seen and proposals(each)]
 
 
-def _behind(tried: _Tried) -> dict[str, str]:
+def _behind(tried: Progress) -> dict[str, str]:
     """Causes that may be seen where another one is that stays, and that one.
 
     Those under which no mass is worth anything are not among them: nothing is lost by a trial.
@@ -187,73 +281,31 @@ def _key(finding: Finding) -> tuple[str, str | None]:
     return finding.cause, finding.channel
 
 
-def _try(
-    tried: _Tried,
-    finding: Finding,
-    of: tuple[Log, MachineText, Path, Path],
-    on_stage: Callable[[str], None],
-) -> None:
+def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
     """Replay with a proposal, and keep it or take it back."""
-    log, source, file, trial = of
     tried.seen.add(_key(finding))
-    changes = proposals(finding)
-    keys = {each.key for each in (*tried.changes, *changes)}
-    overrides = [each for each in source.overrides if each.partition("=")[0].strip() not in keys]
+    changes = list(proposals(finding))
     try:
-        text = mended(tried.text, changes, file)
-        trial.write_text(text, encoding="utf-8")
-        replayed = run(log, load_machine(trial, overrides), on_stage)
+        replayed = replays.run([*tried.changes, *changes])
+        why = Tried(finding, tried.run, replayed).objection() or held_out_objection(
+            finding,
+            tried.run,
+            replays.span_ns,
+            lambda more, stretch: replays.run([*tried.changes, *more], stretch),
+        )
     except (DataError, MachineError) as error:
-        why = str(error).removeprefix(f"{trial}: ")
-        tried.taken_back.append(TakenBack(changes[0], why))
-        return
-    why = _worse(tried.run, replayed, finding)
-    if why:
-        tried.taken_back.append(TakenBack(changes[0], why))
-        return
-    tried.text, tried.run = text, replayed
-    tried.changes += changes
+        why = str(error)
+    else:
+        if not why:
+            if not answer(replayed).verdict.can_weigh:
+                tried.while_withheld.append(finding)
+            tried.run = replayed
+            tried.changes += changes
+            return
+    tried.taken_back.append(TakenBack(changes[0], why))
 
 
-def _worse(before: Run, after: Run, finding: Finding) -> str:
-    """Why a replay is no better for a proposal, or nothing."""
-    was, now = answer(before), answer(after)
-    if was.verdict.can_weigh and not now.verdict.can_weigh:
-        return "the log could no longer weigh"
-    still = next((each for each in findings_of(after) if _key(each) == _key(finding)), None)
-    if still is not None and not _less(still, finding, _as_claimed(was, now, finding)):
-        return "the log still shows it"
-    if finding.severity == "withhold" or not was.verdict.can_weigh:
-        return ""
-    if finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
-        return "the uncertainty would grow"
-    return ""
-
-
-def _less(still: Finding, finding: Finding, as_claimed: bool) -> bool:
-    """Whether a cause is nearly gone, or shows less and moved the mass as was claimed."""
-    left = still.strength_1 / finding.strength_1
-    return left < _REMAINDER or (left < 1.0 and as_claimed)
-
-
-def _as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
-    """Whether the masses moved by what the finding claims, and by more than nothing."""
-    claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
-    if claimed is None or u_kg is None or abs(claimed) <= _COVERAGE * u_kg:
-        return False
-    if len(was.loads) != len(now.loads):
-        return False
-    masses = [(a["mass_kg"], b["mass_kg"]) for a, b in zip(was.loads, now.loads, strict=True)]
-    moved = [b - a for a, b in masses if a is not None and b is not None]
-    return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
-
-
-def _u_kg(said: Answer) -> float:
-    """Uncertainty of the load that is known best."""
-    return min((load["u_kg"] for load in said.loads if load["u_kg"] is not None), default=math.inf)
-
-
-def _outcome(path: Path | None, tried: _Tried, before: Run) -> Mended:
+def _outcome(path: Path | None, tried: Progress, before: Run) -> Mended:
     return Mended(
         path,
         tuple(tried.changes),

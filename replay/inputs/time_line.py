@@ -64,6 +64,26 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
     return found
 
 
+def begins_ns(
+    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], t0_unix_ns: int
+) -> dict[Log, int]:
+    """When each log begins, in ns since the first aligned sample, ascending.
+
+    Args:
+        logs: of one time line.
+        wanted: the fields that the channels name, by topic.
+        t0_unix_ns: when the first aligned sample is.
+    """
+    later = offsets_ns(logs, wanted)
+    found: dict[Log, int] = {}
+    for log in logs:
+        topics = log.topics()
+        first = topics.filter(pl.col("topic").is_in(list(wanted)))["start_ns"].min()
+        if isinstance(first, int):
+            found[log] = first + later[log] - t0_unix_ns
+    return dict(sorted(found.items(), key=lambda each: each[1]))
+
+
 def moved(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
     """The same messages later by so much, by whichever stamp they have."""
     if not by_ns:

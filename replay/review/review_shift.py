@@ -15,6 +15,7 @@ from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradiction
 from analysis.cycles.calibrated_payloads import calibrated_cycles
+from analysis.cycles.mixed_machines import mixed_machines
 from analysis.cycles.payload_target import TargetCheck, check_target
 from analysis.cycles.shift_totals import recounted
 from analysis.model.machine import Machine
@@ -37,9 +38,10 @@ from recordings.review.review_state import (
 from recordings.review.reviewer_verdicts import VERDICTS, matched, read_verdicts
 from recordings.review.shift_ledger import CSV, PARQUET, identities, ledger, write_ledger
 from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
-from replay.inputs.channel_inputs import input_files, resolved, versions
+from replay.inputs.channel_inputs import channel_fields, input_files, resolved, versions
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decoded
+from replay.inputs.time_line import begins_ns
 from replay.logs import Log, logs_in, open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
@@ -94,6 +96,7 @@ class Reviewed:
             "no_tonnes": self.no_tonnes,
             "can_weigh": self.state.can_weigh,
             "losses": list(self.state.losses),
+            "warnings": [self.state.mixed_machines] if self.state.mixed_machines else [],
             "calibration": self.calibration._asdict(),
             "replayed": self.replayed,
         }
@@ -181,7 +184,7 @@ def review(
             if made.run is not None:
                 write_recording(_thinned(made.run, full=options.full), stage / RECORDING)
                 digest = file_sha256(stage / RECORDING)
-                state = state_of(made.run, key, digest, plain)
+                state = state_of(made.run, key, digest, plain, made.mixed)
             else:
                 assert before is not None
                 state = before.model_copy(update={"resolved": plain})
@@ -209,6 +212,7 @@ class ReplayedShift:
     t0_unix_ns: int
     track: pl.DataFrame | None
     run: Run | None = None
+    mixed: str = ""
 
 
 def _replayed(
@@ -235,7 +239,15 @@ def _replayed(
         made.provenance.t0_unix_ns,
         _track(frames["aligned"]),
         made,
+        _mixed(made, opened, machine),
     )
+
+
+def _mixed(made: Run, opened: list[Log], machine: Machine) -> str:
+    """That these may be logs of two machines; empty where nothing says so."""
+    begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
+    found = mixed_machines(made.frames["manoeuvres"], list(begins.values()))
+    return "" if found is None else found.text(list(begins)[found.log].path.name)
 
 
 def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:

@@ -98,6 +98,8 @@ FAULTS = {
     "beyond_prior": lambda: weighed({"sensors": {"force_bias_N": 3000.0}}),
     "filling": lambda: weighed(FILLS),
     "friction_sign": lambda: weighed({}, changed=backwards),
+    "sides": lambda: weighed({"defects": {"left_torque_gain": 0.9}}),
+    "one_sided": lambda: weighed({"defects": {"left_torque_gain": 0.5}}),
     "lag": lambda: situation("force late 150 ms"),
     "lag_v": lambda: situation("IMU low-passed 200 ms"),
     "gain": lambda: situation("wheels 5 % larger"),

@@ -295,3 +295,8 @@ def test_a_worn_tyre_a_gear_and_a_speed_in_m_s_are_no_second_radius(scale):
 
 def test_a_scale_in_a_stated_unit_is_no_radius():
     load(scaled(0.5, unit="km/h"), {"wheel_radius_m": 0.42})
+
+
+@pytest.mark.parametrize("scale", [0.27778, 0.44704, -0.3048])
+def test_a_scale_that_is_a_unit_of_speed_is_no_radius(scale):
+    load(scaled(scale), {"wheel_radius_m": 0.42 if scale != 0.44704 else 0.6})

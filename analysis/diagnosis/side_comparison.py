@@ -1,0 +1,177 @@
+"""Left against right on straight drives: torque against torque, wheel speeds against the gyroscope.
+
+The sum of two torques weighs, and looks as sound with one sensor that reads a fifth. A machine that
+drives straight has sides that push and turn alike but for a few per cent: tyres, a cross slope and
+gentle curves make the difference.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.diagnosis.measured_channels import Signals
+from analysis.model.machine import Machine
+from analysis.stages.signals.grid_rate import rows_in
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
+SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s")
+_YAW_RATE: Final = "yaw_rate_rad_s"
+#: A difference is there from so many of its deviations on.
+SURELY: Final = 5.0
+#: Means of so long are compared, and so many of them at least.
+_MEAN_S: Final = 0.1
+_FEWEST: Final = 30
+#: Neighbouring means are correlated: one of so many counts as independent.
+_CORRELATED: Final = 5.0
+#: A turn faster than this is no straight drive, in rad/s.
+_STRAIGHT_RAD_S: Final = 0.1
+#: Hard is a start above this share of the largest torque, and soft one below that.
+_HARD: Final = 0.8
+_SOFT: Final = 0.45
+#: A ratio that driving alone tells less surely than this is told with the standstills too.
+_SURE_1: Final = 0.02
+
+
+@dataclass(frozen=True)
+class SideDifference:
+    """Right less left, over their mean.
+
+    Attributes:
+        kind: torque, speed, or slip: speed in hard starts beyond that in soft ones.
+        value_1: the difference; 2 where the left side reads nothing.
+        std_1: its standard deviation.
+    """
+
+    kind: str
+    value_1: float
+    std_1: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it is more than noise."""
+        return abs(self.value_1) > SURELY * self.std_1
+
+    @property
+    def smaller(self) -> str:
+        """The side that reads less."""
+        return "left" if self.value_1 > 0.0 else "right"
+
+    @property
+    def share_1(self) -> float:
+        """What the smaller side reads of the larger one; below 0 they oppose each other."""
+        half = abs(self.value_1) / 2.0  # of a side that reads nothing it is 1, but for rounding
+        return (1.0 - half) / (1.0 + half)
+
+
+def side_differences(
+    excitation: pl.DataFrame, signals: Signals | None, machine: Machine, t0_unix_ns: int
+) -> Mapping[str, SideDifference]:
+    """Compare the sides of a log that measures both.
+
+    Args:
+        excitation: the grid with its phases.
+        signals: the channels as measured.
+        machine: the track's width.
+        t0_unix_ns: when the first row is.
+
+    Returns:
+        By kind: `torque`, `speed` and `slip`, as far as the log tells them.
+    """
+    if signals is None:
+        return {}
+    size = rows_in(_MEAN_S, machine.settings.align.rate_hz)
+    count = excitation.height // size
+    channels = signals.channels
+    t_ns = excitation["t_ns"].to_numpy()[: count * size] + t0_unix_ns
+
+    def means(name: str) -> Floats | None:
+        if name not in channels or not count:
+            return None
+        stamps, x = channels[name]
+        origin = t_ns[0]
+        on_grid = np.interp((t_ns - origin).astype(float), (stamps - origin).astype(float), x)
+        return on_grid.reshape(count, size).mean(axis=1)
+
+    def in_phase(*names: str) -> Bools:
+        inside = excitation["phase"].is_in(names).fill_null(value=False).to_numpy()
+        blocks = inside[: count * size].reshape(count, size)
+        return np.asarray(blocks.all(axis=1), np.bool_)
+
+    turns = means(_YAW_RATE)
+    straight = np.ones(count, np.bool_) if turns is None else np.abs(turns) < _STRAIGHT_RAD_S
+    torques = [means(name) for name in TORQUES]
+    speeds = [means(name) for name in SPEEDS]
+    driving = in_phase("accelerating", "cruising") & straight
+    found: dict[str, SideDifference | None] = {}
+    if torques[0] is not None and torques[1] is not None:
+        found["torque"] = _torque(torques[0], torques[1], turns, driving, in_phase("standstill"))
+    width_m = machine.machine.track_width_m
+    if speeds[0] is not None and speeds[1] is not None and turns is not None and width_m:
+        apart = speeds[1] - speeds[0] - width_m * turns
+        mean = (speeds[0] + speeds[1]) / 2.0
+        push = None
+        if torques[0] is not None and torques[1] is not None:
+            push = np.maximum(np.abs(torques[0]), np.abs(torques[1]))
+        found |= _speed(apart, mean, push, driving)
+    return {kind: each for kind, each in found.items() if each is not None}
+
+
+def _torque(
+    left: Floats, right: Floats, turns: Floats | None, driving: Bools, stands: Bools
+) -> SideDifference | None:
+    """By how much more one side pushes where both push more: an offset of one is no difference."""
+    apart, mean = right - left, (right + left) / 2.0
+    if driving.sum() < _FEWEST:
+        return None
+    found = _slope("torque", apart, mean, turns, driving)
+    if found is None or found.std_1 > _SURE_1:  # one throttle tells an offset from no share
+        found = _slope("torque", apart, mean, turns, driving | stands) or found
+    return found
+
+
+def _speed(
+    apart: Floats, mean: Floats, push: Floats | None, driving: Bools
+) -> dict[str, SideDifference | None]:
+    """By how much faster one side turns, and by how much more in hard starts."""
+    everywhere = _slope("speed", apart, mean, None, driving)
+    if push is None or driving.sum() < _FEWEST:
+        return {"speed": everywhere}
+    largest = float(np.quantile(push[driving], 0.95))
+    soft = driving & (push < _SOFT * largest)
+    hard = driving & (push > _HARD * largest)
+    in_soft, in_hard = (_slope("speed", apart, mean, None, rows) for rows in (soft, hard))
+    if in_soft is None or in_hard is None:
+        return {"speed": everywhere}
+    more = in_hard.value_1 - in_soft.value_1
+    std = float(np.hypot(in_soft.std_1, in_hard.std_1))
+    return {"speed": in_soft, "slip": SideDifference("slip", more, std)}
+
+
+def _slope(
+    kind: str, apart: Floats, mean: Floats, turns: Floats | None, rows: Bools
+) -> SideDifference | None:
+    """The slope of the difference on the mean, with a constant, and what goes with turns."""
+    if rows.sum() < _FEWEST:
+        return None
+    columns = [mean[rows], np.ones(int(rows.sum()))]
+    if turns is not None:
+        columns.append(turns[rows])
+    A = np.column_stack(columns)
+    size = np.sqrt((A**2).sum(axis=0))
+    if not (size > 0.0).all():
+        return None
+    inverse = np.linalg.pinv((A / size).T @ (A / size), rcond=1e-9, hermitian=True)
+    theta = inverse @ ((A / size).T @ apart[rows]) / size
+    left = apart[rows] - A @ theta
+    variance = float(left @ left) / max(left.size - A.shape[1], 1) * _CORRELATED
+    std = float(np.sqrt(variance * inverse[0, 0])) / size[0]
+    if not np.isfinite([theta[0], std]).all():
+        return None
+    return SideDifference(kind, float(theta[0]), std)

@@ -1,0 +1,163 @@
+"""Delays of a third of a second and more, as of a GNSS speed: by the correlation of whole channels.
+
+The likelihood of the equation knows delays up to a fifth of a second. Beyond, what is fitted is not
+one motion, and everything else shows: friction, an accelerometer that sees a part, a frozen speed.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Bools, Floats
+from analysis.findings.constant_forces import gravity
+from analysis.findings.finding_inputs import ACC, Case
+from analysis.model.schema import values
+from analysis.model.windows import windows_with
+from analysis.stages.motion.forces import longitudinal_force
+from analysis.stages.signals.grid_rate import rows_in
+
+#: The longest delay that is looked for, in s,
+_LONGEST_S: Final = 2.5
+#: and the least: the likelihood search finds shorter ones.
+LEAST_S: Final = 0.15
+#: Means of so long are compared, in s.
+_MEAN_S: Final = 0.1
+#: Of a longer log its beginning is compared, in s.
+_BEGINNING_S: Final = 1200.0
+#: Channels that are one motion correlate by this, once the delay is taken off,
+_GOES_TOGETHER: Final = 0.8
+#: and without it by less than this share of that.
+_MUCH_LESS: Final = 0.9
+#: Force and acceleration go together where the force is this share of its largest: brakes are not
+#: in it.
+_DRIVES: Final = 0.3
+#: So long before, in s, it stands, or drives the other way.
+_BEFORE_S: Final = 0.5
+
+
+@dataclass(frozen=True)
+class LongDelay:
+    """A channel that is late by much.
+
+    Attributes:
+        channel: `force`, `speed` or `imu`.
+        late_s: by how much; negative: early.
+        correlation: with another channel once that is taken off, and as it is.
+        rival: the channel that would be off the other way, where there is no third; else empty.
+    """
+
+    channel: str
+    late_s: float
+    correlation: tuple[float, float]
+    rival: str = ""
+
+
+def long_delay(case: Case) -> LongDelay | None:
+    """The channel that is late by much against the other two, which go together."""
+    if "long delay" not in case.kept:
+        case.kept["long delay"] = _found(case)
+    return case.kept["long delay"]  # type: ignore[return-value]
+
+
+def _found(case: Case) -> LongDelay | None:
+    step_s, channels = _accelerations(case)
+    if "speed" not in channels:
+        return None
+    speed, force = channels["speed"], channels["force"]
+    drives = np.abs(force) > _DRIVES * float(np.quantile(np.abs(force), 0.98))
+    if "imu" not in channels:
+        seen = _lag_of_force(force, speed, drives, step_s)
+        return LongDelay("force", seen[0], seen[1:], "speed") if _is_long(seen) else None
+    imu = channels["imu"]
+    seen = _lag(speed, imu, step_s)
+    if _is_long(seen):
+        # the one that the force begins with is in time
+        before = round(_BEFORE_S / step_s)
+        rows = windows_with(drives[::-1], before)[::-1]
+        v = channels["v"]
+        later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
+        by_imu, by_speed = (
+            _left(force, np.column_stack([acceleration, along, np.ones(v.size)]), rows)
+            for acceleration, along in ((imu, later), (speed, v))
+        )
+        if by_imu < by_speed:
+            return LongDelay("speed", seen[0], seen[1:])
+        return LongDelay("imu", -seen[0], seen[1:])
+    seen = _lag_of_force(force, imu, drives, step_s)
+    return LongDelay("force", seen[0], seen[1:]) if _is_long(seen) else None
+
+
+def _is_long(seen: tuple[float, float, float]) -> bool:
+    late_s, after, before = seen
+    return abs(late_s) > LEAST_S and after > _GOES_TOGETHER and before < _MUCH_LESS * after
+
+
+def _left(force: Floats, columns: Floats, rows: Bools) -> float:
+    """What the equation of motion leaves of the force, in squares."""
+    A, f = columns[rows], force[rows]
+    left = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
+    return float(left @ left)
+
+
+def _along(force: Floats, acceleration: Floats, drives: Bools) -> float:
+    """Correlation of force and acceleration, about 0, where it drives."""
+    f, a = force[drives], acceleration[drives]
+    size = float(np.linalg.norm(f) * np.linalg.norm(a))
+    return float(f @ a) / size if size else 0.0
+
+
+def _lag_of_force(
+    force: Floats, acceleration: Floats, drives: Bools, step_s: float
+) -> tuple[float, float, float]:
+    """As `_lag`, of a force that does not see the brakes."""
+    longest = round(_LONGEST_S / step_s)
+    inside = drives.copy()
+    inside[:longest] = inside[-longest:] = False
+    seen = [_along(force, np.roll(acceleration, k), inside) for k in range(-longest, longest + 1)]
+    at = int(np.argmax(seen))
+    return (at - longest) * step_s, seen[at], seen[longest]
+
+
+def _accelerations(case: Case) -> tuple[float, dict[str, Floats]]:
+    """Step in s, and by channel (n,) what goes with the acceleration, its mean taken off."""
+    rate_hz = case.machine.settings.align.rate_hz
+    size = rows_in(_MEAN_S, rate_hz)
+    count = min(case.aligned.height, round(_BEGINNING_S * rate_hz)) // size
+
+    def means(x: Floats) -> Floats:
+        return x[: count * size].reshape(count, size).mean(axis=1)
+
+    def known(x: Floats) -> Floats:
+        return np.nan_to_num(x - np.nanmean(x))
+
+    if count < 2 * round(_LONGEST_S * rate_hz / size):
+        return size / rate_hz, {}
+    speed = means(values(case.aligned, "speed_x_m_s"))
+    force = means(longitudinal_force(case.aligned, case.machine.machine))
+    if not (np.isfinite(speed).any() and np.isfinite(force).any()):
+        return size / rate_hz, {}
+    # a central difference has the time of its middle
+    found = {"v": speed, "speed": np.gradient(speed) * rate_hz / size, "force": force}
+    if case.measured(ACC):
+        found["imu"] = means(values(case.aligned, ACC) - gravity(case))
+    return size / rate_hz, {
+        name: known(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
+    }
+
+
+def _lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
+    """How late one is against another in s, their correlation there, and as they are."""
+    longest = round(_LONGEST_S / step_s)
+    size = int(2 ** np.ceil(np.log2(one.size + longest)))
+    spectrum = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
+    product = np.fft.irfft(spectrum, size) / (np.linalg.norm(one) * np.linalg.norm(other))
+    # lag k: one is k steps behind
+    near = np.concatenate([product[-longest:], product[: longest + 1]])
+    at = int(np.argmax(near))
+    part = 0.0
+    if 0 < at < near.size - 1:
+        before, here, after = near[at - 1 : at + 2]
+        bend = before - 2.0 * here + after
+        part = float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
+    return (at - longest + part) * step_s, float(near[at]), float(product[0])

@@ -1,0 +1,130 @@
+"""An IMU that rocks on its mount: after each start the accelerometer rings, and the force does not.
+
+What moves slowly against the mount's own frequency only reads as an accelerometer of another scale:
+x grows by gravity times the angle that the acceleration tilts it by.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.check_inputs import Floats
+from analysis.findings.accelerometer_share import share_seen
+from analysis.findings.cause import Sign
+from analysis.findings.finding_inputs import ACC, Case
+from analysis.model.schema import values
+from analysis.stages.motion.forces import longitudinal_force
+from analysis.stages.signals.grid_rate import rows_in
+
+#: Of the wheels' acceleration a loose accelerometer reads so much at least, by so many deviations.
+_READS_MORE: Final = 1.02
+_SURELY: Final = 2.0
+#: A start is looked at for so long, in s, from so long after its force rises,
+_LOOKED_S: Final = 1.28
+_RISES_S: Final = 0.1
+#: where the machine stood before for so long, in s.
+_STOOD_S: Final = 0.4
+#: A start pushes by this share of the largest force, nearly all the while.
+_PUSHES: Final = 0.3
+_HELD: Final = 0.9
+#: Fewer starts, or standstills, tell nothing.
+_FEWEST: Final = 3
+#: Frequencies that a mount rocks at, in Hz.
+_ROCKS_HZ: Final = (2.5, 10.0)
+#: A peak stands out by this power over what is below and above it,
+_STANDS_OUT: Final = 3.4
+#: in these bands, as shares of its frequency,
+_BELOW: Final = (0.4, 0.72)
+_ABOVE: Final = (1.35, 2.2)
+#: and by this over standing at its frequency: an engine shakes always.
+_OVER_STANDING: Final = 4.0
+
+
+def loose(case: Case) -> list[Sign]:
+    """A peak in what the force leaves of the accelerometer, in the first second of starts."""
+    share = share_seen(case)
+    # a frame that swings rings too, and reads the acceleration of the wheels all the same
+    if share is None or share[0] - _SURELY * share[1] < _READS_MORE:
+        return []
+    spectra = _spectra(case)
+    if spectra is None:
+        return []
+    hz, starts, standing, count = spectra
+    floor = float(np.median(standing))
+    smooth = starts.copy()
+    smooth[1:-1] = (starts[:-2] + 2.0 * starts[1:-1] + starts[2:]) / 4.0
+    best, at = 0.0, 0
+    for k in np.flatnonzero((hz >= _ROCKS_HZ[0]) & (hz <= _ROCKS_HZ[1])):
+        below, above = (
+            max(float(np.median(starts[(hz >= low * hz[k]) & (hz <= high * hz[k])])), floor)
+            for low, high in (_BELOW, _ABOVE)
+        )
+        peak = float(smooth[k]) / float(np.sqrt(below * above)) / _STANDS_OUT
+        own = float(starts[k]) / max(float(standing[k]), 1e-12) / _OVER_STANDING
+        if min(peak, own) > best:
+            best, at = min(peak, own), int(k)
+    return [
+        Sign(
+            best,
+            f"it reads {share[0]:.2f} of the wheels' acceleration, and in the first second of "
+            f"{count} starts it rings at {hz[at]:.1f} Hz, with "
+            f"{np.sqrt(_STANDS_OUT * best):.1f} times the size of what is beside that, and the "
+            "force does not",
+            channel=ACC,
+            # slowly, it is an accelerometer of another scale
+            alternatives=("resonance",),
+        )
+    ]
+
+
+def _spectra(case: Case) -> tuple[Floats, Floats, Floats, int] | None:
+    """Frequencies, mean power after starts and at rest, (k,) each, and the number of starts."""
+    rate_hz = case.machine.settings.align.rate_hz
+    size = rows_in(_LOOKED_S, rate_hz)
+    if not case.measured(ACC) or rate_hz <= 2.5 * _ROCKS_HZ[1]:
+        return None
+    reads = values(case.aligned, ACC)
+    speed = values(case.aligned, "speed_x_m_s")
+    force = longitudinal_force(case.aligned, case.machine.machine)
+    ramp = np.linspace(-1.0, 1.0, size)
+    window = np.hanning(size)
+
+    def power(first: int) -> Floats | None:
+        part = slice(first, first + size)
+        known = np.column_stack([np.vander(ramp, 4), force[part], speed[part]])
+        if not (np.isfinite(known).all() and np.isfinite(reads[part]).all()):
+            return None
+        rest = reads[part] - known @ np.linalg.lstsq(known, reads[part], rcond=None)[0]
+        return np.abs(np.fft.rfft(rest * window)) ** 2
+
+    def mean(places: list[int]) -> Floats | None:
+        found = [each for first in places if (each := power(first)) is not None]
+        return np.mean(found, axis=0) if len(found) >= _FEWEST else None
+
+    starts = _starts(case, force, size)
+    still = case.stands_still
+    rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
+    driving, standing = mean(starts), mean(rests[:200])
+    if driving is None or standing is None:
+        return None
+    return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
+
+
+def _starts(case: Case, force: Floats, size: int) -> list[int]:
+    """Where to look: behind the rise of a force after a standstill, that is then held."""
+    rate_hz = case.machine.settings.align.rate_hz
+    if not np.isfinite(force).any():
+        return []
+    pushes = np.abs(force) > _PUSHES * float(np.nanquantile(np.abs(force), 0.98))
+    rises = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
+    stood, behind = rows_in(_STOOD_S, rate_hz), rows_in(_RISES_S, rate_hz)
+    # the moving mean and the phases see a start late
+    clear = rows_in(0.2, rate_hz)
+    return [
+        int(k) + behind
+        for k in rises
+        if k > stood + clear
+        and k + behind + size < force.size
+        and case.stands[k - stood - clear : k - clear].all()
+        and pushes[k + 2 * behind : k + size].mean() > _HELD
+    ]

@@ -1,0 +1,71 @@
+"""Checks that fail, and no cause that accounts for them: unknown, and this is what disagrees."""
+
+from collections.abc import Collection, Mapping
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.findings.cause import Sign
+from analysis.findings.finding_inputs import Case
+
+#: Kept of the case: keys of the causes that it shows.
+SHOWN: Final = "shown causes"
+#: What failing a check costs; those that tell alone, or leave out a method, name their own reason.
+_COSTS: Final = ("withhold", "widen")
+#: Causes that bend nothing, and so account for no check.
+_BEND_NOTHING: Final = ("quantised", "gaps", "wind_up", "braking_left_out")
+#: Checks of one thing, and the causes that account for them; others any cause may fail.
+_OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
+    "frozen": ("frozen",),
+    "clipped": ("saturated",),
+    "clocks": ("clock_drift", "clock_jump", "irregular_sampling"),
+    "imu_tilt": ("imu_misaligned", "imu_bias", "slope", "wrong_unit", "sign_flipped"),
+    "one_sided": ("unlike_sides", "sign_flipped", "unsigned", "frozen", "saturated"),
+    "filling": ("load_changed_inside", "external_force", "delay", "gain_drift", "driveline"),
+}
+#: A check without a number, or without a limit to compare it with, counts like this.
+_AS_STRONG: Final = 1.0
+
+
+def unknown(case: Case) -> list[Sign]:
+    """The failed checks of the mass that no cause accounts for."""
+    kept = case.kept.get(SHOWN, ())
+    found = unaccounted(case.judged, kept if isinstance(kept, tuple) else ())
+    return [] if found is None else [found]
+
+
+def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Sign | None:
+    """What fails and none of the causes accounts for; None where each does.
+
+    Args:
+        judged: `verdict`.
+        shown: keys of the causes that the log shows.
+    """
+    failed = [row for row in judged.iter_rows(named=True) if _is_open(row, set(shown))]
+    if not failed:
+        return None
+    said = "; ".join(f"{row['check']} {_number(row)}: {row['meaning']}" for row in failed)
+    return Sign(max(map(_strength, failed)), f"no known cause accounts for what disagrees: {said}")
+
+
+def _is_open(row: Mapping[str, Any], shown: set[str]) -> bool:
+    if row["about"] != "mass" or row["passed"] is not False or row["consequence"] not in _COSTS:
+        return False
+    accounts = shown & set(_OF_ONE_THING.get(row["check"], shown))
+    return not accounts - set(_BEND_NOTHING)
+
+
+def _number(row: Mapping[str, Any]) -> str:
+    if row["value"] is None:
+        return "has no number"
+    low, high = row["minimum"], row["maximum"]
+    beyond = low is not None and row["value"] < low
+    limit = f"< {low:g}" if beyond or high is None else f"> {high:g}"
+    return f"{row['value']:.3g} {limit}"
+
+
+def _strength(row: Mapping[str, Any]) -> float:
+    value, limit = row["value"], row["maximum"]
+    if value is None or not limit or limit < 0.0:
+        return _AS_STRONG
+    return max(abs(value / limit), _AS_STRONG)

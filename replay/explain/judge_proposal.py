@@ -1,0 +1,199 @@
+"""Whether a proposal for the machine file does good: the replay with it against the one without.
+
+A value is found in the whole log, and would be confirmed by it. So it is found once more in the
+first half and tried on the second, which it was not fitted to.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.explain import Finding
+from analysis.model.answer import Answer, answer
+from analysis.model.run_record import Run
+from analysis.model.schema import values
+from estimators.errors import DataError, MachineError
+from recordings.report.finding_text import findings_of
+from replay.explain.mended_file import Proposal, proposals
+
+#: By how much the uncertainty may grow for a cause that hardly moves the mass.
+_WIDER: Final = 1.05
+#: A mass moved as claimed is so many standard uncertainties from that, and a claim so many from 0.
+_COVERAGE: Final = 2.0
+#: What a proposal leaves of a cause is a remainder from this share of its strength on down.
+_REMAINDER: Final = 0.5
+#: The accelerometer's scale is right where z reads gravity at rest within this share.
+_GRAVITY_1: Final = 0.01
+#: Starts of a log with two halves to try a proposal on.
+_FEWEST_STARTS: Final = 4
+
+#: First and last log time of a stretch; None: the log's own.
+Stretch = tuple[int | None, int | None]
+Replay = Callable[[Sequence[Proposal], Stretch], Run]
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A proposal, with what the log says before and after it.
+
+    Attributes:
+        finding: that proposes it.
+        before: the replay without.
+        after: the replay with it.
+    """
+
+    finding: Finding
+    before: Run
+    after: Run
+
+    def objection(self) -> str:
+        """Why the replay with it is no better on the whole log; empty where it is."""
+        was, now = answer(self.before), answer(self.after)
+        open_before = was.verdict.can_weigh
+        if open_before and not now.verdict.can_weigh:
+            return "the log could no longer weigh"
+        still = _same(self.finding, self.after)
+        claimed = _as_claimed(was, now, self.finding)
+        if still is not None and not _less(still, self.finding, as_claimed=claimed):
+            return "the log still shows it"
+        by_mass = self._against_empty_mass(was, now)
+        if by_mass:
+            return by_mass
+        if not open_before:
+            return ""
+        worse = sorted(_failed(now) - _failed(was))
+        if worse:
+            return f"the log would fail {', '.join(worse)}"
+        if self.finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
+            return "the uncertainty would grow"
+        return ""
+
+    def _against_empty_mass(self, was: Answer, now: Answer) -> str:
+        """What the mass of the empty machine, and gravity at rest, say against it."""
+        empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
+        one, other = _lightest(was), _lightest(now)
+        nearer = False
+        if empty_kg and one is not None and other is not None:
+            off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
+            nearer = now_off < off
+            if off <= _COVERAGE * one[1] and now_off > max(off, _COVERAGE * other[1]):
+                return "the mass agreed with that of the empty machine, and would no longer"
+        if self.finding.cause != "wheel_radius" or nearer:
+            return ""
+        if _reads_gravity(self.after) and "imu_loose" not in self.finding.alternatives:
+            return ""
+        return (
+            "the accelerometer's scale may be off as well: gravity along z at rest, or the mass of "
+            "the empty machine, would tell"
+        )
+
+
+def held_out_objection(
+    finding: Finding, before: Run, span_ns: tuple[int, int], replay: Replay
+) -> str:
+    """Why the proposal does not hold on a half of the log that it was not fitted to.
+
+    Args:
+        finding: that proposes it, in the whole log.
+        before: the replay of the whole.
+        span_ns: its first and last log time.
+        replay: replays a stretch, by log times, with proposals beside what was kept.
+
+    Returns:
+        Empty where it holds.
+    """
+    middle_ns = _middle_ns(before, *span_ns)
+    if middle_ns is None:
+        return "the log is too short to try it on stretches that it was not fitted to"
+    first, second = (None, middle_ns), (middle_ns + 1, None)
+    try:
+        fitted = _same(finding, replay((), first))
+        if fitted is None:
+            return "the first half of the log does not show it"
+        unchanged = replay((), second)
+        seen = _same(finding, unchanged)
+        if seen is None:
+            return "the second half of the log does not show it"
+        changed = replay(proposals(fitted), second)
+    except (DataError, MachineError):
+        return "a half of the log is too short to try it on"
+    was, now = answer(unchanged), answer(changed)
+    left = _same(finding, changed)
+    claimed = _as_claimed(was, now, seen)
+    if left is not None and not _less(left, seen, as_claimed=claimed):
+        return "found in the first half of the log, it does not mend the second"
+    if was.verdict.can_weigh and not now.verdict.can_weigh:
+        return "found in the first half of the log, it spoils the second"
+    return ""
+
+
+def _same(finding: Finding, run: Run) -> Finding | None:
+    """The finding of a cause with a proposal for the same keys."""
+    keys = finding.setting
+    shown = (each for each in findings_of(run) if each.cause == finding.cause)
+    return next((each for each in shown if each.setting == keys), None)
+
+
+def _middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
+    """A log time between two starts in the middle; None where there are too few of them."""
+    t_ns, starts = run.frames["excitation"]["t_ns"], run.frames["manoeuvres"]
+    if t_ns.is_empty() or 0 < starts.height < _FEWEST_STARTS:
+        return None
+    middle = 0.5
+    if starts.height:  # nothing may have been weighed, as of a force of the wrong sign
+        at = starts.height // 2
+        edge = (int(starts["end_t_ns"][at - 1]) + int(starts["start_t_ns"][at])) // 2
+        middle = (edge - int(t_ns[0])) / max(int(t_ns[-1] - t_ns[0]), 1)
+    return begin_ns + round(middle * (end_ns - begin_ns))
+
+
+def _failed(said: Answer) -> set[str]:
+    """The checks of the mass that failed and cost something."""
+    costs = ("withhold", "widen")
+    return {
+        each.check
+        for each in said.verdict.checks
+        if each.about == "mass" and each.passed is False and each.consequence in costs
+    }
+
+
+def _lightest(said: Answer) -> tuple[float, float] | None:
+    known = [(row["mass_kg"], row["u_kg"]) for row in said.loads if row["mass_kg"] is not None]
+    return min(known, default=None)
+
+
+def _reads_gravity(run: Run) -> bool:
+    """Whether the z axis reads gravity at rest: then the accelerometer's scale is right."""
+    frame = run.frames["excitation"]
+    if "specific_force_z_m_s2" not in frame.columns:
+        return False
+    stands = (frame["phase"] == "standstill").fill_null(value=False).to_numpy()
+    z = values(frame, "specific_force_z_m_s2")[stands]
+    pull = float(run.provenance.machine["machine"].get("gravity_m_s2", 9.80665))
+    return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < _GRAVITY_1
+
+
+def _less(still: Finding, finding: Finding, *, as_claimed: bool) -> bool:
+    """Whether a cause is nearly gone, or shows less and moved the mass as was claimed."""
+    left = still.strength_1 / finding.strength_1
+    return left < _REMAINDER or (left < 1.0 and as_claimed)
+
+
+def _as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
+    """Whether the masses moved by what the finding claims, and by more than nothing."""
+    claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
+    if claimed is None or u_kg is None or abs(claimed) <= _COVERAGE * u_kg:
+        return False
+    if len(was.loads) != len(now.loads):
+        return False
+    masses = [(a["mass_kg"], b["mass_kg"]) for a, b in zip(was.loads, now.loads, strict=True)]
+    moved = [b - a for a, b in masses if a is not None and b is not None]
+    return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
+
+
+def _u_kg(said: Answer) -> float:
+    """Uncertainty of the load that is known best."""
+    return min((load["u_kg"] for load in said.loads if load["u_kg"] is not None), default=math.inf)

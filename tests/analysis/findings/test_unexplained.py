@@ -1,0 +1,61 @@
+"""A failed check always has a finding: the causes that account for it, or the unknown one."""
+
+import polars as pl
+import pytest
+
+from analysis.diagnosis import CHECKS
+from analysis.findings import CAUSES
+from analysis.findings.unexplained import unaccounted
+from analysis.model.schema import build
+
+#: Of what costs the mass something; those that tell alone name their own reason.
+COSTS = [row for row in CHECKS if row.about == "mass" and row.consequence in ("withhold", "widen")]
+
+
+def failing(*names: str) -> pl.DataFrame:
+    """The verdict of a log that fails these checks alone."""
+    rows = [row for row in CHECKS if row.about == "mass"]
+    return build(
+        "verdict",
+        {
+            "check": [row.name for row in rows],
+            "about": [row.about for row in rows],
+            "value": [9.0] * len(rows),
+            "minimum": [None] * len(rows),
+            "maximum": [1.0] * len(rows),
+            "passed": [row.name not in names for row in rows],
+            "meaning": [row.meaning for row in rows],
+            "consequence": [row.consequence for row in rows],
+            "remedy": [row.remedy for row in rows],
+        },
+    )
+
+
+@pytest.mark.parametrize("row", COSTS, ids=lambda row: row.name)
+def test_each_check_that_fails_alone_is_what_disagrees(row) -> None:
+    found = unaccounted(failing(row.name), ())
+    assert found is not None
+    assert found.strength == 9.0
+    assert f"{row.name} 9 > 1: {row.meaning}" in found.evidence
+
+
+def test_what_a_cause_accounts_for_is_said_once() -> None:
+    assert unaccounted(failing("gain"), ("wheel_radius",)) is None
+    assert unaccounted(failing("frozen"), ("frozen",)) is None
+
+
+def test_a_cause_of_something_else_accounts_for_nothing() -> None:
+    for check, cause in {"frozen": "delay", "imu_tilt": "coulomb", "gain": "quantised"}.items():
+        found = unaccounted(failing(check), (cause,))
+        assert found is not None
+        assert check in found.evidence
+
+
+def test_a_log_that_passes_has_no_unknown_cause() -> None:
+    assert unaccounted(failing(), ()) is None
+    assert unaccounted(failing("methods", "gated", "const"), ()) is None
+
+
+def test_every_check_has_a_cause_that_accounts_for_it() -> None:
+    every = tuple(cause.key for cause in CAUSES)
+    assert unaccounted(failing(*(row.name for row in COSTS)), every) is None
