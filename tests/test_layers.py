@@ -71,7 +71,7 @@ ORDER = (
     ("replay", "replay/excitation"),
     ("replay/calibration", "replay/explain", "replay/init", "replay/paper"),
     ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/run"),
-    ("replay/demo",),
+    ("replay/demo", "replay/query"),
     ("replay/commands",),
 )
 SHOWN = "\n".join(f"{number:4}  {', '.join(folders)}" for number, folders in enumerate(ORDER, 1))
