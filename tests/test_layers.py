@@ -65,13 +65,14 @@ ORDER = (
     ("replay/logs/blocks", "replay/logs/sqlite", "replay/logs/writers"),
     ("replay/logs/bag", "replay/logs/mcap"),
     ("replay/logs/rosbag2",),
+    ("replay/logs/converted",),
     ("replay/logs",),
     ("replay/frames", "replay/machines", "replay/recognise"),
     ("replay/inputs", "replay/simulation"),
     ("replay", "replay/excitation"),
     ("replay/calibration", "replay/explain", "replay/init", "replay/paper"),
     ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/run"),
-    ("replay/demo", "replay/query"),
+    ("replay/convert", "replay/demo", "replay/query"),
     ("replay/commands",),
 )
 SHOWN = "\n".join(f"{number:4}  {', '.join(folders)}" for number, folders in enumerate(ORDER, 1))

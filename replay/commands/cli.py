@@ -20,6 +20,7 @@ from estimators.errors import PayscopeError
 from replay.commands import (
     calibrate,
     compare,
+    convert,
     demo,
     excite,
     explain,
@@ -49,7 +50,7 @@ app = typer.Typer(
 #: The commands by what they are for, as `payscope --help` groups them.
 _PANELS: Final = {
     "Weigh": (init, run, explain, sweep),
-    "Look": (info, query, show, plot, view, compare),
+    "Look": (info, query, convert, show, plot, view, compare),
     "Shift and fleet": (review,),
     "Calibrate": (calibrate, verify),
     "Simulate": (demo, simulate, excite, reproduce),
