@@ -215,7 +215,9 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
         for module, name in _imported(path)
         if module.startswith("replay.logs")
         and not module.startswith(
-            tuple(f"replay.logs.{each}" for each in ("decoding", "messages", "writers"))
+            tuple(
+                f"replay.logs.{each}" for each in ("converted", "decoding", "messages", "writers")
+            )
         )
     }
     # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or

@@ -105,7 +105,8 @@ def _staging(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
     if target.is_dir() and not any((target / name).is_file() for name in _OURS):
         raise OutputError(
-            f"{target}: is a folder and no rosbag2 directory, converted log or evidence; name another output"
+            f"{target}: is a folder and no rosbag2 directory, converted log or evidence; name "
+            "another output"
         )
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; name another output, or give --force")

@@ -70,10 +70,9 @@ def test_every_log_is_itself_again(own_logs: list[Path], tmp_path: Path) -> None
             topic, fields = row["topic"], list(row["fields"])
             try:
                 read = log.read(topic, fields)
-            except LogError as error:
+            except LogError:
                 with pytest.raises(LogError, match="cannot be read"):
                     back.read(topic, fields)
-                assert "cannot be read" in str(error)
                 continue
             assert back.read(topic, fields).equals(read), (path, topic)
             assert back.leaf_fields(topic) == log.leaf_fields(topic)
