@@ -8,6 +8,7 @@
     ├── EvidenceError       evidence, or a key, cannot be read or written as asked
     ├── ReviewError         a reviewer's verdicts are wrong, or a folder is no review's
     ├── FleetError          a fleet file, its engine, or what is asked of a fleet's results is wrong
+    ├── QueryError          a query is no SELECT over the tables there are
     ├── RecordingError      a recording cannot be read, or does not hold what was asked for
     ├── DataError           the samples cannot be worked with (lengths, no common time, no numbers)
     └── OutputError         an output cannot be written, or is there already
@@ -52,6 +53,10 @@ class ReviewError(PayscopeError):
 
 class FleetError(PayscopeError):
     """A fleet file, its engine, or what is asked of a fleet's results is wrong."""
+
+
+class QueryError(PayscopeError):
+    """A query is no SELECT over the tables there are."""
 
 
 class RecordingError(PayscopeError):

@@ -65,13 +65,14 @@ ORDER = (
     ("replay/logs/blocks", "replay/logs/sqlite", "replay/logs/writers"),
     ("replay/logs/bag", "replay/logs/mcap"),
     ("replay/logs/rosbag2",),
+    ("replay/logs/converted",),
     ("replay/logs",),
     ("replay/frames", "replay/machines", "replay/recognise"),
     ("replay/inputs", "replay/simulation"),
     ("replay", "replay/excitation"),
     ("replay/calibration", "replay/explain", "replay/init", "replay/paper"),
     ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/runs"),
-    ("replay/demo",),
+    ("replay/convert", "replay/demo", "replay/query"),
     ("replay/commands",),
 )
 SHOWN = "\n".join(f"{number:4}  {', '.join(folders)}" for number, folders in enumerate(ORDER, 1))
@@ -222,7 +223,9 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
         for module, name in _imported(path)
         if module.startswith("replay.logs")
         and not module.startswith(
-            tuple(f"replay.logs.{each}" for each in ("decoding", "messages", "writers"))
+            tuple(
+                f"replay.logs.{each}" for each in ("converted", "decoding", "messages", "writers")
+            )
         )
     }
     # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or

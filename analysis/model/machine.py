@@ -60,12 +60,19 @@ class ImuMounting(BaseModel):
     position_u_m: float | None = Field(default=None, ge=0)
 
 
+def _is_empty(text: str) -> bool:
+    """Whether a text is left out: machine files without one stay as they were."""
+    return not text
+
+
 class Body(BaseModel):
     """What is known of the machine itself, with standard uncertainties (`..._u_...`)."""
 
     model_config = _FORBID
 
     name: str
+    #: By which its maker tells it from others of its model.
+    serial: str = Field(default="", exclude_if=_is_empty)
     empty_mass_kg: float | None = Field(None, gt=0)
     empty_mass_u_kg: float | None = Field(None, ge=0)
     #: When it was weighed, where the machine is.

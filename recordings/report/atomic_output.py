@@ -10,7 +10,7 @@ from typing import Final
 from estimators.errors import OutputError
 
 #: What shows that a folder is one that payscope writes whole.
-_OURS: Final = ("metadata.yaml", "evidence.json")
+_OURS: Final = ("metadata.yaml", "evidence.json", "payscope-log.json")
 
 
 @contextmanager
@@ -19,8 +19,8 @@ def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 
     Args:
         targets: files or folders of one folder.
-        force: whether what is there may be replaced (a folder only if it is a rosbag2 directory or
-            evidence).
+        force: whether what is there may be replaced (a folder only if it is a rosbag2 directory, a
+            converted log or evidence).
 
     Raises:
         OutputError: a target is there already, or their folder cannot be written to.
@@ -105,7 +105,8 @@ def _staging(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
     if target.is_dir() and not any((target / name).is_file() for name in _OURS):
         raise OutputError(
-            f"{target}: is a folder and no rosbag2 directory or evidence; name another output"
+            f"{target}: is a folder and no rosbag2 directory, converted log or evidence; name "
+            "another output"
         )
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; name another output, or give --force")

@@ -13,7 +13,7 @@ _BAR: Final = 24
 #: Smaller shares of the variance are not listed.
 _SMALL: Final = 0.005
 #: A normal distribution's 95 %.
-_COVERAGE: Final = 1.96
+COVERAGE: Final = 1.96
 _NS: Final = 1e9
 #: What driving unlike a campaign costs is told from this share of the whole uncertainty on.
 _TELLS: Final = 0.3
@@ -91,7 +91,7 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     if load.get("mass_kg") is None:
         return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
     mass, u = load["mass_kg"], load["u_kg"]
-    low, high = mass - _COVERAGE * u, mass + _COVERAGE * u
+    low, high = mass - COVERAGE * u, mass + COVERAGE * u
     lines = [
         f"mass {plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
         f"{number(low)} to {number(high)} kg, from {load['manoeuvres']} "

@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 from uuid import uuid4
 
 import polars as pl
@@ -19,9 +19,11 @@ from recordings.rrd.display_frames import display_frames, span_ns
 from recordings.rrd.drawn_rows import drawn_rows
 from recordings.rrd.piped_file import PipedFile, piped_file
 from recordings.rrd.reader import FORMAT, PROPERTY, opened
+from recordings.rrd.recording_properties import ANSWER, recording_properties
 from recordings.rrd.recording_table import ROW, SINCE_START, TIME
 from recordings.rrd.recording_texts import recording_name, texts
 from recordings.rrd.stored_frames import Manifest, StoredFrame
+from recordings.rrd.timed_rows import timed_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -175,6 +177,8 @@ def _write(
     first = viewer is None or not viewer.laid_out
     recording.send_blueprint(scene.layout, make_active=first, make_default=True)
     recording.send_property(PROPERTY, description)
+    said: dict[str, Any] = {**recording_properties(run)}
+    recording.send_property(ANSWER, rr.AnyValues(**said))
     recording.send_recording_name(scene.name)
     recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
     for name, text in scene.texts.items():
@@ -254,10 +258,12 @@ def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
 def _batches(
     run: Run, shown: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
-    """What is drawn, so that a live viewer has it first, then every frame; each with its index."""
+    """What is drawn, for a live viewer first, rows in time, then every frame; with its index."""
     for name, frame in shown.items():
         for batch in drawn_rows(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
+    for batch in timed_rows(run.frames, run.provenance.t0_unix_ns):
+        yield [TIME, SINCE_START], batch
     for name, frame in run.frames.items():
         for batch in StoredFrame.of(name, frame).batches(frame):
             yield [ROW], batch

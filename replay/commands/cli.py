@@ -20,6 +20,7 @@ from estimators.errors import PayscopeError
 from replay.commands import (
     calibrate,
     compare,
+    convert,
     demo,
     excite,
     explain,
@@ -28,6 +29,7 @@ from replay.commands import (
     init,
     keys,
     plot,
+    query,
     reproduce,
     review,
     run,
@@ -48,7 +50,7 @@ app = typer.Typer(
 #: The commands by what they are for, as `payscope --help` groups them.
 _PANELS: Final = {
     "Weigh": (init, run, explain, sweep),
-    "Look": (info, show, plot, view, compare),
+    "Look": (info, query, convert, show, plot, view, compare),
     "Shift and fleet": (review,),
     "Calibrate": (calibrate, verify),
     "Simulate": (demo, simulate, excite, reproduce),

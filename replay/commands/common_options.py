@@ -18,6 +18,7 @@ class FrameFormat(StrEnum):
     csv = "csv"
     json = "json"
     parquet = "parquet"
+    arrow = "arrow"
 
 
 #: Evidence that calibrates the masses of loads, and what is asked of it.

@@ -1,10 +1,10 @@
-"""Frames as CSV, JSON or Parquet, on the screen or in a file; tables are each command's own."""
+"""Frames as CSV, JSON, Parquet or Arrow, on the screen or in files; tables are each command's."""
 
 import sys
 from collections.abc import Callable
 from io import BytesIO, StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import polars as pl
 import typer
@@ -14,7 +14,9 @@ from recordings.report.atomic_output import whole_file
 from replay.commands.print_tables import json_text
 
 #: What `-o` may end in.
-_WRITTEN = ("csv", "json", "parquet")
+_WRITTEN: Final = ("csv", "json", "parquet", "arrow")
+#: Bytes that no screen shows.
+_BINARY: Final = ("parquet", "arrow")
 #: Characters of a line of a table.
 _NO_LIMIT = 10_000
 
@@ -23,7 +25,7 @@ def format_of(asked: str | None, output: Path | None) -> str:
     """The format that was asked for, or that the output's suffix says, or a table on the screen.
 
     Raises:
-        OutputError: a suffix that says no format, or Parquet to a screen.
+        OutputError: a suffix that says no format, or bytes to a screen.
     """
     if asked is None and output is not None:
         asked = output.suffix.removeprefix(".")
@@ -32,8 +34,8 @@ def format_of(asked: str | None, output: Path | None) -> str:
                 f"{output}: no format '{output.suffix}'; use "
                 f"{', '.join(f'.{x}' for x in _WRITTEN)}, or say --format"
             )
-    if asked == "parquet" and output is None:
-        raise OutputError("Parquet is not for a screen: name a file with -o")
+    if asked in _BINARY and output is None:
+        raise OutputError(f"{asked.capitalize()} is not for a screen: name a file with -o")
     return asked or "table"
 
 
@@ -50,7 +52,7 @@ def print_frame(
 
     Args:
         frame: the rows.
-        output_format: table, csv, json or parquet.
+        output_format: table, csv, json, parquet or arrow.
         output: the file; none for stdout.
         force: whether to replace it.
         table: the frame as a table, lines ended.
@@ -63,7 +65,7 @@ def print_frame(
     def text() -> str:
         match output_format:
             case "json":
-                return json_text(frame.to_dicts() if records is None else records) + "\n"
+                return json_text(_plain(frame).to_dicts() if records is None else records) + "\n"
             case "csv":
                 # polars says of a closed pipe only that some writing failed
                 return frame.write_csv()
@@ -77,13 +79,21 @@ def print_frame(
             typer.echo(text(), nl=False)
         return
     with whole_file(output, force=force) as partial:
-        if output_format == "parquet":
+        if output_format in _BINARY:
             # by way of memory: polars says of a full disk only that some computing failed
             written = BytesIO()
-            frame.write_parquet(written)
+            if output_format == "arrow":
+                frame.write_ipc(written, compat_level=pl.CompatLevel.oldest())
+            else:
+                frame.write_parquet(written)
             partial.write_bytes(written.getvalue())
         else:
             partial.write_text(text(), encoding="utf-8")
+
+
+def _plain(frame: pl.DataFrame) -> pl.DataFrame:
+    """Times as text in ISO 8601 to the nanosecond: Python's own end at microseconds."""
+    return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 
 
 def frame_text(frame: pl.DataFrame, rows: int) -> str:

@@ -8,8 +8,14 @@ import typer
 
 def command(
     recording: Annotated[Path, typer.Argument(help="A recording (.rrd).")],
-    at_s: Annotated[
-        float | None, typer.Option("--at", help="Move the time cursor to this second of the run.")
+    at: Annotated[
+        str | None,
+        typer.Option(
+            "--at",
+            metavar="TIME",
+            help="Move the time cursor to this second of the run, or to a time in UTC "
+            "(2026-11-23T06:12:03.5Z).",
+        ),
     ] = None,
     from_s: Annotated[
         float | None,
@@ -25,7 +31,8 @@ def command(
     ] = None,
 ) -> None:
     """Open a recording in the Rerun viewer (listens on 127.0.0.1 only), or photograph it."""
-    from replay.recording.open_viewer import view
+    from replay.recording.open_viewer import second_of, view
 
+    at_s = None if at is None else second_of(recording, at)
     for each in view(recording, from_s, to_s, at_s=at_s, screenshot=screenshot, tab=tab):
         typer.echo(str(each))

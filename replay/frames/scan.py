@@ -53,7 +53,7 @@ def scan_log(  # noqa: PLR0913 - each names one choice
         LogError: no such log, topic or field; when rows are read, a topic that cannot be decoded.
     """
     options = FrameOptions(nested, arrays, enums, times)
-    return lazy_frame(_source(logs, topic, options, fields, time, losses))
+    return lazy_frame(topic_source(logs, topic, options, fields=fields, time=time, losses=losses))
 
 
 def lazy_frame(source: TopicSource) -> pl.LazyFrame:
@@ -136,7 +136,8 @@ def stream_log(
     Raises:
         LogError: no such log, topic, field or column.
     """
-    return LogStream(_source(logs, topic, options, fields, time, losses), columns, where)
+    source = topic_source(logs, topic, options, fields=fields, time=time, losses=losses)
+    return LogStream(source, columns, where)
 
 
 def join_topics(
@@ -196,14 +197,28 @@ def log_paths(logs: Logs) -> tuple[list[Path], bool]:
     return paths, not isinstance(logs, str | Path) or paths != [Path(logs)]
 
 
-def _source(
+def topic_source(
     logs: Logs,
     topic: str,
-    options: FrameOptions,
-    fields: Sequence[str] | None,
-    time: TimeAxis | None,
-    losses: list[Loss] | None,
+    options: FrameOptions = FrameOptions(),  # noqa: B008 - it is frozen
+    *,
+    fields: Sequence[str] | None = None,
+    time: TimeAxis | None = None,
+    losses: list[Loss] | None = None,
 ) -> TopicSource:
+    """The rows of a topic, before they are a lazy frame or a stream.
+
+    Args:
+        logs: as for `scan_log`.
+        topic: likewise.
+        options: how messages become columns.
+        fields: as for `scan_log`.
+        time: where tables keep their time.
+        losses: takes what could not be read.
+
+    Raises:
+        LogError: no such log, topic or field.
+    """
     paths, is_several = log_paths(logs)
     return TopicSource(
         paths, topic, options, fields=fields, with_source=is_several, time=time, losses=losses

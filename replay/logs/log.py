@@ -179,6 +179,44 @@ class Log(ABC):
         """Read from a log that is open, all at once where a format has no batches."""
         yield self._read_many({topic: fields}, start_ns, end_ns)[topic]
 
+    def scan_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        faults: dict[str, str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> Iterator[tuple[str, pl.DataFrame]]:
+        """Read fields of several topics in one pass, a batch of rows of one of them at a time.
+
+        Args:
+            fields: by topic; each can be decoded.
+            faults: takes, by topic, why nothing of it could be read.
+            start_ns: first log time, inclusive.
+            end_ns: last log time, inclusive.
+
+        Raises:
+            LogError: no such topic or field.
+        """
+        self._check_open()
+        return self._scan_many(fields, faults, start_ns, end_ns)
+
+    def _scan_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        faults: dict[str, str],
+        start_ns: int | None,
+        end_ns: int | None,
+    ) -> Iterator[tuple[str, pl.DataFrame]]:
+        """Scan a log that is open, topic by topic where a format has no common pass."""
+        del faults  # what cannot be read is said when the log is opened
+        for topic, names in fields.items():
+            for rows in self._scan(topic, names, start_ns, end_ns):
+                yield topic, rows
+
+    def definition(self, topic: str) -> str:  # noqa: ARG002
+        """The definition of a topic's messages as the log has it; empty where it has none."""
+        return ""
+
     def topic_names(self) -> list[str]:
         """The topics, whether or not they can be decoded."""
         return self.topics()["topic"].to_list()

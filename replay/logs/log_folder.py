@@ -5,6 +5,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from estimators.errors import LogError
+from replay.logs.converted.description import DESCRIPTION
 from replay.logs.log_formats import OPENERS, TABLES
 
 #: Tables are logs only where they are named, or where a folder has no others: ledgers and notes lie
@@ -14,6 +15,8 @@ _TABLES: Final = (".csv", ".parquet")
 _NAMED: Final = ".rrd"
 _BAGS: Final = tuple(suffix for suffix in OPENERS if suffix not in (*TABLES, _NAMED))
 _METADATA: Final = "metadata.yaml"
+#: What makes a folder one log: a rosbag2 directory, or a converted log.
+_DESCRIBED: Final = (_METADATA, DESCRIPTION)
 
 
 def logs_in(named: Sequence[Path]) -> list[Path]:
@@ -52,11 +55,7 @@ def logs_among(names: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _is_folder(path: Path) -> bool:
-    return path.is_dir() and not _is_rosbag2(path)
-
-
-def _is_rosbag2(path: Path) -> bool:
-    return (path / _METADATA).is_file()
+    return path.is_dir() and not any((path / name).is_file() for name in _DESCRIBED)
 
 
 def _of_folder(folder: Path) -> list[Path]:

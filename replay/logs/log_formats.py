@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from estimators.errors import LogError
+from replay.logs.converted.description import DESCRIPTION
 from replay.logs.log import Log, TimeAxis
 
 # The libraries behind the formats are imported when a log of theirs is opened: they are slow to
@@ -47,6 +48,10 @@ def _open_recording(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
 
 
 def _open_directory(path: Path) -> Log:
+    if (path / DESCRIPTION).is_file():
+        from replay.logs.converted_log import ConvertedLog
+
+        return ConvertedLog(path)
     from replay.logs.message_log import MessageLog
     from replay.logs.rosbag2 import METADATA, Rosbag2Directory, storage_files
 
@@ -55,7 +60,7 @@ def _open_directory(path: Path) -> Log:
         remedy = f"; name one of its logs: {', '.join(logs)}" if logs else ""
         raise LogError(
             f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
-            f"and .mcap or .db3 files{remedy}"
+            f"and .mcap or .db3 files, a converted log {DESCRIPTION}{remedy}"
         )
     return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
 
@@ -78,10 +83,11 @@ OPENERS: Final[dict[str, Callable[[Path, TimeAxis | None], Log]]] = {
 
 
 def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
-    """Open a log by its suffix; a directory is a rosbag2 recording.
+    """Open a log by its suffix; a directory is a rosbag2 recording or a converted log.
 
     Args:
-        path: a `.bag`, `.mcap`, `.db3` file, a table (`TABLES`), a rosbag2 directory, or a
+        path: a `.bag`, `.mcap`, `.db3` file, a table (`TABLES`), a rosbag2 directory, a folder
+            that `convert` wrote, or a
             recording (`.rrd`), whose channels are read as its replay read them.
         time: where a table keeps its time; guessed from the column names where None. Logs of
             messages have their own log times and need none.

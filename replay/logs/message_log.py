@@ -96,17 +96,45 @@ class MessageLog(Log):
         from replay.logs.decoding.batch_stream import drain_all
 
         stream = self._reading(topic, fields)
-        ids = [connection.id for connection in self._topics[topic].connections]
+        streams = {connection.id: stream for connection in self._topics[topic].connections}
+        groups = self._container.groups(list(streams), start_ns, end_ns)
         try:
-            yield from drain_all(self._container.groups(ids, start_ns, end_ns), stream)
+            for _, rows in drain_all(groups, streams):
+                yield rows
         except GeneratorExit:  # the rest is not requested
             self._note(topic, stream.tally)
             raise
         self._judge(topic, stream.tally)
 
+    def _scan_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        faults: dict[str, str],
+        start_ns: int | None,
+        end_ns: int | None,
+    ) -> Iterator[tuple[str, pl.DataFrame]]:
+        from replay.logs.decoding.batch_stream import drain_all
+
+        readings = {topic: self._reading(topic, names) for topic, names in fields.items()}
+        topics = {stream: topic for topic, stream in readings.items()}
+        streams = {c.id: s for t, s in readings.items() for c in self._topics[t].connections}
+        groups = self._container.groups(list(streams), start_ns, end_ns)
+        for stream, rows in drain_all(groups, streams):
+            yield topics[stream], rows
+        for topic, stream in readings.items():
+            fault = self._fault(topic, stream.tally)
+            if fault:
+                faults[topic] = fault
+            else:
+                self._note(topic, stream.tally)
+
     def topic_names(self) -> list[str]:
         """The topics; see `Log.topic_names`."""
         return list(self._topics)
+
+    def definition(self, topic: str) -> str:
+        """The definition of the topic's messages; see `Log.definition`."""
+        return self._topics[topic].connections[0].definition
 
     def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
         """What the columns of fields hold; see `Log.leaf_fields`."""
@@ -154,14 +182,21 @@ class MessageLog(Log):
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
     def _judge(self, topic: str, tally: Tally) -> None:
+        fault = self._fault(topic, tally)
+        if fault:
+            raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
+        self._note(topic, tally)
+
+    def _fault(self, topic: str, tally: Tally) -> str:
+        """Why nothing of a topic can be read; empty where something can."""
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
-        if tally.undecodable and not tally.rows:
-            raise LogError(
-                f"{self.path}: topic '{topic}' cannot be read: none of its {tally.undecodable:,} "
-                f"messages fits the definition of {kind.record.name}: {tally.first_fault}"
-            )
-        self._note(topic, tally)
+        if tally.rows or not tally.undecodable:
+            return ""
+        return (
+            f"none of its {tally.undecodable:,} messages fits the definition of "
+            f"{kind.record.name}: {tally.first_fault}"
+        )
 
     def _note(self, topic: str, tally: Tally) -> None:
         if tally.undecodable:

@@ -2,13 +2,40 @@
 
 import shutil
 import tempfile
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from estimators.errors import OutputError, RecordingError
-from recordings import write_recording
+from recordings import read_provenance, write_recording
 from recordings.rrd.recording_window import LATEST_S, read_window
 from recordings.rrd.viewer import open_viewer, screenshots
 from recordings.rrd.writer import SUFFIX
+
+
+def second_of(recording: Path, text: str) -> float:
+    """The second of a recording's run that a person means.
+
+    Args:
+        recording: the recording.
+        text: seconds since the start, or a time in ISO 8601, in UTC where it names no zone.
+
+    Raises:
+        RecordingError: it is neither, or the recording cannot be read.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        raise RecordingError(
+            f"--at {text}: is no time; name seconds since the start, or 2026-11-23T06:12:03Z"
+        ) from None
+    moment = time if time.tzinfo else time.replace(tzinfo=UTC)
+    # in whole microseconds: a float of seconds since 1970 has steps of a quarter of one
+    since_epoch_us = (moment - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1)
+    return (since_epoch_us * 1000 - read_provenance(recording).t0_unix_ns) / 1e9
 
 
 def view(

@@ -5,10 +5,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
+from estimators.interpreted import compiled, compiled_for
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
 from replay.logs.blocks import Grammar
-from replay.logs.decoding.unaligned import load32, load64
+from replay.logs.decoding.bytes_at import load32, load64, scan_turns
 
 #: Where records are looked for after damage.
 _USUAL_HEADER: Final = 1024
@@ -52,7 +52,7 @@ def _parse(
     return op, connection, time, body, body + load32(data, fields_end)
 
 
-@compiled
+@compiled_for(scan_turns)
 def _scan(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -78,7 +78,7 @@ def _scan(
     return found, at
 
 
-@compiled
+@compiled_for(scan_turns)
 def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - 7):
         at = first

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
+from estimators.interpreted import compiled
 from replay.logs.blocks.slabs import Slab
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME

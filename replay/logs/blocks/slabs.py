@@ -88,6 +88,12 @@ class SlabIndex:
 
 #: Blocks are unpacked side by side up to this size, since who reads them pays by the slab.
 SLAB_BYTES: Final = 8 * 2**20
+#: The first is small, so that there are rows soon, and each has so many times the bytes of the one
+#: before; until they have their size, one alone is prepared ahead.
+_FIRST_BYTES: Final = SLAB_BYTES // 32
+_GROWTH: Final = 4
+#: Slabs below their size.
+_GROWING: Final = 3
 _WORKERS: Final = min(4, os.cpu_count() or 1)
 #: Slabs that wait; each block larger than a slab has one of its own, and then fewer wait.
 _MOST_WAITING_BYTES: Final = (_WORKERS + 1) * SLAB_BYTES
@@ -100,12 +106,17 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> It
     """
     free: list[NDArray[np.uint8]] = []
     waiting: deque[tuple[Future[Slab], int]] = deque()
+    prepared = 0
     pool = ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-unpack")
     try:
         for group in _groups(blocks):
             size = sum(_room(block) for block in group)
-            while waiting and sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES:
+            while waiting and (
+                sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
+                or (prepared < _GROWING and len(waiting) > 1)
+            ):
                 yield from _next(waiting, free)
+            prepared += 1
             recycled = free.pop() if free and size <= SLAB_BYTES else None
             waiting.append((pool.submit(_load, file, group, grammar, recycled), size))
         while waiting:
@@ -130,11 +141,11 @@ def _room(block: Block) -> int:
 
 def _groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
     group: list[Block] = []
-    size = 0
+    size, most = 0, _FIRST_BYTES
     for block in blocks:
-        if group and size + _room(block) > SLAB_BYTES:
+        if group and size + _room(block) > most:
             yield group
-            group, size = [], 0
+            group, size, most = [], 0, min(_GROWTH * most, SLAB_BYTES)
         group.append(block)
         size += _room(block)
     if group:

@@ -115,25 +115,29 @@ def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) ->
 
 
 def drain_all(
-    groups: Iterable[tuple[list[RawBatch], int]], stream: Stream
-) -> Iterator[pl.DataFrame]:
-    """Decode one topic as `take_all` does, and give its rows as soon as their order is known.
+    groups: Iterable[tuple[list[RawBatch], int]], streams: Mapping[int, Stream]
+) -> Iterator[tuple[Stream, pl.DataFrame]]:
+    """Decode as `take_all` does, and give the rows of each stream as soon as their order is known.
 
     Args:
         groups: batches, each list with the log time before which no later message lies.
-        stream: of all of them.
+        streams: by connection; some may be the same.
     """
+    distinct = list(dict.fromkeys(streams.values()))
     with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
         for batches, floor_ns in groups:
             for batch in batches:
-                stream.take(batch, lambda work: pool.submit(work).result)
-            stream.settle()
-            ready = stream.drain(floor_ns)
-            if ready.height:
-                yield ready
-    rest = stream.finish()
-    if rest.height:
-        yield rest
+                streams[batch.connection_id].take(batch, lambda work: pool.submit(work).result)
+            for stream in distinct:
+                stream.settle()
+            for stream in distinct:
+                ready = stream.drain(floor_ns)
+                if ready.height:
+                    yield stream, ready
+    for stream in distinct:
+        rest = stream.finish()
+        if rest.height:
+            yield stream, rest
 
 
 def _copied(batch: RawBatch) -> RawBatch:

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
-from replay.logs.decoding.unaligned import copy, load16, load32, load64, widened
+from estimators.interpreted import compiled
+from replay.logs.decoding.bytes_at import copy, load16, load32, load64, widened
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -90,7 +90,7 @@ def _load8(data: Bytes, positions: Ints, offset: int, swap: bool, out: Ints) -> 
 
 @compiled
 def _signed(value: int, bits: int) -> int:
-    return value << 64 - bits >> 64 - bits
+    return int(np.int64(value) << 64 - bits >> 64 - bits)
 
 
 @compiled

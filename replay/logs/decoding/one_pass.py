@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import uncounted
+from estimators.interpreted import uncounted
 from replay.logs.decoding.direct_fields import Gathering
 from replay.logs.decoding.gather_values import copy_equal, load, view
 from replay.logs.decoding.walk_program import Encoding, Messages, Noted, Outcome, Template, walk

@@ -18,9 +18,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled, inlined, uncounted
+from estimators.interpreted import compiled, inlined, uncounted
+from replay.logs.decoding.bytes_at import fetch, load32, load64
 from replay.logs.decoding.decode_program import Op, Operand
-from replay.logs.decoding.unaligned import fetch, load32, load64
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]

@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
+from estimators.interpreted import compiled, compiled_for
 from replay.logs.blocks import Grammar
-from replay.logs.decoding.unaligned import load16, load32, load64
+from replay.logs.decoding.bytes_at import load16, load32, load64, scan_turns
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
 
 _HEAD: Final = RECORD_HEAD.size
@@ -21,7 +21,7 @@ _LONGEST_NAME: Final = 32
 _PROVEN: Final = 4
 
 
-@compiled
+@compiled_for(scan_turns)
 def _scan(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -85,7 +85,7 @@ def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, 
     return at + _HEAD + length, proof
 
 
-@compiled
+@compiled_for(scan_turns)
 def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - _HEAD + 1):
         at = first

@@ -1,0 +1,83 @@
+"""What a recording says of itself in a row: properties by which viewer and catalog sort recordings.
+
+They are of the property `ANSWER`: `property:answer:mass_kg` is a column of Rerun's tables, and so
+on. A quantity is there where the run has it; all else always is.
+"""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any, Final
+from zoneinfo import ZoneInfo
+
+from analysis.model.answer import answer
+from analysis.model.run_record import Provenance, Run
+from analysis.model.verdict import Verdict
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.finding_text import finding_line, findings_of
+from recordings.report.worth_text import COVERAGE
+
+ANSWER: Final = "answer"
+_NS: Final = 10**9
+Value = str | float | int | bool
+
+
+def recording_properties(run: Run) -> dict[str, Value]:
+    """The properties of a run's recording.
+
+    Args:
+        run: what is recorded.
+
+    Returns:
+        By name, with the unit: `machine`, `serial`, `day` (where the machine is; empty where the
+        log has no date), `logs`, `verdict`, `can_weigh`, `loads` (load states), `first_finding`,
+        `fingerprint`, `payscope` and `versions`; `mass_kg` where there is one load state,
+        `tonnes_t` and `cycles` where cycles count, each quantity with its uncertainty `U` (95 %).
+    """
+    about, said = run.provenance, answer(run)
+    body: Mapping[str, Any] = about.machine.get("machine", {})
+    findings = findings_of(run)
+    found: dict[str, Value | None] = {
+        "machine": str(body.get("name", "")),
+        "serial": str(body.get("serial", "")),
+        "day": _day(about),
+        "logs": ", ".join(each.name for each in about.inputs),
+        "verdict": _verdict(said.verdict),
+        "can_weigh": said.verdict.can_weigh if said.verdict.checks else None,
+        "loads": len(said.loads),
+        "first_finding": finding_line(findings[0]) if findings else "",
+        "fingerprint": about.fingerprint.results if about.fingerprint else "",
+        "payscope": about.versions.get("payscope", ""),
+        "versions": ", ".join(f"{name} {text}" for name, text in about.versions.items()),
+    }
+    if len(said.loads) == 1:
+        load = said.loads[0]
+        found |= _quantity("mass", "kg", load["mass_kg"], load["u_kg"])
+    if said.shift:
+        cycles, kg = said.shift["cycles_counted"], said.shift["payload_kg"]
+        found["cycles"] = cycles
+        found |= _quantity("tonnes", "t", kg, said.shift["payload_u_kg"], per_unit=1e3)
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _quantity(
+    name: str, unit: str, value: float | None, u: float | None, per_unit: float = 1.0
+) -> dict[str, float | None]:
+    """A quantity and its expanded uncertainty."""
+    return {
+        f"{name}_{unit}": None if value is None else value / per_unit,
+        f"{name}_U_{unit}": None if value is None or u is None else COVERAGE * u / per_unit,
+    }
+
+
+def _verdict(verdict: Verdict) -> str:
+    if not verdict.checks:
+        return "not judged"
+    failed = [check.check for check in verdict.failed("mass")]
+    return f"cannot weigh: {', '.join(failed)}" if failed else "can weigh"
+
+
+def _day(about: Provenance) -> str:
+    if about.t0_unix_ns < FIRST_DATE_NS:
+        return ""
+    zone = ZoneInfo(str(about.machine.get("machine", {}).get("timezone", "UTC")))
+    return f"{datetime.fromtimestamp(about.t0_unix_ns // _NS, UTC).astimezone(zone):%Y-%m-%d}"

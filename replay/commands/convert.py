@@ -1,0 +1,64 @@
+"""`payscope convert`: a log as Parquet by topic."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from replay.commands.common_options import LogKeys, TimeColumn, TimeUnit
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from replay.convert.convert_log import Conversion
+
+
+def command(
+    log: Annotated[Path, typer.Argument(help="The log.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the Parquet files.")
+    ],
+    topics: Annotated[
+        list[str] | None,
+        typer.Option("--topic", help="Convert this topic alone; repeatable."),
+    ] = None,
+    time: TimeColumn = None,
+    time_unit: TimeUnit = None,
+    keys: LogKeys = None,
+    force: Annotated[bool, typer.Option(help="Replace an existing converted log.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
+) -> None:
+    """Convert a log to Parquet by topic: DIR is a log again, for payscope and for others.
+
+    DIR appears when it is whole. The same command takes up a conversion that was cut off.
+    """
+    from replay.commands.common_options import time_axis_of
+    from replay.commands.print_tables import console, print_json
+    from replay.commands.progress_bar import Stages
+    from replay.convert.convert_log import convert
+    from replay.logs import open_log
+
+    with open_log(log, time=time_axis_of(time, time_unit, keys)) as opened, Stages(1) as stages:
+        made = convert(opened, output, topics, force=force, on_span=stages.begin)
+    if as_json:
+        print_json(made.to_dict())
+    else:
+        _print(made, console())
+
+
+def _print(made: "Conversion", screen: "Console") -> None:
+    from rich.markup import escape
+
+    from estimators.errors import one_line
+    from replay.commands.print_tables import plain_table, print_line, print_table
+
+    table = plain_table("topic", "rows", "MB", "files")
+    for topic in made.to_dict()["topics"]:
+        files = f"{topic['folder']}/*.parquet" if topic["folder"] else one_line(topic["fault"])
+        size = f"{topic['size_bytes'] / 1e6:,.3f}"
+        table.add_row(escape(one_line(topic["topic"])), f"{topic['rows']:,}", size, escape(files))
+    print_table(screen, table)
+    taken = f", {made.taken_up} of {made.spans} spans done before" if made.taken_up else ""
+    print_line(screen, f"{made.folder}: {made.rows:,} rows, {made.size_bytes / 1e6:,.3f} MB{taken}")
+    for loss in made.losses:
+        print_line(screen, f"lost: {loss}")

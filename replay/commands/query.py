@@ -1,0 +1,124 @@
+"""`payscope query`: SQL over logs, recordings, ledgers and the results of a fleet."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from replay.commands.common_options import FrameFormat, LogKeys, TimeColumn, TimeUnit
+
+if TYPE_CHECKING:
+    from replay.query.named_tables import NamedTables
+    from replay.query.run_query import Query
+
+#: A table on a screen shows its ends.
+_ROWS_SHOWN: Final = 40
+#: Formats that are written as rows are computed.
+_STREAMED: Final = ("csv", "parquet", "arrow")
+
+
+def command(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="LOG... SQL",
+            help="Logs, recordings, a review or ledger, results of a fleet; last, one SELECT.",
+        ),
+    ],
+    tables: Annotated[
+        bool, typer.Option("--tables", help="List the tables and their columns; needs no SELECT.")
+    ] = False,
+    apart_s: Annotated[
+        float | None,
+        typer.Option(
+            "--moments",
+            metavar="SECONDS",
+            min=0.0,
+            help="Give moments, not rows: rows at most SECONDS apart are one.",
+        ),
+    ] = None,
+    output_format: Annotated[
+        FrameFormat | None,
+        typer.Option("--format", help="Default: by the suffix of -o, or a table."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
+    ] = None,
+    force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
+    time: TimeColumn = None,
+    time_unit: TimeUnit = None,
+    keys: LogKeys = None,
+) -> None:
+    """Query topics of logs, frames of recordings, ledgers and results by SQL.
+
+    A topic is a table by its name in double quotes, or in a word: "/imu/data" is imu_data. A row
+    with a time is a moment that `view --at` opens.
+    """
+    from replay.commands.common_options import time_axis_of
+    from replay.commands.frame_output import format_of
+    from replay.query.named_tables import named_tables
+    from replay.query.run_query import query
+
+    axis = time_axis_of(time, time_unit, keys)
+    if tables:
+        _list_tables(named_tables(sources, axis), as_json=output_format == "json")
+        return
+    if len(sources) == 1:
+        raise typer.BadParameter(
+            'name a log or recording, then one SELECT: payscope query shift.bag "SELECT …"; '
+            "--tables lists what there is"
+        )
+    chosen = format_of(output_format and output_format.value, output)
+    asked = query(sources[:-1], sources[-1], axis)
+    try:
+        if output is not None and apart_s is None and chosen in _STREAMED:
+            asked.write(output, chosen, force=force)
+        else:
+            _print(asked, apart_s, chosen, output, force=force)
+    finally:
+        for loss in dict.fromkeys(map(str, asked.named.losses)):
+            typer.echo(f"lost: {loss}", err=True)
+
+
+def _print(
+    asked: "Query", apart_s: float | None, chosen: str, output: Path | None, *, force: bool
+) -> None:
+    from recordings.report.atomic_output import check_output
+    from replay.commands.frame_output import frame_text, print_frame
+
+    if output is not None:
+        check_output(output, force=force)
+    rows = asked.collect(apart_s)
+    if chosen == "table" and output is None:
+        typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
+        if rows.height > _ROWS_SHOWN:
+            typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
+        opens = asked.opens(rows)
+        if opens and apart_s is None:
+            typer.echo(f"the first row in the viewer: {opens}", err=True)
+        return
+    print_frame(rows, chosen, output, force=force, table=lambda: frame_text(rows, rows.height))
+
+
+def _list_tables(named: "NamedTables", *, as_json: bool) -> None:
+    from rich.markup import escape
+
+    from estimators.errors import PayscopeError
+    from replay.commands.print_tables import console, plain_table, print_json, print_table
+
+    columns: dict[str, list[str]] = {}
+    for name, table in named.tables.items():
+        if name not in named.words.values() or name in named.words:
+            try:
+                columns[name] = list(table().collect_schema())
+            except PayscopeError as error:  # what cannot be decoded is none of the other tables
+                typer.echo(f"payscope: {error}", err=True)
+    if as_json:
+        print_json(columns)
+        return
+    shown = plain_table("table")
+    shown.add_column("in a word", no_wrap=True)
+    shown.add_column("columns", overflow="fold")
+    for name, has in columns.items():
+        shown.add_row(escape(name), named.words.get(name, ""), escape(" ".join(has)))
+    print_table(console(), shown)

@@ -1,0 +1,327 @@
+"""The command `convert`: a log as Parquet by topic, which is a log of payscope again."""
+
+import json
+import re
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.metadata import version
+from math import ceil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import polars as pl
+
+from analysis.model.run_record import Loss
+from estimators.errors import LogError, OutputError, nearest
+from recordings.report.atomic_output import check_folder, keep_apart
+from replay.convert.part_writer import PartWriter, arrow_schema
+from replay.convert.unfinished_folder import (
+    ConversionPlan,
+    UnfinishedFolder,
+    unfinished_folder,
+    write_whole,
+)
+from replay.logs import Log
+from replay.logs.converted.description import (
+    DESCRIPTION,
+    LOG_TIME,
+    ConvertedDescription,
+    ConvertedField,
+    ConvertedPart,
+    ConvertedTopic,
+    SourceFile,
+)
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+#: What is done again at most after a cut; a part holds no more messages.
+SPAN_MESSAGES: Final = 2_000_000
+#: Likewise, of the log's files.
+_SPAN_BYTES: Final = 512 << 20
+_STAMP: Final = "header_stamp_ns"
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """What was converted.
+
+    Attributes:
+        folder: where.
+        topics: with what is in them.
+        losses: what could not be read.
+        spans: of the log, and how many of them were done before.
+        taken_up: see `spans`.
+    """
+
+    folder: Path
+    topics: tuple[ConvertedTopic, ...]
+    losses: tuple[Loss, ...]
+    spans: int
+    taken_up: int
+
+    @property
+    def rows(self) -> int:
+        """Of all topics."""
+        return sum(part.rows for topic in self.topics for part in topic.parts)
+
+    @property
+    def size_bytes(self) -> int:
+        """Of all parts."""
+        return sum(part.size_bytes for topic in self.topics for part in topic.parts)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "folder": str(self.folder),
+            "rows": self.rows,
+            "size_bytes": self.size_bytes,
+            "spans": self.spans,
+            "taken_up": self.taken_up,
+            "topics": [
+                {
+                    "topic": topic.summary["topic"],
+                    "folder": topic.folder,
+                    "rows": sum(part.rows for part in topic.parts),
+                    "size_bytes": sum(part.size_bytes for part in topic.parts),
+                    "fault": topic.fault or topic.summary["problem"],
+                }
+                for topic in self.topics
+            ],
+            "losses": [loss.model_dump() for loss in self.losses],
+        }
+
+
+def convert(
+    log: Log,
+    target: Path,
+    topics: Sequence[str] | None = None,
+    *,
+    force: bool = False,
+    on_span: Callable[[str], None] = lambda _: None,
+    span_messages: int = SPAN_MESSAGES,
+) -> Conversion:
+    """Write every topic of a log as Parquet, in bounded memory.
+
+    What a conversion that was cut off has done is taken up, if the log is the same. Where anything
+    is lost, or an index lists other messages than are there, the log is converted in one go without
+    its index of times, so that the rows are those that reading it gives.
+
+    Args:
+        log: opened.
+        target: the folder; it appears when it is whole.
+        topics: which; all that can be decoded where None.
+        force: whether to replace a converted log.
+        on_span: told when a span begins: "convert 2 of 7".
+        span_messages: messages of a span.
+
+    Raises:
+        LogError: no such topic.
+        OutputError: the folder cannot be written, or is there already.
+    """
+    keep_apart(target, [log.path])
+    check_folder(target, force=force)
+    making = _Making(log, topics)
+    try:
+        with unfinished_folder(target) as folder:
+            done, taken_up = making.spans(folder, span_messages, on_span)
+            described = making.describe(folder, done)
+            kept = {part.file for topic in described.topics for part in topic.parts}
+            folder.drop_records(kept)
+            write_whole(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
+            _replace(folder.path, target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from None
+    return Conversion(target, described.topics, described.losses, len(done), taken_up)
+
+
+def _replace(made: Path, target: Path) -> None:
+    """Give what was made its name; what had it before goes when that is done."""
+    before = made / ".replaced"
+    if target.exists():
+        target.replace(before)
+    made.replace(target)
+    shutil.rmtree(target / before.name, ignore_errors=True)
+
+
+_Parts = Mapping[str, ConvertedPart]
+
+
+class _Making:
+    """A conversion on its way."""
+
+    def __init__(self, log: Log, topics: Sequence[str] | None) -> None:
+        self._log = log
+        self._summaries = {row["topic"]: row for row in log.topics().iter_rows(named=True)}
+        for topic in topics or ():
+            if topic not in self._summaries:
+                raise LogError(f"{log.path}: no topic '{topic}'; {nearest(topic, self._summaries)}")
+        chosen = dict.fromkeys(topics or self._summaries)
+        self._summaries = {t: row for t, row in self._summaries.items() if t in chosen}
+        decoded = [t for t, row in self._summaries.items() if row["problem"] is None]
+        self._fields = {t: _fields_of(log, t) for t in decoded}
+        self._folders = _folder_names(decoded)
+        self._faults: dict[str, str] = {}
+        self._files = tuple(
+            SourceFile(name=path.name, size_bytes=path.stat().st_size, sha256=digest)
+            for path, digest in zip(log.files, log.digests, strict=True)
+        )
+        self._schemas = {t: self._schema(t) for t in decoded}
+
+    def spans(
+        self, folder: UnfinishedFolder, span_messages: int, on_span: Callable[[str], None]
+    ) -> tuple[list[_Parts], int]:
+        """Go through the log span by span, or in one go where that may give other rows.
+
+        Returns:
+            The parts of each span, and how many spans were done before.
+        """
+        borders = self._borders(span_messages)
+        plan = ConversionPlan(
+            payscope=version("payscope"),
+            files=self._files,
+            topics=tuple(self._summaries),
+            borders_ns=borders,
+        )
+        before = set(self._log.losses())
+        done: list[_Parts] = [span.parts for span in folder.take_up(plan)]
+        taken_up = len(done)
+        if borders and not before:
+            for number in range(len(done), len(borders) + 1):
+                on_span(f"convert {number + 1} of {len(borders) + 1}")
+                first = borders[number - 1] if number else None
+                last = borders[number] - 1 if number < len(borders) else None
+                parts = self._convert_span(folder.path, number, first, last)
+                if self._faults or self._log.losses():
+                    break
+                done.append(folder.add(number, parts).parts)
+            else:
+                if self._is_complete(done):
+                    return done, taken_up
+        folder.clear()
+        self._faults.clear()
+        on_span("convert 1 of 1")
+        return [self._convert_span(folder.path, 0, None, None)], 0
+
+    def _borders(self, span_messages: int) -> tuple[int, ...]:
+        """Log times that divide the log into spans of equal time."""
+        rows = self._summaries.values()
+        starts = [row["start_ns"] for row in rows if row["start_ns"] is not None]
+        if not starts:
+            return ()
+        start, end = min(starts), max(row["end_ns"] for row in rows if row["end_ns"] is not None)
+        size = sum(file.size_bytes for file in self._files)
+        messages = sum(row["messages"] for row in rows)
+        spans = max(ceil(messages / span_messages), ceil(size / _SPAN_BYTES))
+        found = {start + (end - start) * k // spans for k in range(1, spans)}
+        return tuple(sorted(found - {start}))
+
+    def _convert_span(
+        self, folder: Path, number: int, first_ns: int | None, last_ns: int | None
+    ) -> dict[str, ConvertedPart]:
+        """Write the rows of a span, a part a topic that has any."""
+        with ExitStack() as open_files:
+            writers: dict[str, PartWriter] = {}
+            names = {topic: [f.name for f in fields] for topic, fields in self._fields.items()}
+            scanned = self._log.scan_many(names, self._faults, first_ns, last_ns)
+            for topic, rows in scanned:
+                if topic not in writers:
+                    file = self._part_name(topic, number)
+                    writer = PartWriter(folder, file, self._schemas[topic])
+                    writers[topic] = open_files.enter_context(writer)
+                writers[topic].write(rows)
+            return {topic: writer.close() for topic, writer in sorted(writers.items())}
+
+    def _part_name(self, topic: str, number: int) -> str:
+        return f"{self._folders[topic]}/part-{number:05}.parquet"
+
+    def _is_complete(self, done: Sequence[_Parts]) -> bool:
+        """Whether as many rows were written as the index lists messages."""
+        rows = dict.fromkeys(self._fields, 0)
+        for parts in done:
+            for topic, part in parts.items():
+                rows[topic] += part.rows
+        return all(self._summaries[topic]["messages"] == count for topic, count in rows.items())
+
+    def describe(self, folder: UnfinishedFolder, done: Sequence[_Parts]) -> ConvertedDescription:
+        """The description; a topic without a row gets a part that says what its columns are."""
+        topics: list[ConvertedTopic] = []
+        for topic, summary in self._summaries.items():
+            if topic not in self._fields:
+                topics.append(ConvertedTopic(summary=summary))
+                continue
+            parts = [each[topic] for each in done if topic in each]
+            if not parts:
+                writer = PartWriter(folder.path, self._part_name(topic, 0), self._schemas[topic])
+                parts = [writer.close()]
+            topics.append(
+                ConvertedTopic(
+                    summary=summary,
+                    fault=self._faults.get(topic, ""),
+                    folder=self._folders[topic],
+                    fields=self._fields[topic],
+                    parts=tuple(parts),
+                )
+            )
+        return ConvertedDescription(
+            payscope=version("payscope"),
+            log=self._log.path.name,
+            log_format=self._log.format,
+            files=self._files,
+            topics=tuple(topics),
+            losses=self._log.losses(),
+            notes=self._log.notes(),
+        )
+
+    def _schema(self, topic: str) -> "pa.Schema":
+        """The columns of a topic, with what a reader of the file alone should know."""
+        log, summary = self._log, self._summaries[topic]
+        leaves = log.leaf_fields(topic, [field.name for field in self._fields[topic]])
+        schema = pl.Schema(
+            {LOG_TIME: pl.Int64(), _STAMP: pl.Int64(), **{leaf.name: leaf.dtype for leaf in leaves}}
+        )
+        units = {field.name: field.unit for field in self._fields[topic]}
+        about = {
+            "log": log.path.name,
+            "log_format": log.format,
+            "log_files": json.dumps([file.model_dump() for file in self._files]),
+            "topic": topic,
+            "type": summary["type"],
+            "encoding": summary["encoding"],
+            "definition": log.definition(topic),
+            "version": version("payscope"),
+        }
+        named = {f"payscope.{key}": str(value) for key, value in about.items()}
+        return arrow_schema(schema, {LOG_TIME: "ns", _STAMP: "ns", **units}, named)
+
+
+def _fields_of(log: Log, topic: str) -> tuple[ConvertedField, ...]:
+    units = log.units(topic)
+    return tuple(
+        ConvertedField(
+            name=leaf.name,
+            lengths=leaf.lengths,
+            value_names=leaf.value_names,
+            is_stamp=leaf.is_stamp,
+            unit=units.get(leaf.name, "ns" if leaf.is_stamp else ""),
+        )
+        for leaf in log.leaf_fields(topic)
+    )
+
+
+def _folder_names(topics: Sequence[str]) -> dict[str, str]:
+    """A folder a topic, in letters, digits and underscores, no two alike."""
+    found: dict[str, str] = {}
+    taken: set[str] = set()
+    for topic in topics:
+        word = re.sub(r"\W+", "_", topic, flags=re.ASCII).strip("_") or "topic"
+        name, number = word, 1
+        # a file system may take capitals for small letters
+        while name.lower() in taken:
+            number += 1
+            name = f"{word}_{number}"
+        taken.add(name.lower())
+        found[topic] = name
+    return found

@@ -1,0 +1,146 @@
+"""One SELECT over named tables, by polars: what else SQL can do is refused before it is done."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import polars as pl
+
+from estimators.errors import QueryError, nearest
+
+#: A table is made when a statement names it.
+Tables = Mapping[str, Callable[[], pl.LazyFrame]]
+
+_TOKEN: Final = re.compile(
+    r"""'(?:[^']|'')*'|"(?:[^"]|"")*"|`[^`]*`|--[^\n]*|/\*.*?\*/|[()]|\w+|\S""", re.DOTALL
+)
+_COMMENTS: Final = ("--", "/*")
+_AFTER_ORDER: Final = ("LIMIT", "OFFSET", "FETCH")
+#: How a statement that only reads tables begins.
+_READING: Final = ("SELECT", "WITH", "FROM", "VALUES", "(", "EXPLAIN")
+#: Functions that read files. Looked for in the whole text: what a literal is, is the parser's word.
+_FILE_FUNCTION: Final = re.compile(r"\b((?:read|scan)_\w+)[\"`\]]?\s*(?:\(|/\*|--)", re.IGNORECASE)
+#: Words behind which polars does not keep the order of rows.
+_REORDERING: Final = ("JOIN", "GROUP", "DISTINCT", "UNION", "INTERSECT", "EXCEPT", "ORDER")
+_UNSORTABLE: Final = pl.Object, pl.Struct, pl.List, pl.Array
+_MOST_LISTED: Final = 40
+
+
+def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl.LazyFrame:
+    """Run a SELECT, lazily; the same statement over the same tables gives the same order of rows.
+
+    Polars keeps no order through joins and groups, so one is always asked for there: rows that
+    ORDER BY leaves equal, or all where there is none, are ordered by every column from the left.
+
+    Args:
+        sql: one statement, as polars reads it.
+        tables: by name; those that the statement names are made.
+        always_ordered: whether to order rows also where they keep the order of their table.
+
+    Raises:
+        QueryError: no such table or column, no SQL, or a statement that does not only read tables.
+    """
+    query = checked_select(sql)
+    frames = {name: tables[name]() for name in _named(query, tables)}
+    with pl.SQLContext(frames=frames, eager=False) as context:
+        try:
+            found = context.execute(query)
+            columns = found.collect_schema()
+            words = {token.upper() for token in _tokens(query)}
+            if words.isdisjoint(_REORDERING) and not always_ordered:
+                return found
+            by = [f'"{n}"' for n, dtype in columns.items() if not isinstance(dtype, _UNSORTABLE)]
+            return context.execute(ordered(query, by))
+        except pl.exceptions.PolarsError as error:
+            raise query_fault(error, tables) from None
+
+
+def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
+    """What polars says of a statement, in a line."""
+    said = str(error).strip().partition("\n")[0]
+    unknown = re.search(r"relation '(.*)' was not found", said)
+    if unknown:
+        return QueryError(f"query: no table '{unknown[1]}'; {_choices(unknown[1], tables)}")
+    return QueryError(f"query: {said}")
+
+
+def checked_select(sql: str) -> str:
+    """The statement without what ends it.
+
+    Raises:
+        QueryError: it is not one that only reads the tables.
+    """
+    query = sql.strip().rstrip(";").strip()
+    first = next(iter(_tokens(query)), "")
+    if first.upper() not in _READING:
+        fault = f"'{first}' is no SELECT; a query only reads tables" if first else "it is empty"
+        raise QueryError(f'query: {fault}; write "SELECT … FROM …"')  # noqa: S608 - a message
+    function = _FILE_FUNCTION.search(query)
+    if function:
+        raise QueryError(
+            f"query: {function[1]} reads a file past payscope; name the file before the SELECT"
+        )
+    return query
+
+
+def quoted_names(sql: str) -> list[str]:
+    """The names in double quotes, of tables and columns."""
+    return [t[1:-1].replace('""', '"') for t in _tokens(sql) if t.startswith('"') and len(t) > 2]
+
+
+def _tokens(query: str) -> list[str]:
+    found = [token[0] for token in _TOKEN.finditer(query)]
+    return [token for token in found if not token.startswith(_COMMENTS)]
+
+
+def _named(query: str, tables: Tables) -> list[str]:
+    """The tables whose names are in a query: the others are not made."""
+    tokens = _tokens(query)
+    words = {token.strip('"`').replace('""', '"') for token in tokens}
+    named = [name for name in tables if name in words]
+    if not named:
+        upper = [token.upper() for token in tokens]
+        if "FROM" not in upper[:-1]:
+            raise QueryError(f"query: names no table; tables: {_listed(tables)}")
+        unknown = tokens[upper.index("FROM") + 1].strip('"`')
+        raise QueryError(f"query: no table '{unknown}'; {_choices(unknown, tables)}")
+    return named
+
+
+def _choices(name: str, tables: Tables) -> str:
+    meant = nearest(name, tables)
+    listed = f"tables: {_listed(tables)}"
+    return f"{meant} {listed}" if meant.endswith("?") else listed
+
+
+def _listed(tables: Tables) -> str:
+    names = list(tables)
+    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
+    return ", ".join(names[:_MOST_LISTED]) + more
+
+
+def ordered(query: str, columns: Sequence[str]) -> str:
+    """The query with its order made whole.
+
+    Args:
+        query: a SELECT.
+        columns: of its result, as SQL names them.
+    """
+    depth, order, end = 0, False, len(query)
+    before = ""
+    for token in _TOKEN.finditer(query):
+        word = token[0].upper()
+        if word.startswith(_COMMENTS):
+            continue
+        depth += {"(": 1, ")": -1}.get(word, 0)
+        if depth == 0 and word == "BY" and before == "ORDER":
+            order, end = True, len(query)
+        elif depth == 0 and word in _AFTER_ORDER and end == len(query):
+            end = token.start()
+        before = word
+    if not columns:
+        return query
+    head, tail = query[:end].rstrip(), query[end:]
+    # behind a comment that ends with the line an order would be part of it
+    gap = "\n" if "--" in head else ""
+    return f"{head}{gap}{',' if order else ' ORDER BY'} {', '.join(columns)} {tail}".strip()

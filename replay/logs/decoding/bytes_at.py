@@ -1,0 +1,68 @@
+"""Numbers at any byte of an array, for loops that are interpreted or compiled.
+
+Compiled, they are those of `unaligned`.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.interpreted import Primitive
+
+Bytes = NDArray[np.uint8]
+
+
+def _unsigned(size: int) -> Callable[[Bytes, int], np.int64]:
+    def load(data: Bytes, at: int) -> np.int64:
+        return np.int64(int.from_bytes(data[at : at + size].tobytes(), "little"))
+
+    return load
+
+
+def _load64(data: Bytes, at: int) -> np.int64:
+    return np.int64(int.from_bytes(data[at : at + 8].tobytes(), "little", signed=True))
+
+
+def _copy(data: Bytes, at: int, target: Bytes, to: int, size: int) -> None:
+    target[to : to + size] = data[at : at + size]
+
+
+def _widened(bits: int) -> np.int64:
+    single = np.array(int(bits) & 0xFFFFFFFF, np.uint32).view(np.float32)
+    return np.int64(single.astype(np.float64).view(np.int64))
+
+
+def _fetch(data: Bytes, at: int) -> None:
+    pass
+
+
+#: Bytes of a record of a log, roughly: a turn of a loop over records.
+_RECORD_BYTES: Final = 256
+
+
+def scan_turns(_: Bytes, begin: int, end: int, *__: Any) -> int:
+    """The turns of a loop over the records between two places."""
+    return (end - begin) // _RECORD_BYTES
+
+
+def _primitive(name: str, interpreted: Callable[..., Any]) -> Any:
+    def load() -> Any:
+        from replay.logs.decoding import unaligned  # imports numba, which is slow
+
+        return getattr(unaligned, name)
+
+    return Primitive(interpreted, load)
+
+
+#: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
+load16 = cast("Callable[[Bytes, int], int]", _primitive("load16", _unsigned(2)))
+load32 = cast("Callable[[Bytes, int], int]", _primitive("load32", _unsigned(4)))
+load64 = cast("Callable[[Bytes, int], int]", _primitive("load64", _load64))
+#: (data, at, target, to, size): copy so many bytes
+copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _primitive("copy", _copy))
+#: (the bits of a number of single precision) -> those of the double that equals it
+widened = cast("Callable[[int], int]", _primitive("widened", _widened))
+#: (data, at): the processor may bring what lies there nearer
+fetch = cast("Callable[[Bytes, int], None]", _primitive("fetch", _fetch))

@@ -1,0 +1,202 @@
+"""The tables of a query: topics of logs, frames of recordings, ledgers, results of a fleet."""
+
+import re
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.model.run_record import Loss
+from estimators.errors import LogError, QueryError
+from recordings.review.shift_ledger import CSV, PARQUET
+from replay.fleet.gathered_tables import fleet_results
+from replay.fleet.query_results import fleet_tables
+from replay.fleet.results_layout import MARK
+from replay.frames.logs import opened_log
+from replay.frames.scan import lazy_frame, log_paths, topic_source
+from replay.frames.shape import LOG_TIME
+from replay.frames.topic_source import TopicSource
+from replay.logs import TABLE, Log, TimeAxis
+from replay.query.recording_frames import AT_S, RecordingFrame, recording_frames
+
+_RECORDING: Final = ".rrd"
+_PLAIN: Final = {PARQUET: pl.scan_parquet, CSV: pl.scan_csv}
+_BEGIN: Final = "start_t_ns"
+
+
+@dataclass
+class NamedTables:
+    """Tables by the names that a query has for them.
+
+    Attributes:
+        recordings: that were named.
+        fleet: the results of a fleet that were named, if any.
+        losses: what could not be read so far of the topics that were made.
+        sources: of the topics that were made: what went wrong is with them.
+        tables: by name and, where no other has it, in a word: `imu_data` for `/imu/data`.
+        words: the words, by name.
+    """
+
+    recordings: tuple[Path, ...] = ()
+    fleet: str | None = None
+    losses: list[Loss] = field(default_factory=list)
+    sources: list[TopicSource] = field(default_factory=list)
+    tables: dict[str, Callable[[], pl.LazyFrame]] = field(default_factory=dict)
+    words: dict[str, str] = field(default_factory=dict)
+
+    def add(self, name: str, table: Callable[[], pl.LazyFrame], where: str) -> None:
+        """Add a table under its name; two of one name cannot be told apart in a query."""
+        if name in self.tables:
+            fault = f"query: two tables are named '{name}', one of {where}; query them apart"
+
+            def refused() -> pl.LazyFrame:
+                raise QueryError(fault)
+
+            self.tables[name] = refused
+        else:
+            self.tables[name] = table
+
+    def add_word_names(self) -> None:
+        """Name tables in a word too."""
+        words: dict[str, list[str]] = {}
+        for name in self.tables:
+            words.setdefault(re.sub(r"\W+", "_", name).strip("_"), []).append(name)
+        for word, names in words.items():
+            if len(names) == 1 and word not in self.tables:
+                self.tables[word] = self.tables[names[0]]
+                self.words[names[0]] = word
+
+
+def named_tables(
+    sources: Sequence[str], time: TimeAxis | None = None, columns: Sequence[str] = ()
+) -> NamedTables:
+    """What is named, as tables; nothing but indices is read.
+
+    Args:
+        sources: logs, folders and patterns of logs, recordings, reviews and ledgers, and the
+            results of a fleet.
+        time: where tables keep their time.
+        columns: that the query names; elements of lists among them (`effort[left]`) are picked.
+
+    Raises:
+        PayscopeError: one of them is not there, or nothing of these.
+    """
+    recordings: list[Path] = []
+    ledgers: list[Path] = []
+    fleets: list[str] = []
+    logs: list[str] = []
+    for source in sources:
+        path = Path(source)
+        if "://" in source or (path / MARK).is_dir():
+            fleets.append(source)
+        elif path.suffix.lower() == _RECORDING:
+            recordings.append(path)
+        elif path.name in _PLAIN:
+            ledgers.append(path)
+        elif (path / PARQUET).is_file():
+            ledgers.append(path / PARQUET)
+            recordings += sorted(path.glob(f"*{_RECORDING}"))
+        else:
+            logs.append(source)
+    if len(fleets) > 1:
+        raise QueryError(f"query: results of two fleets ({', '.join(fleets)}); query them apart")
+    found = NamedTables(tuple(dict.fromkeys(recordings)), fleets[0] if fleets else None)
+    t0_unix_ns = _add_recordings(found)
+    if logs:
+        _add_topics(found, logs, _TopicOptions(time, t0_unix_ns, tuple(columns)))
+    for ledger in ledgers:
+        found.add(ledger.stem, partial(_PLAIN[ledger.name], ledger), str(ledger))
+    for fleet in fleets:
+        for name, table in fleet_tables(fleet_results(fleet)).items():
+            found.add(name, partial(_with_second, table), fleet)
+    found.add_word_names()
+    return found
+
+
+def _add_recordings(found: NamedTables) -> int | None:
+    """Add the frames of all recordings, and say when the run began if there is one alone."""
+    by_name: dict[str, list[RecordingFrame]] = {}
+    for path in found.recordings:
+        for name, frame in recording_frames(path, with_source=len(found.recordings) > 1).items():
+            by_name.setdefault(name, []).append(frame)
+    for name, frames in by_name.items():
+        found.add(name, partial(_concatenated, frames), str(frames[0].recording))
+    starts = {frame.t0_unix_ns for frames in by_name.values() for frame in frames}
+    return starts.pop() if len(found.recordings) == 1 else None
+
+
+def _concatenated(frames: Sequence[RecordingFrame]) -> pl.LazyFrame:
+    if len(frames) == 1:
+        return frames[0].lazy()
+    return pl.concat([frame.lazy() for frame in frames], how="diagonal_relaxed")
+
+
+@dataclass(frozen=True, slots=True)
+class _TopicOptions:
+    """How topics become tables.
+
+    Attributes:
+        time: where tables keep their time.
+        t0_unix_ns: when the run of the recording began that is queried beside them.
+        columns: that the query names.
+    """
+
+    time: TimeAxis | None
+    t0_unix_ns: int | None
+    columns: tuple[str, ...]
+
+    def fields(self, log: Log, topic: str) -> list[str] | None:
+        """All fields and the elements that are named; None for all fields alone."""
+        whole = [leaf.name for leaf in log.leaf_fields(topic)]
+        picked: list[str] = []
+        for name in self.columns:
+            if "[" in name and name not in whole:
+                with suppress(LogError):  # of another topic
+                    picked += [leaf.name for leaf in log.leaf_fields(topic, [name])]
+        return [*whole, *picked] if picked else None
+
+
+def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
+    named = logs[0] if len(logs) == 1 else logs
+    paths, _ = log_paths(named)
+    topics: dict[str, list[Path]] = {}
+    for path in paths:
+        for topic in opened_log(path, options.time).topic_names():
+            topics.setdefault(topic, []).append(path)
+    if not topics:
+        raise LogError(f"{', '.join(map(str, paths))}: no topics to query")
+
+    def topic_rows(topic: str, of_logs: Sequence[Path]) -> pl.LazyFrame:
+        chosen = named if len(paths) == 1 else of_logs
+        first = opened_log(of_logs[0], options.time)
+        source = topic_source(
+            chosen,
+            topic,
+            fields=options.fields(first, topic),
+            time=options.time,
+            losses=found.losses,
+        )
+        found.sources.append(source)
+        rows = lazy_frame(source)
+        if options.t0_unix_ns is None:
+            return rows
+        since_start = pl.col(LOG_TIME).cast(pl.Int64) - options.t0_unix_ns
+        return rows.select((since_start / 1e9).alias(AT_S), pl.all())
+
+    for topic, of_logs in topics.items():
+        found.add(topic, partial(topic_rows, topic, of_logs), str(of_logs[0]))
+    for path in topics.get(TABLE, ()):
+        # tables go by their own names as well, alike or not
+        found.add(path.stem, partial(topic_rows, TABLE, [path]), str(path))
+
+
+def _with_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
+    """A table of a fleet with the second that `fleet open --at` takes, where its rows have one."""
+    rows = table()
+    if _BEGIN not in rows.collect_schema():
+        return rows
+    return rows.with_columns((pl.col(_BEGIN) / 1e9).alias(AT_S))

@@ -1,0 +1,99 @@
+"""Frames of a recording as lazy frames: only the columns that a query needs are read."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+from polars.io.plugins import register_io_source
+
+from analysis.model.schema import FRAMES
+from recordings.rrd.reader import opened
+from recordings.rrd.stored_frames import StoredFrame
+from replay.frames.topic_source import SOURCE
+
+#: Seconds since the start of the run, as `view --at` takes them.
+AT_S: Final = "at_s"
+_RAW: Final = "raw/"
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingFrame:
+    """A frame of a recording that a query may read.
+
+    Attributes:
+        recording: the file.
+        stored: what the recording says of the frame.
+        t0_unix_ns: unix time of the run's start.
+        with_source: whether a column says which recording a row is of.
+    """
+
+    recording: Path
+    stored: StoredFrame
+    t0_unix_ns: int
+    with_source: bool
+
+    @property
+    def time_column(self) -> str | None:
+        """What places its rows in time, if anything."""
+        if self.stored.name.startswith(_RAW):
+            return "log_time_ns"
+        declared = FRAMES.get(self.stored.name.partition("/")[0])
+        column = declared.time_column if declared else None
+        return column if column in {each.name for each in self.stored.columns} else None
+
+    @property
+    def schema(self) -> pl.Schema:
+        """The columns: the source, the second of the run, then those of the frame."""
+        own = {each.name: each.polars_dtype for each in self.stored.columns}
+        source = {SOURCE: pl.String()} if self.with_source else {}
+        second = {AT_S: pl.Float64()} if self.time_column else {}
+        return pl.Schema({**source, **second, **own})
+
+    def lazy(self) -> pl.LazyFrame:
+        """The frame; it is read when its rows are taken."""
+
+        def batches(
+            columns: list[str] | None,
+            predicate: pl.Expr | None,
+            n_rows: int | None,
+            batch_size: int | None,
+        ) -> Iterator[pl.DataFrame]:
+            del batch_size  # a frame is read in one
+            wanted = list(self.schema) if columns is None else columns
+            needed = [*wanted, *(predicate.meta.root_names() if predicate is not None else ())]
+            rows = self._read(dict.fromkeys(needed)).head(n_rows or self.stored.rows)
+            yield (rows if predicate is None else rows.filter(predicate)).select(wanted)
+
+        name = f"{self.recording} {self.stored.name}"
+        return register_io_source(batches, schema=self.schema, explain_name=name)
+
+    def _read(self, needed: dict[str, None]) -> pl.DataFrame:
+        own = [each.name for each in self.stored.columns]
+        read = [name for name in own if name in needed]
+        time = self.time_column
+        if AT_S in needed and time is not None and time not in read:
+            read.append(time)
+        if not read:  # rows are counted by some column
+            read = own[:1]
+        with opened(self.recording) as held:
+            rows = held.read(self.stored.name, read)
+        if time is not None and AT_S in needed and AT_S not in own:
+            begin_ns = self.t0_unix_ns if time == "log_time_ns" else 0
+            rows = rows.with_columns(((pl.col(time) - begin_ns) / 1e9).alias(AT_S))
+        if self.with_source:
+            rows = rows.with_columns(pl.lit(str(self.recording)).alias(SOURCE))
+        return rows
+
+
+def recording_frames(path: Path, *, with_source: bool) -> dict[str, RecordingFrame]:
+    """The frames of a recording by their names, in pipeline order.
+
+    Raises:
+        RecordingError: not a recording that keeps frames.
+    """
+    with opened(path) as held:
+        held.refuse_without_stages()
+        t0_unix_ns, frames = held.provenance.t0_unix_ns, held.manifest.frames
+    return {each.name: RecordingFrame(path, each, t0_unix_ns, with_source) for each in frames}
