@@ -13,6 +13,7 @@ from pydantic import (
     Field,
     PlainSerializer,
     SerializerFunctionWrapHandler,
+    StringConstraints,
     model_serializer,
     model_validator,
 )
@@ -33,6 +34,8 @@ _WHEEL_RADIUS = "wheel_radius_m"
 _SAME_WHEEL = 0.5
 #: and differs from it by this share: tyres wear and sink in by less.
 _WHEELS_DIFFER = 0.08
+#: A serial number as evidence chains by it.
+MachineId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 
 
@@ -63,6 +66,9 @@ class Body(BaseModel):
     model_config = _FORBID
 
     name: str
+    #: Serial number: compared with that of logs and of evidence.
+    #: Left out where it is not given, so that it changes no machine file of before there was one.
+    id: MachineId | None = Field(None, exclude_if=lambda value: value is None)
     empty_mass_kg: float | None = Field(None, gt=0)
     empty_mass_u_kg: float | None = Field(None, ge=0)
     #: When it was weighed, where the machine is.

@@ -19,13 +19,21 @@ from analysis.calibration.use.error_limits import ErrorLimits
 from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt
 from analysis.model.machine import Machine
 from estimators.errors import EvidenceError
-from recordings.calibration.canonical_json import canonical, parse
+from recordings.calibration.released_defaults import (
+    absent_settings,
+    changed_defaults,
+    leave_unset,
+    put_in,
+    released_defaults,
+)
+from recordings.signatures.canonical_json import canonical, parse
 
 _FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 #: Format 1 does not say what the errors of learnt means did to its runs and its line.
 _FIRST: Final = "payscope-calibration-evidence/1"
-#: Formats 2 and 3 hold the same; their pages differ.
-FORMAT: Final = "payscope-calibration-evidence/3"
+#: Formats 2 and 3 hold the same; their pages differ. Format 4 has the machine that each log names,
+#: and counts no time zone to what defines a mass.
+FORMAT: Final = "payscope-calibration-evidence/4"
 _NOT_IN_FIRST: Final = {"learnt": {"responses"}, "calibration": {"responses"}}
 #: What the schema is published as.
 SCHEMA: Final = "evidence.schema.json"
@@ -87,6 +95,7 @@ class EvidenceLog(BaseModel):
     settings_fingerprint: Sha256
     results_fingerprint: Sha256
     recording: Line
+    machine_id: Line = ""
 
 
 class Estimator(BaseModel):
@@ -177,6 +186,7 @@ class EvidenceDocument(BaseModel):
         "payscope-calibration-evidence/1",
         "payscope-calibration-evidence/2",
         "payscope-calibration-evidence/3",
+        "payscope-calibration-evidence/4",
     ]
     kind: Literal["calibration", "check"]
     id: Id
@@ -254,7 +264,21 @@ def document_of(data: bytes, what: str) -> EvidenceDocument:
         raise EvidenceError(f"{what}: {where}: {first['msg']}, which its schema refuses") from None
     if document.data != data:
         raise EvidenceError(f"{what}: holds a value in a form that its schema does not have")
-    return document
+    return _with_first_defaults(document, values)
+
+
+def _with_first_defaults(document: EvidenceDocument, values: Any) -> EvidenceDocument:
+    """The same, with settings that came later at the default that they came with."""
+    absent = {
+        **absent_settings(document.machine, "machine."),
+        **absent_settings(document.campaign, "campaign."),
+    }
+    changed = changed_defaults(absent, released_defaults())
+    if not changed:
+        return document
+    completed = EvidenceDocument.model_validate_json(canonical(put_in(values, changed)))
+    leave_unset(completed, changed)
+    return completed
 
 
 def _maker(values: Any) -> str:

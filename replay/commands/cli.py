@@ -27,6 +27,7 @@ from replay.commands import (
     info,
     init,
     keys,
+    notarise,
     plot,
     reproduce,
     review,
@@ -50,7 +51,7 @@ _PANELS: Final = {
     "Weigh": (init, run, explain, sweep),
     "Look": (info, show, plot, view, compare),
     "Shift and fleet": (review,),
-    "Calibrate": (calibrate, verify),
+    "Calibrate": (calibrate, verify, notarise),
     "Simulate": (demo, simulate, excite, reproduce),
 }
 for _panel, _commands in _PANELS.items():
