@@ -8,7 +8,6 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.reference_masses import references
 from analysis.model.machine import Machine
 from recordings.calibration.evidence_document import FORMAT, Estimator, ReferenceLoad
-from recordings.calibration.released_defaults import absent_settings
 from recordings.signatures.canonical_json import canonical
 
 #: Keys of `[machine]` and stages that no mass depends on, by the format since which they are no
@@ -22,7 +21,7 @@ _WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for numb
 def estimator_of(
     campaign: CalibrationCampaign,
     machine: Machine,
-    kept: Machine | None = None,
+    absent: Container[str] = (),
     form: str = FORMAT,
 ) -> Estimator:
     """The estimator by name, and the digest of what defines it: channels, settings, priors.
@@ -30,12 +29,12 @@ def estimator_of(
     Args:
         campaign: its method.
         machine: with the priors that were learnt. When it was empty is no part of how it weighs.
-        kept: the machine as earlier evidence has it, without settings that came later.
+        absent: dotted names of the machine's settings that came after the evidence.
         form: of the evidence; earlier ones digest more.
     """
     own = _whole(machine) if form in _WHOLE_FORMATS else definition(machine)
-    if kept is not None:
-        own = _without(own, set(absent_settings(kept)))
+    if absent:
+        own = _without(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,

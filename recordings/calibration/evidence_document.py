@@ -7,10 +7,11 @@ The published schema, `evidence.schema.json`, is made of these models:
 import datetime as dt
 import json
 import sys
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Annotated, Any, Final, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraints, ValidationError
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Id, Line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
@@ -22,9 +23,9 @@ from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
     absent_settings,
     changed_defaults,
-    leave_unset,
     put_in,
     released_defaults,
+    taken_out,
 )
 from recordings.signatures.canonical_json import canonical, parse
 
@@ -211,12 +212,37 @@ class EvidenceDocument(BaseModel):
     chain: Chain
     signer: Signer | None
     software: Software
+    #: Settings that came later, at the default that they came with; no part of the bytes.
+    _put_in: dict[str, Any] = PrivateAttr(default_factory=dict[str, Any])
 
     @property
     def data(self) -> bytes:
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
-        return canonical(self.model_dump(mode="json", exclude=left_out, exclude_unset=True))
+        values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
+        return canonical(taken_out(values, self._put_in))
+
+    @property
+    def absent(self) -> dict[str, Any]:
+        """Settings that came after it was made, and the default that each is taken at: dotted."""
+        return {
+            **absent_settings(self.machine, "machine."),
+            **absent_settings(self.campaign, "campaign."),
+            **self._put_in,
+        }
+
+    def with_first_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
+        """The same, with settings that came later at the default that they came with.
+
+        Args:
+            values: `evidence.json`, that it was read from.
+        """
+        changed = changed_defaults(self.absent, released_defaults())
+        if not changed:
+            return self
+        document = EvidenceDocument.model_validate_json(canonical(put_in(values, changed)))
+        document._put_in = changed  # noqa: SLF001  its own
+        return document
 
     @property
     def completed(self) -> "EvidenceDocument":
@@ -264,21 +290,7 @@ def document_of(data: bytes, what: str) -> EvidenceDocument:
         raise EvidenceError(f"{what}: {where}: {first['msg']}, which its schema refuses") from None
     if document.data != data:
         raise EvidenceError(f"{what}: holds a value in a form that its schema does not have")
-    return _with_first_defaults(document, values)
-
-
-def _with_first_defaults(document: EvidenceDocument, values: Any) -> EvidenceDocument:
-    """The same, with settings that came later at the default that they came with."""
-    absent = {
-        **absent_settings(document.machine, "machine."),
-        **absent_settings(document.campaign, "campaign."),
-    }
-    changed = changed_defaults(absent, released_defaults())
-    if not changed:
-        return document
-    completed = EvidenceDocument.model_validate_json(canonical(put_in(values, changed)))
-    leave_unset(completed, changed)
-    return completed
+    return document.with_first_defaults(values)
 
 
 def _maker(values: Any) -> str:

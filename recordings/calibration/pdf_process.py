@@ -27,7 +27,7 @@ def main() -> None:
             said = {"words": [word for text in texts for word in text.split()]}
     except (PyPdfError, ValueError, KeyError, TypeError, RecursionError, MemoryError) as fault:
         said = {"fault": f"cannot be read ({type(fault).__name__}: {str(fault)[:200]})"}
-    sys.stdout.write(json.dumps(said))
+    sys.stdout.write(json.dumps([said]))
 
 
 if __name__ == "__main__":

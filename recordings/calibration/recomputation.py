@@ -23,7 +23,6 @@ from recordings.calibration.days import CLOCK_S, day_faults, made_at
 from recordings.calibration.derived_values import estimator_of, reference_loads
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.evidence_machine import machine_faults
-from recordings.calibration.released_defaults import absent_settings
 
 #: Another processor or library has other last bits.
 _LAST_BITS: Final = 1e-9
@@ -53,12 +52,10 @@ def recompute(
     Returns:
         What differs, and notes for the reader.
     """
-    later = {
-        **absent_settings(document.machine),
-        **absent_settings(document.campaign, "campaign."),
-    }
     # what is nothing by default is no setting that a mass was found with
-    named = [f"{name} = {value}" for name, value in later.items() if value not in _NOTHING]
+    named = [
+        f"{name} = {value}" for name, value in document.absent.items() if value not in _NOTHING
+    ]
     notes = [_LATER.format(", ".join(named))] if named else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
@@ -152,7 +149,9 @@ def _of_files(document: EvidenceDocument) -> Findings:
     for fault in machine_faults(campaign.machine.id, machine, document.logs):
         yield _irreproducible("campaign.machine.id", fault)
     yield from _of_learnt(document)
-    if document.estimator != estimator_of(campaign, document.weighing, machine, document.format):
+    if document.estimator != estimator_of(
+        campaign, document.weighing, document.absent, document.format
+    ):
         yield _irreproducible("estimator", "is not that of the settings")
     try:
         loads, covariance = reference_loads(campaign, machine)

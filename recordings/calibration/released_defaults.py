@@ -150,25 +150,25 @@ def put_in(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, A
     """Plain values with some of them put in, by dotted names."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
     for name, value in changed.items():
-        *path, last = name.split(".")
-        inside: Any = whole
-        for part in path:
-            inside = inside[int(part)] if isinstance(inside, list) else inside[part]
+        inside, last = _place(whole, name)
         inside[last] = value
     return whole
 
 
-def leave_unset(model: BaseModel, names: Iterable[str]) -> None:
-    """Let settings that were put in count as not given, so that the bytes stay as they were."""
+def taken_out(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+    """The values without some of them, which are there, by dotted names."""
     for name in names:
-        *path, last = name.split(".")
-        inside: Any = model
-        for part in path:
-            if isinstance(inside, tuple):
-                inside = inside[int(part)]
-            else:
-                inside = inside[part] if isinstance(inside, dict) else getattr(inside, part)
-        inside.model_fields_set.discard(last)
+        inside, last = _place(values, name)
+        del inside[last]
+    return values
+
+
+def _place(values: Any, name: str) -> tuple[Any, str]:
+    """What a dotted name is in, and its last part."""
+    *path, last = name.split(".")
+    for part in path:
+        values = values[int(part)] if isinstance(values, list) else values[part]
+    return values, last
 
 
 if __name__ == "__main__":

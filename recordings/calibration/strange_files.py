@@ -4,17 +4,17 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from recordings.calibration.bundle_folder import copy_file
 
-#: Seconds that a recording of a long log may take.
+#: Seconds that recordings of long logs may take.
 _PATIENCE_S: Final = 900.0
 _MOST_OUTPUT: Final = 64 << 20
+_DAMAGED: Final = "is damaged so that no reader survives it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,62 +36,73 @@ class RecordingDigests:
     notes: tuple[str, ...]
 
 
-def recording_digests(folder: Path, name: str, sha256: str) -> RecordingDigests | str:
-    """Digest the frames of a recording of a bundle.
+def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, RecordingDigests | str]:
+    """Digest the frames of recordings of a bundle.
 
     Args:
         folder: the bundle.
-        name: of the recording.
-        sha256: that the file has to have.
+        sums: the SHA-256 that each file has to have, by its name.
 
     Returns:
-        Its digests; or why there are none.
+        Of each its digests, or why there are none.
     """
-    said = _asked_of("recording_process", folder, name, sha256)
-    if isinstance(said, str):
-        return said
-    return RecordingDigests(
-        tuple(said["inputs"]),
-        said["settings"],
-        said["results"],
-        said["frames"],
-        tuple(said["notes"]),
-    )
+    said = _asked_of("recording_process", folder, sums)
+    return {
+        name: each
+        if isinstance(each, str)
+        else RecordingDigests(
+            tuple(each["inputs"]),
+            each["settings"],
+            each["results"],
+            each["frames"],
+            tuple(each["notes"]),
+        )
+        for name, each in said.items()
+    }
 
 
 def pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
     """The words of a PDF in the order of its pages; or why there are none."""
-    said = _asked_of("pdf_process", folder, name, sha256)
+    said = _asked_of("pdf_process", folder, {name: sha256})[name]
     return said if isinstance(said, str) else [str(word) for word in said["words"]]
 
 
-def _asked_of(process: str, folder: Path, name: str, sha256: str) -> dict[str, Any] | str:
-    """What a process says of a copy of a file, which nobody else can change meanwhile."""
-    with _copy(folder, name) as (copied, digest):
-        if digest != sha256:
-            return "is not the file whose digest the bundle has"
-        child = subprocess.Popen(
-            [sys.executable, "-P", "-m", f"recordings.calibration.{process}", str(copied)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            cwd=copied.parent,
-        )
-        try:
-            out, _ = child.communicate(timeout=_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.communicate()
-            return f"is not read within {_PATIENCE_S:.0f} s"
-    if child.returncode or len(out) > _MOST_OUTPUT:
-        return "is damaged so that no reader survives it"
-    said = json.loads(out)
-    return str(said["fault"]) if "fault" in said else said
-
-
-@contextmanager
-def _copy(folder: Path, name: str) -> Generator[tuple[Path, str]]:
-    """A copy with its digest."""
+def _asked_of(
+    process: str, folder: Path, sums: Mapping[str, str]
+) -> dict[str, dict[str, Any] | str]:
+    """What a process says of copies of files, which nobody else can change meanwhile."""
+    found: dict[str, dict[str, Any] | str] = {}
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
-        to = Path(place) / Path(name).name
-        yield to, copy_file(folder, name, to)
+        copies: dict[str, Path] = {}
+        for number, (name, sha256) in enumerate(sums.items()):
+            copy = Path(place) / f"{number}{Path(name).suffix}"
+            if copy_file(folder, name, copy) != sha256:
+                found[name] = "is not the file whose digest the bundle has"
+            else:
+                copies[name] = copy
+        said = _run(process, list(copies.values()))
+        for number, (name, copy) in enumerate(copies.items()):
+            # one of them ended the process: which?
+            each = said[number] if said is not None else (_run(process, [copy]) or [None])[0]
+            found[name] = _DAMAGED if each is None else each.get("fault", each)
+    return found
+
+
+def _run(process: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
+    """What it says of each; None where it ended without a word."""
+    if not copies:
+        return []
+    child = subprocess.Popen(
+        [sys.executable, "-P", "-m", f"recordings.calibration.{process}", *map(str, copies)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        cwd=copies[0].parent,
+    )
+    try:
+        out, _ = child.communicate(timeout=_PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.communicate()
+        return None
+    return None if child.returncode or len(out) > _MOST_OUTPUT else json.loads(out)

@@ -52,14 +52,17 @@ def compare_files(
     done: list[str] = []
     unseen: list[str] = []
     runs = [log for log in document.logs if log.recording in sums]
+    names = [
+        *(log.recording for log in runs),
+        *([RECORDING] if whole and RECORDING in sums else []),
+    ]
+    found = recording_digests(folder, {name: sums[name] for name in names})
     for log in runs:
-        _compare_run(checked, log, recording_digests(folder, log.recording, sums[log.recording]))
+        _compare_run(checked, log, found[log.recording])
     if runs:
         done.append("the frames of each run's recording, by their fingerprint")
     if whole and RECORDING in sums:
-        _compare_calibration(
-            checked, document, recording_digests(folder, RECORDING, sums[RECORDING])
-        )
+        _compare_calibration(checked, document, found[RECORDING])
         done.append(f"the frames of {RECORDING}, made anew")
     elif not whole:
         unseen.append(

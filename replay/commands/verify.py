@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 def command(
     folders: Annotated[
         list[Path],
-        typer.Argument(help="Folder of evidence; several are a chain; or the list of a notary."),
+        typer.Argument(
+            metavar="FOLDER", help="Evidence; several are a chain. Or the list of a notary."
+        ),
     ],
     logs: Annotated[
         Path | None, typer.Option(help="Folder with the logs: replay them all and compare.")

@@ -151,7 +151,7 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
             inside = inside[name]
         del inside[place[-1]]
         document = document_of(canonical(bundle.evidence), EVIDENCE)
-        estimator = estimator_of(document.campaign, document.weighing, document.machine)
+        estimator = estimator_of(document.campaign, document.weighing, document.absent)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     return tamper

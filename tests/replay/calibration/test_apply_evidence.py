@@ -180,7 +180,7 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
         for log in bundle.evidence["logs"]:
             del log["machine_id"]
         document = made.document
-        estimator = estimator_of(document.campaign, document.weighing, None, form)
+        estimator = estimator_of(document.campaign, document.weighing, (), form)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
@@ -198,7 +198,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
         document = document_of(canonical(bundle.evidence), "evidence.json")
-        estimator = estimator_of(document.campaign, document.weighing, document.machine)
+        estimator = estimator_of(document.campaign, document.weighing, document.absent)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     earlier = tampered(made.folder, tmp_path / "earlier", before, signed=True)
