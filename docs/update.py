@@ -26,6 +26,8 @@ from analysis.calibration.campaign.campaign_plan import (
     CampaignMethod,
     CampaignRun,
     Conditions,
+    LeftOutLog,
+    NotaryStretch,
     ReferenceMass,
     StatedComponent,
 )
@@ -142,6 +144,8 @@ def campaign_tables() -> str:
             ("`[method]`", CampaignMethod),
             ("`[[method.stated]]`", StatedComponent),
             ("`[decision]`", AskedLimits),
+            ("`[notary]`", NotaryStretch),
+            ("`[[notary.left_out]]`", LeftOutLog),
         ]
     )
 

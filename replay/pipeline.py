@@ -44,6 +44,7 @@ from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields, named_by_topic, provenance, read_channels
+from replay.inputs.machine_identity import identified
 from replay.inputs.parallel_tables import side_by_side
 from replay.inputs.time_line import note as order_note
 from replay.inputs.time_line import offsets_ns
@@ -118,6 +119,7 @@ def run(
         Every intermediate frame and where it came from.
     """
     logs, machine = side_by_side(logs if isinstance(logs, Sequence) else [logs], machine)
+    machine, logged_id = identified(logs, machine)  # a sister's log is refused
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
@@ -163,6 +165,7 @@ def run(
             machine,
             seen.case.evidence.t0_unix_ns,
             seen.stamps,
+            logged_machine_id=logged_id,
             # a recording that is replayed has its own again
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
             notes=[

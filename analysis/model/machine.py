@@ -13,6 +13,7 @@ from pydantic import (
     Field,
     PlainSerializer,
     SerializerFunctionWrapHandler,
+    StringConstraints,
     model_serializer,
     model_validator,
 )
@@ -36,6 +37,8 @@ _WHEELS_DIFFER = 0.08
 #: A scale that is a unit of speed in m/s within this share is no radius: km/h, mile/h, knot, ft/s.
 _SPEED_UNITS_M_S = (1.0 / 3.6, 0.44704, 0.514444, 0.3048)
 _SAME_UNIT = 1e-3
+#: A serial number as evidence chains by it.
+MachineId = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 
 
@@ -60,19 +63,15 @@ class ImuMounting(BaseModel):
     position_u_m: float | None = Field(default=None, ge=0)
 
 
-def _is_empty(text: str) -> bool:
-    """Whether a text is left out: machine files without one stay as they were."""
-    return not text
-
-
 class Body(BaseModel):
     """What is known of the machine itself, with standard uncertainties (`..._u_...`)."""
 
     model_config = _FORBID
 
     name: str
-    #: By which its maker tells it from others of its model.
-    serial: str = Field(default="", exclude_if=_is_empty)
+    #: Serial number: compared with that of logs and of evidence.
+    #: Left out where it is not given, so that it changes no machine file of before there was one.
+    id: MachineId | None = Field(None, exclude_if=lambda value: value is None)
     empty_mass_kg: float | None = Field(None, gt=0)
     empty_mass_u_kg: float | None = Field(None, ge=0)
     #: When it was weighed, where the machine is.

@@ -57,6 +57,8 @@ class Provenance(BaseModel):
     losses: tuple[Loss, ...] = ()
     #: What a reader of the answer should know, a sentence each.
     notes: tuple[str, ...] = ()
+    #: The machine's serial number as the logs' own metadata have it; "" where they do not tell.
+    logged_machine_id: OneLine = ""
     #: Of the inputs, the settings and the frames, as `run` left them.
     fingerprint: Fingerprint | None = None
 

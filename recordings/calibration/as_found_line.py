@@ -8,12 +8,16 @@ from recordings.calibration.evidence_document import AsFound, Estimator, Evidenc
 
 
 def as_found(
-    before: EvidenceDocument | None, estimator: Estimator, points: pl.DataFrame
+    before: EvidenceDocument | None,
+    of_before: Estimator | None,
+    estimator: Estimator,
+    points: pl.DataFrame,
 ) -> AsFound | None:
     """The line before, and its errors on these points; None where there is no line.
 
     Args:
         before: the evidence before.
+        of_before: its estimator; earlier formats digest it otherwise.
         estimator: of this campaign; a line of another one says nothing of its points.
         points: of this campaign, a row a run.
     """
@@ -23,7 +27,7 @@ def as_found(
     found = AsFound(
         evidence_id=before.id, alpha_1=line.alpha_1, beta_kg=line.beta_kg, rms_error_kg=None
     )
-    if before.estimator != estimator:
+    if of_before != estimator:
         return found
     return found.model_copy(update={"rms_error_kg": rms_error_kg(found, points)})
 

@@ -1,6 +1,7 @@
 """Check the folder of a bundle, as whoever trusts neither its maker nor us would."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -11,6 +12,7 @@ from analysis.calibration.campaign.campaign_readings import READINGS as READING_
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
+    NOTARY,
     POINTS,
     READINGS,
     REPORT,
@@ -24,7 +26,7 @@ from recordings.calibration.bundle_folder import (
     read_file,
 )
 from recordings.calibration.bundle_tables import StrangeTable, read_tables
-from recordings.calibration.chain_check import check_chain
+from recordings.calibration.chain_check import check_chain, check_counter
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, without
 from recordings.calibration.evidence_document import (
@@ -32,11 +34,12 @@ from recordings.calibration.evidence_document import (
     UnknownFormatError,
     document_of,
 )
-from recordings.calibration.keyring import Keyring
+from recordings.calibration.notary_stretch import check_notary
 from recordings.calibration.recomputation import recompute
 from recordings.calibration.signature_check import check_signature
-from recordings.calibration.signing import PublicKey
 from recordings.calibration.timestamp import check_timestamp
+from recordings.signatures.keyring import Keyring
+from recordings.signatures.signing import PublicKey
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -57,7 +60,7 @@ def check_bundle(
     Args:
         folder: the bundle; nothing in it is run, no link followed, nothing outside read.
         key: whose signature is asked for.
-        previous: the machine's evidence before it, trusted to be genuine, if it is whole.
+        previous: the machine's evidence before it, checked likewise; its signer is named.
         keyring: the keys that the user keeps; None for none.
         authorities: root certificates of time-stamp authorities that the user trusts.
 
@@ -67,19 +70,14 @@ def check_bundle(
     checked = _checked(folder, key, keyring or Keyring(Path()), authorities)
     document = checked.document
     if document is not None:
-        check_chain(checked, document, None if previous is None else _trusted(previous))
-    return checked
-
-
-def _trusted(folder: Path) -> CheckedBundle:
-    """Evidence that is trusted to be genuine: whether it is whole, and what it is."""
-    checked = CheckedBundle()
-    held = check_files(folder, checked)
-    if EVIDENCE in held:
-        try:
-            checked.document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
-        except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, EVIDENCE, without(EVIDENCE, fault))
+        check_counter(checked, document)
+        before = None
+        if previous is not None:
+            before = _checked(previous, None, keyring or Keyring(Path()), authorities)
+            by = before.signed_by
+            if key is not None and by.how == "unknown" and by.key_id == key.key_id:
+                before.signed_by = replace(by, how="given")
+        check_chain(checked, document, before)
     return checked
 
 
@@ -107,8 +105,10 @@ def _checked(
     check_timestamp(checked, held, document, authorities)
     check_signature(checked, held, digests, document, key, keyring)
     _check_recordings(checked, document, digests)
+    stretch = bytes_of(held, NOTARY) if NOTARY in held else None
+    check_notary(checked, document, stretch, keyring)
     readings, points = _tables(checked, held, document)
-    checked.readings = readings
+    checked.readings, checked.points = readings, points
     if readings is not None:
         findings, notes = recompute(document, readings, points, _report(held))
         checked.findings += findings

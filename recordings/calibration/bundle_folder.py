@@ -24,6 +24,8 @@ SUMS: Final = "SHA256SUMS"
 STATEMENT: Final = "statement.dsse.json"
 #: Comes after the signature that it is of.
 TIMESTAMP: Final = "timestamp.tsr"
+#: The stretch of a recorder's list that the campaign names.
+NOTARY: Final = "notary.jsonl"
 RUNS: Final = "runs"
 #: Of every bundle.
 REQUIRED: Final = (EVIDENCE, READINGS, POINTS, RECORDING, REPORT)
@@ -53,7 +55,7 @@ class BundleFile:
 
 def known(name: str) -> bool:
     """Whether a bundle may hold a file of that name."""
-    return name in (*REQUIRED, PDF, *UNLISTED) or _RUN.fullmatch(name) is not None
+    return name in (*REQUIRED, PDF, NOTARY, *UNLISTED) or _RUN.fullmatch(name) is not None
 
 
 def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
@@ -110,22 +112,41 @@ def read_file(folder: Path, name: str) -> BundleFile:
         EvidenceError: it cannot be read, or is larger than such a file may be.
     """
     keep = name not in (RECORDING, PDF) and not name.startswith(f"{RUNS}/")
-    digest = hashlib.sha256()
+    digest, size = hashlib.sha256(), 0
     parts: list[bytes] = []
+    for part in _parts(folder, name):
+        size += len(part)
+        digest.update(part)
+        if keep and size > _MOST_BYTES:
+            raise EvidenceError(f"{name}: is larger than the {_MOST_BYTES} bytes allowed")
+        if keep:
+            parts.append(part)
+    return BundleFile(digest.hexdigest(), b"".join(parts) if keep else None)
+
+
+def copy_file(folder: Path, name: str, to: Path) -> str:
+    """Copy a file that `listing` named, and give the SHA-256 of the copy.
+
+    Raises:
+        EvidenceError: it cannot be read.
+    """
+    digest = hashlib.sha256()
+    with to.open("xb") as copy:
+        for part in _parts(folder, name):
+            digest.update(part)
+            copy.write(part)
+    return digest.hexdigest()
+
+
+def _parts(folder: Path, name: str) -> Iterator[bytes]:
+    """Read a file from its beginning to its end, without following a link."""
     try:
         number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
         with os.fdopen(number, "rb") as file:
-            size = 0
             while part := file.read(_CHUNK):
-                size += len(part)
-                digest.update(part)
-                if keep and size > _MOST_BYTES:
-                    raise EvidenceError(f"{name}: is larger than the {_MOST_BYTES} bytes allowed")
-                if keep:
-                    parts.append(part)
+                yield part
     except OSError as error:
         raise EvidenceError(f"{name}: cannot be read ({error.strerror})") from None
-    return BundleFile(digest.hexdigest(), b"".join(parts) if keep else None)
 
 
 def sums_text(digests: dict[str, str]) -> str:

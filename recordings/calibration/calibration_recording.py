@@ -15,10 +15,16 @@ from recordings.rrd.writer import write_recording
 def write_calibration(
     folder: Path, document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
 ) -> None:
-    """Write the recording of a bundle.
+    """Write the recording of a bundle."""
+    write_recording(calibration_run(document, readings, points), folder / RECORDING)
+
+
+def calibration_run(
+    document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
+) -> Run:
+    """What the recording of a bundle holds; it follows from the evidence.
 
     Args:
-        folder: of the bundle.
         document: the evidence.
         readings: frame `readings`.
         points: frame of the points.
@@ -66,4 +72,4 @@ def write_calibration(
         "runs": pl.DataFrame(runs),
     }
     run = Run({name: conform(name, frame) for name, frame in frames.items()}, about)
-    write_recording(run.fingerprinted(), folder / RECORDING)
+    return run.fingerprinted()

@@ -1,14 +1,17 @@
 """What a report says in sentences."""
 
 import math
+from collections.abc import Iterator
 from typing import Final
 
 import polars as pl
 
 from analysis.calibration.campaign.next_load import next_load
 from analysis.calibration.line.calibration import Calibration
+from estimators.errors import counted
 from recordings.calibration.days import runs_without_date
 from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.calibration.evidence_machine import logs_without_machine
 from recordings.calibration.learnt_terms_text import RUNS, TERMS
 
 ESTIMATORS: Final = {
@@ -16,6 +19,8 @@ ESTIMATORS: Final = {
     "joint_payload": "payload by the joint fit, as a difference to runs without load",
     "pooled": "pooled least squares of a manoeuvre",
 }
+#: Logs of a list that are named.
+_MOST_NAMED: Final = 12
 #: Below it, β is a correction; above, it is most of what is reported.
 _MUCH: Final = 0.5
 
@@ -24,13 +29,13 @@ _NO_CONFORMITY: Final = (
     "recommendation: its other tests were not made."
 )
 
-_UNSEEN: Final = (
+_UNLISTED: Final = (
     "A run that was left out before the campaign file was written and signed: nothing in a bundle "
-    "shows that it was ever made. Compare with the machine's own list of logs.",
+    "shows that it was ever made. Compare with the machine's own list of logs (payscope notarise)."
+)
+_UNSEEN: Final = (
     "Whether the loads that the campaign file names were on board, and whether the certificates "
     "are genuine.",
-    "Whether the logs were recorded by this machine: their digests only show that they are the "
-    "files that were replayed.",
     "Whether the machine has changed since: tyres, sensors, bucket, firmware. A check against one "
     "known mass (payscope calibrate --check) shows some of that.",
     "With the signing key, everything can be made anew: a signature is worth what the keeping of "
@@ -55,7 +60,7 @@ def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.Data
             *(_advice(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
-        found += _as_found(document)
+        found += [*_as_found(document), *_notary(document)]
     return found
 
 
@@ -66,6 +71,10 @@ def unseen(document: EvidenceDocument) -> list[str]:
         if document.chain.previous is None
         else ()
     )
+    later = (
+        f"Whether later evidence of this machine exists: this is number {document.chain.counter}, "
+        "and whoever holds a later one may keep it back. Ask for all of it.",
+    )
     undated = [run.id for run in runs_without_date(document)]
     days = (
         (
@@ -75,7 +84,52 @@ def unseen(document: EvidenceDocument) -> list[str]:
         if undated
         else ()
     )
-    return [*_UNSEEN, *first, *days]
+    return [_unseen_runs(document), *_UNSEEN, *_unseen_machine(document), *first, *later, *days]
+
+
+def _unseen_runs(document: EvidenceDocument) -> str:
+    """Which runs may have been left out."""
+    stretch = document.campaign.notary
+    if stretch is None:
+        return _UNLISTED
+    return (
+        f"A run that the recorder's list does not have between number {stretch.first} and "
+        f"{stretch.last}: by a second recorder, of a file that was deleted before it ended or "
+        "before the notary looked, before the first or after the last number; or a list that "
+        "whoever has a copy of the notary's key wrote anew."
+    )
+
+
+def _notary(document: EvidenceDocument) -> list[str]:
+    """Which logs of the recorder are in the campaign."""
+    stretch = document.campaign.notary
+    if stretch is None:
+        return []
+    reasons = "; ".join(f"{each.number}: {each.reason}" for each in stretch.left_out)
+    left_out = f" Left out: {reasons}." if reasons else " None is left out."
+    return [
+        f"The recorder's list has {counted(stretch.last - stretch.first + 1, 'log')} from number "
+        f"{stretch.first} to {stretch.last}; each is one of this campaign's but for those left "
+        f"out.{left_out}"
+    ]
+
+
+def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
+    """Whose the logs are."""
+    without = logs_without_machine(document.logs)
+    told = len(document.logs) - len(without)
+    if without:
+        named = ", ".join(without[:_MOST_NAMED])
+        more = f" and {len(without) - _MOST_NAMED} more" if len(without) > _MOST_NAMED else ""
+        yield (
+            f"Whether these logs were recorded by this machine: {named}{more}. They do not name "
+            "theirs; their digests only show that they are the files that were replayed."
+        )
+    if told:
+        yield (
+            f"Whether {counted(told, 'log')} whose metadata name this machine were recorded by it: "
+            "whoever writes a log can write any name."
+        )
 
 
 def _outcome(document: EvidenceDocument) -> list[str]:

@@ -1,23 +1,40 @@
-"""Whether evidence follows that of its machine before it."""
+"""Whether the evidence of a machine is one chain: each after the one before, none twice."""
 
+import datetime as dt
 import hashlib
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 from recordings.calibration.bundle_folder import EVIDENCE
-from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
+from recordings.calibration.days import CLOCK_S, made_at
 from recordings.calibration.evidence_document import EvidenceDocument
+
+
+def check_counter(checked: CheckedBundle, document: EvidenceDocument) -> None:
+    """Whether the counter is that after the link's."""
+    link = document.chain.previous
+    if document.chain.counter != (1 if link is None else link.counter + 1):
+        checked.add(
+            BundleOutcome.TAMPERED,
+            f"{EVIDENCE}: chain.counter",
+            "does not follow that of the link before",
+        )
 
 
 def check_chain(
     checked: CheckedBundle, document: EvidenceDocument, before: CheckedBundle | None
 ) -> None:
-    """Whether this evidence follows that before it."""
+    """Whether this evidence follows that before it.
+
+    Args:
+        checked: gets what is found.
+        document: the evidence.
+        before: that before it, checked; None where it was not given.
+    """
     chain, item = document.chain, f"{EVIDENCE}: chain"
     link = chain.previous
-    if chain.counter != (1 if link is None else link.counter + 1):
-        checked.add(
-            BundleOutcome.TAMPERED, f"{item}.counter", "does not follow that of the link before"
-        )
     if before is None:
         if link is not None:
             checked.notes.append(
@@ -31,6 +48,7 @@ def check_chain(
     if last is None:
         checked.add(BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read")
         return
+    checked.notes.append(f"the evidence before, number {last.chain.counter}: {before.signed_by}")
     if last.campaign.machine.id != document.campaign.machine.id:
         checked.add(BundleOutcome.TAMPERED, item, "the evidence before is of another machine")
     if chain.counter <= last.chain.counter:
@@ -42,12 +60,79 @@ def check_chain(
         )
     elif link is None:
         checked.add(BundleOutcome.TAMPERED, item, "names no evidence before it, and there is some")
-    elif link.id != last.id or link.sums_sha256 != hashlib.sha256(before.sums).hexdigest():
+    elif link.id != last.id or link.sums_sha256 != digest_of(before):
         checked.add(BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
     else:
+        if made_at(document) < made_at(last) - dt.timedelta(seconds=CLOCK_S):
+            what = f"is before the evidence that it follows was made, {last.made}"
+            checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
         _check_as_found(checked, document, last)
         if document.kind == "check":
             _check_kept(checked, document, last)
+
+
+def digest_of(checked: CheckedBundle) -> str:
+    """What a link to evidence holds of it."""
+    return hashlib.sha256(checked.sums).hexdigest()
+
+
+def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding], list[str]]:
+    """What the evidence of one machine comes to together.
+
+    Args:
+        bundles: each checked by itself, in any order; those that cannot be read are passed over.
+
+    Returns:
+        Gaps, forks and links that do not fit; and who signed which number, a sentence each.
+    """
+    by_digest = {digest_of(each): each for each in bundles}
+    known = [(each.document, each) for each in by_digest.values() if each.document is not None]
+    ordered = sorted(known, key=lambda pair: (pair[0].chain.counter, pair[0].made, pair[0].id))
+    found: list[BundleFinding] = []
+    for (last, before), (document, checked) in pairwise(ordered):
+        number, after = last.chain.counter, document.chain.counter
+        item = f"machine {document.campaign.machine.id}: number {after}"
+        if after == number:
+            what = (
+                f"a fork: {last.id} of {last.made} ({before.signed_by}) and {document.id} of "
+                f"{document.made} ({checked.signed_by}) have one number"
+            )
+            found.append(BundleFinding(BundleOutcome.TAMPERED, item, what))
+        elif after == number + 1:
+            link = CheckedBundle()
+            check_chain(link, document, before)
+            found += [
+                BundleFinding(each.outcome, f"{item}: {each.item}", each.what)
+                for each in link.findings
+                if not each.item.startswith("the evidence before")
+            ]
+        else:
+            span = f"{number + 1}" if after == number + 2 else f"{number + 1} to {after - 1}"
+            found.append(
+                BundleFinding(
+                    BundleOutcome.INCOMPLETE,
+                    f"machine {document.campaign.machine.id}: number {span}",
+                    f"is missing between {last.id} and {document.id}",
+                )
+            )
+    return found, list(_signers(ordered))
+
+
+def _signers(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]]) -> Iterator[str]:
+    """Who signed each, and where the chain begins."""
+    if not ordered:
+        return
+    machine, first = ordered[0][0].campaign.machine.id, ordered[0][0].chain
+    if first.previous is not None:
+        yield (
+            f"machine {machine}: the chain given begins with number {first.counter}; what is "
+            "before it was not given"
+        )
+    for document, checked in ordered:
+        yield (
+            f"machine {machine}: number {document.chain.counter}, a {document.kind} of "
+            f"{document.made}: {checked.signed_by}"
+        )
 
 
 def _check_kept(checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument) -> None:

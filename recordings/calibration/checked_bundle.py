@@ -10,7 +10,7 @@ from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import BundleFile
 from recordings.calibration.check_outcomes import FAULTS, BundleFinding, BundleOutcome
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.calibration.signed_by import SignedBy
+from recordings.signatures.signed_by import SignedBy
 
 
 @dataclass(slots=True)
@@ -22,8 +22,10 @@ class CheckedBundle:
         notes: what a reader should know besides.
         document: the evidence; None where it cannot be read.
         readings: frame `readings`, likewise.
+        points: frame of the points, likewise.
         sums: the bytes of SHA256SUMS.
         signed_by: whose signature it is, as far as the reader can know.
+        notarised_by: who keeps the list of logs that the campaign names; None where it names none.
         proven_day: the day by which a time stamp proves that the signature was there, if any.
     """
 
@@ -31,9 +33,10 @@ class CheckedBundle:
     notes: list[str] = field(default_factory=list)
     document: EvidenceDocument | None = None
     readings: pl.DataFrame | None = None
+    points: pl.DataFrame | None = None
     sums: bytes = b""
     signed_by: SignedBy = field(default_factory=lambda: SignedBy("unsigned"))
-
+    notarised_by: SignedBy | None = None
     proven_day: dt.date | None = None
 
     @property

@@ -1,31 +1,40 @@
 """What evidence holds that follows from the campaign and machine files alone."""
 
 import hashlib
-from collections.abc import Container, Iterator, Mapping
-from typing import Any
-
-from pydantic import BaseModel
+from collections.abc import Container, Mapping
+from typing import Any, Final
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.reference_masses import references
 from analysis.model.machine import Machine
-from recordings.calibration.canonical_json import canonical
-from recordings.calibration.evidence_document import Estimator, ReferenceLoad
+from recordings.calibration.evidence_document import FORMAT, Estimator, ReferenceLoad
+from recordings.signatures.canonical_json import canonical
+
+#: Keys of `[machine]` and stages that no mass depends on, by the format since which they are no
+#: part of what defines it.
+_NO_PART_BODY: Final = ("id", "timezone", "empty_mass_day")
+_NO_PART_STAGES: Final = ("loads", "planar")
+#: Formats whose digest has them, but for the loads.
+_WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for number in (1, 2, 3))
 
 
 def estimator_of(
-    campaign: CalibrationCampaign, machine: Machine, kept: Machine | None = None
+    campaign: CalibrationCampaign,
+    machine: Machine,
+    absent: Container[str] = (),
+    form: str = FORMAT,
 ) -> Estimator:
     """The estimator by name, and the digest of what defines it: channels, settings, priors.
 
     Args:
         campaign: its method.
         machine: with the priors that were learnt. When it was empty is no part of how it weighs.
-        kept: the machine as earlier evidence has it, without settings that came later.
+        absent: dotted names of the machine's settings that came after the evidence.
+        form: of the evidence; earlier ones digest more.
     """
-    own = definition(machine)
-    if kept is not None:
-        own = _without(own, set(later_settings(kept)))
+    own = _whole(machine) if form in _WHOLE_FORMATS else definition(machine)
+    if absent:
+        own = _without(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
@@ -36,27 +45,19 @@ def estimator_of(
 def definition(machine: Machine) -> dict[str, Any]:
     """Of a machine, what defines its mass, as plain values."""
     values = machine.model_dump(mode="json")
-    del values["settings"]["loads"]
+    for name in _NO_PART_BODY:
+        values["machine"].pop(name, None)
+    for stage in _NO_PART_STAGES:
+        del values["settings"][stage]
     return values
 
 
-def later_settings(kept: BaseModel, at: str = "") -> tuple[str, ...]:
-    """Names of what came after evidence was made, and is taken at its default: dotted, in order.
-
-    Args:
-        kept: a part of the evidence.
-        at: what its names begin with.
-    """
-    there = kept.model_dump(mode="json", exclude_unset=True)
-    return tuple(_lacking(kept.model_dump(mode="json"), there, at))
-
-
-def _lacking(whole: Mapping[str, Any], there: Mapping[str, Any], at: str = "") -> Iterator[str]:
-    for name, value in whole.items():
-        if name not in there:
-            yield f"{at}{name}"
-        elif isinstance(value, dict):
-            yield from _lacking(value, there[name], f"{at}{name}.")
+def _whole(machine: Machine) -> dict[str, Any]:
+    """The same as formats up to 3 have it: time zone and place of the mass count."""
+    values = machine.model_dump(mode="json")
+    values["machine"].pop("id", None)
+    del values["settings"]["loads"]
+    return values
 
 
 def _without(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:

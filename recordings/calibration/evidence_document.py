@@ -7,10 +7,11 @@ The published schema, `evidence.schema.json`, is made of these models:
 import datetime as dt
 import json
 import sys
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Annotated, Any, Final, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraints, ValidationError
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Id, Line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
@@ -19,13 +20,21 @@ from analysis.calibration.use.error_limits import ErrorLimits
 from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt
 from analysis.model.machine import Machine
 from estimators.errors import EvidenceError
-from recordings.calibration.canonical_json import canonical, parse
+from recordings.calibration.released_defaults import (
+    absent_settings,
+    changed_defaults,
+    put_in,
+    released_defaults,
+    taken_out,
+)
+from recordings.signatures.canonical_json import canonical, parse
 
 _FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 #: Format 1 does not say what the errors of learnt means did to its runs and its line.
 _FIRST: Final = "payscope-calibration-evidence/1"
-#: Formats 2 and 3 hold the same; their pages differ.
-FORMAT: Final = "payscope-calibration-evidence/3"
+#: Formats 2 and 3 hold the same; their pages differ. Format 4 has the machine that each log names,
+#: and counts no time zone to what defines a mass.
+FORMAT: Final = "payscope-calibration-evidence/4"
 _NOT_IN_FIRST: Final = {"learnt": {"responses"}, "calibration": {"responses"}}
 #: What the schema is published as.
 SCHEMA: Final = "evidence.schema.json"
@@ -87,6 +96,7 @@ class EvidenceLog(BaseModel):
     settings_fingerprint: Sha256
     results_fingerprint: Sha256
     recording: Line
+    machine_id: Line = ""
 
 
 class Estimator(BaseModel):
@@ -177,6 +187,7 @@ class EvidenceDocument(BaseModel):
         "payscope-calibration-evidence/1",
         "payscope-calibration-evidence/2",
         "payscope-calibration-evidence/3",
+        "payscope-calibration-evidence/4",
     ]
     kind: Literal["calibration", "check"]
     id: Id
@@ -201,12 +212,37 @@ class EvidenceDocument(BaseModel):
     chain: Chain
     signer: Signer | None
     software: Software
+    #: Settings that came later, at the default that they came with; no part of the bytes.
+    _put_in: dict[str, Any] = PrivateAttr(default_factory=dict[str, Any])
 
     @property
     def data(self) -> bytes:
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
-        return canonical(self.model_dump(mode="json", exclude=left_out, exclude_unset=True))
+        values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
+        return canonical(taken_out(values, self._put_in))
+
+    @property
+    def absent(self) -> dict[str, Any]:
+        """Settings that came after it was made, and the default that each is taken at: dotted."""
+        return {
+            **absent_settings(self.machine, "machine."),
+            **absent_settings(self.campaign, "campaign."),
+            **self._put_in,
+        }
+
+    def with_first_defaults(self, values: Mapping[str, Any]) -> "EvidenceDocument":
+        """The same, with settings that came later at the default that they came with.
+
+        Args:
+            values: `evidence.json`, that it was read from.
+        """
+        changed = changed_defaults(self.absent, released_defaults())
+        if not changed:
+            return self
+        document = EvidenceDocument.model_validate_json(canonical(put_in(values, changed)))
+        document._put_in = changed  # noqa: SLF001  its own
+        return document
 
     @property
     def completed(self) -> "EvidenceDocument":
@@ -254,7 +290,7 @@ def document_of(data: bytes, what: str) -> EvidenceDocument:
         raise EvidenceError(f"{what}: {where}: {first['msg']}, which its schema refuses") from None
     if document.data != data:
         raise EvidenceError(f"{what}: holds a value in a form that its schema does not have")
-    return document
+    return document.with_first_defaults(values)
 
 
 def _maker(values: Any) -> str:

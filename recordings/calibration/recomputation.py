@@ -20,12 +20,14 @@ from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REP
 from recordings.calibration.calibration_report import report_html
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.days import CLOCK_S, day_faults, made_at
-from recordings.calibration.derived_values import estimator_of, later_settings, reference_loads
+from recordings.calibration.derived_values import estimator_of, reference_loads
 from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.calibration.evidence_machine import machine_faults
 
 #: Another processor or library has other last bits.
 _LAST_BITS: Final = 1e-9
-_LATER: Final = "made before there was {}: taken at the default, here and where it is used"
+_LATER: Final = "made before there was {}: taken so, the default that it came with"
+_NOTHING: Final = (None, "", [], {}, ())
 #: Of a list of differences, so many are named.
 _MOST: Final = 5
 _LONGEST: Final = 200
@@ -50,8 +52,11 @@ def recompute(
     Returns:
         What differs, and notes for the reader.
     """
-    later = (*later_settings(document.machine), *later_settings(document.campaign, "campaign."))
-    notes = [_LATER.format(", ".join(later))] if later else []
+    # what is nothing by default is no setting that a mass was found with
+    named = [
+        f"{name} = {value}" for name, value in document.absent.items() if value not in _NOTHING
+    ]
+    notes = [_LATER.format(", ".join(named))] if named else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
         (EVIDENCE, lambda: _of_files(document)),
@@ -141,8 +146,12 @@ def _of_files(document: EvidenceDocument) -> Findings:
         yield _irreproducible("campaign.runs", fault)
     if made > now + dt.timedelta(seconds=CLOCK_S):
         yield _irreproducible("made", f"is in the future: {document.made}, and now is {now:%F %R}")
+    for fault in machine_faults(campaign.machine.id, machine, document.logs):
+        yield _irreproducible("campaign.machine.id", fault)
     yield from _of_learnt(document)
-    if document.estimator != estimator_of(campaign, document.weighing, machine):
+    if document.estimator != estimator_of(
+        campaign, document.weighing, document.absent, document.format
+    ):
         yield _irreproducible("estimator", "is not that of the settings")
     try:
         loads, covariance = reference_loads(campaign, machine)

@@ -10,10 +10,10 @@ from recordings.calibration.bundle_folder import EVIDENCE, STATEMENT, SUMS, Bund
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, without
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.calibration.keyring import Keyring
-from recordings.calibration.signed_by import SignedBy
-from recordings.calibration.signing import PREDICATE_TYPE, STATEMENT_TYPE, PublicKey, Signed, opened
 from recordings.calibration.write_bundle import predicate_of
+from recordings.signatures.keyring import Keyring
+from recordings.signatures.signed_by import SignedBy
+from recordings.signatures.signing import PREDICATE_TYPE, STATEMENT_TYPE, PublicKey, Signed, opened
 
 _UNKNOWN_KEY: Final = (
     "{}: whoever made this folder may have made the key as well, and any name; get the key from "

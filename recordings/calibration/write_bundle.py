@@ -8,6 +8,7 @@ import polars as pl
 
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
+    NOTARY,
     PDF,
     POINTS,
     READINGS,
@@ -21,7 +22,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import write_table
 from recordings.calibration.calibration_report import report_html, report_pdf
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
-from recordings.calibration.signing import SigningKey, envelope, statement
+from recordings.signatures.signing import SigningKey, envelope, statement
 
 
 def tables_of(
@@ -42,6 +43,7 @@ def write_bundle(
     points: pl.DataFrame,
     tables: Mapping[str, bytes],
     key: SigningKey | None,
+    stretch: bytes | None = None,
 ) -> list[str]:
     """Write what the folder of a bundle lacks; its recordings are in it already.
 
@@ -52,6 +54,7 @@ def write_bundle(
         points: frame of the points.
         tables: both, by file name, as `tables_of` gives them.
         key: signs; None leaves the bundle unsigned.
+        stretch: of the recorder's list, if the campaign names one.
 
     Returns:
         Remarks for whoever makes it, a line each.
@@ -62,6 +65,8 @@ def write_bundle(
     for name, data in tables.items():
         (folder / name).write_bytes(data)
     (folder / EVIDENCE).write_bytes(document.data)
+    if stretch is not None:
+        (folder / NOTARY).write_bytes(stretch)
     html = report_html(document, readings, points)
     (folder / REPORT).write_bytes(html.encode())
     remark = report_pdf(html, folder / PDF)

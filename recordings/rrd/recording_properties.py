@@ -38,7 +38,7 @@ def recording_properties(run: Run) -> dict[str, Value]:
     findings = findings_of(run)
     found: dict[str, Value | None] = {
         "machine": str(body.get("name", "")),
-        "serial": str(body.get("serial", "")),
+        "serial": str(body.get("id") or ""),
         "day": _day(about),
         "logs": ", ".join(each.name for each in about.inputs),
         "verdict": _verdict(said.verdict),

@@ -17,14 +17,15 @@ from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_checks import check_bundle
-from recordings.calibration.canonical_json import canonical
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import definition
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.calibration.keyring import Keyring, KnownKey, add_key, load_keyring
-from recordings.calibration.signed_by import SignedBy
-from recordings.calibration.signing import public_key
+from recordings.signatures.canonical_json import canonical
+from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
+from recordings.signatures.signed_by import SignedBy
+from recordings.signatures.signing import public_key
 from replay.calibration.campaign_file import weighed_in
+from replay.inputs.machine_identity import logged_id
 from replay.logs import Log
 
 #: Of settings that differ, so many are named.
@@ -65,12 +66,21 @@ class MachineCalibration:
     signed_by: SignedBy
 
     @property
-    def says(self) -> str:
-        """What it is, in a sentence."""
+    def machine_id(self) -> str:
+        """The serial number of the machine that it is of."""
+        return self.document.campaign.machine.id
+
+    def says(self, logged_id: str) -> str:
+        """What it is, in a sentence.
+
+        Args:
+            logged_id: the machine that the logs name; "" where they do not.
+        """
         document = self.document
+        of = "" if logged_id else ", which the log does not name"
         return (
             f"calibrated: {document.estimator.name} by evidence {document.id} of machine "
-            f"{document.campaign.machine.id}, {self.signed_by}, valid to {document.expires}; "
+            f"{self.machine_id}{of}, {self.signed_by}, valid to {document.expires}; "
             f"intervals of {self.calibration.confidence_1:.0%}"
         )
 
@@ -88,14 +98,19 @@ class MachineCalibration:
     def other(self, weighing: Machine) -> str:
         """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
 
-        Name, channels, settings, priors: all that defines its mass.
+        Serial number, channels, settings, priors: all that defines its mass. The name counts where
+        a machine has no serial number.
         """
+        mine_id = weighing.machine.id
+        if mine_id not in (None, self.machine_id):
+            return f"is of machine '{self.machine_id}', not of '{mine_id}'"
         kept = dict(_flat(definition(self.weighing(self.document.machine))))
         mine = dict(_flat(definition(weighing)))
         name = "machine.name"
-        if kept[name] != mine[name]:
+        if mine_id is None and kept[name] != mine[name]:
             return f"is of machine '{kept[name]}', not of '{mine[name]}'"
-        differ = [each for each in sorted({*kept, *mine}) if kept.get(each) != mine.get(each)]
+        names = {*kept, *mine} - {name}
+        differ = [each for each in sorted(names) if kept.get(each) != mine.get(each)]
         named = ", ".join(
             f"{each} = {_text(kept.get(each))} there and {_text(mine.get(each))} here"
             for each in differ[:_MOST_NAMED]
@@ -104,7 +119,9 @@ class MachineCalibration:
         return f"is of other settings: {named}{more}" if differ else ""
 
     def checked(self, weighing: Machine, what: object) -> Machine:
-        """The machine, if it is the one that was calibrated.
+        """The machine with its serial number, if it is the one that was calibrated.
+
+        A log that names another is refused from then on.
 
         Args:
             weighing: as `weighing` gives it, or as a recording has it.
@@ -118,7 +135,8 @@ class MachineCalibration:
             raise EvidenceError(
                 f"{self.folder}: {other} ({what}); calibrate with these, or weigh with those"
             )
-        return weighing
+        body = weighing.machine.model_copy(update={"id": self.machine_id})
+        return weighing.model_copy(update={"machine": body})
 
     def check_day(self, start_ns: int | None, what: object) -> None:
         """Refuse a log of a day after the last of the evidence; without a date, today counts.
@@ -142,15 +160,21 @@ class MachineCalibration:
                 f"{self.folder}: expired on {self.document.expires}, {of}; calibrate again"
             )
 
-    def check_days(self, logs: Sequence[Log]) -> None:
-        """Refuse logs of a day after the last of the evidence.
+    def check_logs(self, logs: Sequence[Log]) -> str:
+        """Refuse logs of another machine, or of a day after the last of the evidence.
+
+        Returns:
+            The serial number of the machine in their metadata; "" where they do not tell.
 
         Raises:
             EvidenceError: expired.
+            LogError: a log is of another machine.
         """
+        logged = logged_id(logs, self.machine_id)
         starts = [log.topics()["start_ns"].min() for log in logs]
         known = [start for start in starts if isinstance(start, int)]
         self.check_day(max(known) if known else None, ", ".join(str(log.path) for log in logs))
+        return logged
 
     def of_loads(self, frames: Mapping[str, pl.DataFrame], other: str = "") -> pl.DataFrame:
         """The frame `loads` with its calibrated masses; none where the log contradicts it.
@@ -171,7 +195,8 @@ class MachineCalibration:
             other: what that machine has otherwise than the calibration.
         """
         loads = self.of_loads(run.frames, other)
-        about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, self.says)})
+        said = self.says(run.provenance.logged_machine_id)
+        about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, said)})
         frames = {**run.frames, "loads": loads}
         return replace(run, frames=frames, provenance=about).fingerprinted()
 

@@ -26,7 +26,6 @@ from recordings.calibration.as_found_line import as_found
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
-from recordings.calibration.canonical_json import canonical
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.days import day_faults
 from recordings.calibration.derived_values import estimator_of, reference_loads
@@ -34,16 +33,21 @@ from recordings.calibration.evidence_document import (
     FORMAT,
     NOTICE,
     Chain,
+    Estimator,
     EvidenceDocument,
     EvidenceTables,
     Link,
     Signer,
 )
-from recordings.calibration.keyring import load_keyring
-from recordings.calibration.signing import SigningKey, signing_key
+from recordings.calibration.evidence_machine import machine_faults
+from recordings.calibration.notary_stretch import stretch_bytes, unaccounted
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
 from recordings.calibration.write_bundle import tables_of, write_bundle
+from recordings.notary.notary_check import check_list
 from recordings.report.atomic_output import check_folder, check_output, staged, whole_file
+from recordings.signatures.canonical_json import canonical
+from recordings.signatures.keyring import load_keyring
+from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import Replayed, new_id, now, replay_runs, software
 
@@ -156,6 +160,7 @@ def calibrate(
     key = signing_key(key_file)
     before = None if previous is None else before_of(previous, campaign.machine.id, key)
     check_folder(folder, force=force)
+    stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
         check_timestamp_request(timestamp_request_file, key, force=force)
     with staged([folder], force=force) as stage:
@@ -170,10 +175,13 @@ def calibrate(
             # under the machine's own priors: what they say of the nuisances together
             first = replay_runs(campaign, machine, path_of, None, on_log)
             refuse_days(campaign_file, campaign, first, machine)
+            refuse_unaccounted(campaign_file, campaign, first, stretch)
             learnt = first.learnt
         weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
         replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
         refuse_days(campaign_file, campaign, replayed, machine)
+        refuse_machine(campaign_file, campaign, replayed, machine)
+        refuse_unaccounted(campaign_file, campaign, replayed, stretch)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
@@ -184,7 +192,7 @@ def calibrate(
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        calibrated = finish(evidence, made, folder, key, before, previous)
+        calibrated = finish(evidence, made, folder, key, before, previous, stretch)
     if timestamp_request_file is not None:
         write_timestamp_request(folder, timestamp_request_file, force=force)
     return calibrated
@@ -230,6 +238,84 @@ def refuse_days(
         raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
 
 
+def refuse_machine(
+    source: Path, campaign: CalibrationCampaign, replayed: Replayed, machine: Machine
+) -> None:
+    """Refuse logs and a machine file that name another machine than the campaign.
+
+    Raises:
+        CampaignError: they do.
+    """
+    fault = next(machine_faults(campaign.machine.id, machine, replayed.logs), None)
+    if fault is not None:
+        raise CampaignError(f"{source}: {fault}; name logs and machine file of one machine")
+
+
+def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
+    """The stretch of the recorder's list that a campaign names, checked; None where it names none.
+
+    Args:
+        source: the campaign file; the list is named from its folder.
+        campaign: the campaign.
+
+    Raises:
+        CampaignError: the list cannot be read, is not whole, or does not reach so far.
+    """
+    stretch = campaign.notary
+    if stretch is None:
+        return None
+    path = source.parent / stretch.list
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
+    # a notary may be writing it: what is behind the last whole line is none of the stretch
+    kept = check_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
+    last = kept.entries[-1].counter if kept.entries else 0
+    faults = [
+        each.what
+        for each in kept.faults
+        if each.forged
+        or (stretch.first <= each.counter <= stretch.last and each.counter not in stretch.reasons)
+    ]
+    if faults:
+        raise CampaignError(
+            f"{path}: {faults[0]}; `payscope verify {path}` lists all, and a log is left out with "
+            "a reason in notary.left_out"
+        )
+    if last < stretch.last:
+        raise CampaignError(
+            f"{source}: notary.last is {stretch.last}, and {path} ends with number {last}; "
+            "`payscope notarise` goes on with it"
+        )
+    wanted = campaign.machine.id
+    if kept.head is not None and kept.head.machine_id not in ("", wanted):
+        raise CampaignError(
+            f"{path}: is the list of machine '{kept.head.machine_id}', and the campaign is of "
+            f"'{wanted}'; name the list of that machine's recorder"
+        )
+    return stretch_bytes(data, stretch)
+
+
+def refuse_unaccounted(
+    source: Path, campaign: CalibrationCampaign, replayed: Replayed, stretch: bytes | None
+) -> None:
+    """Refuse a campaign that leaves a log of its stretch out without a reason.
+
+    Raises:
+        CampaignError: it does, or a log of it is not in the list.
+    """
+    if campaign.notary is None or stretch is None:
+        return
+    kept = check_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
+    fault = next(unaccounted(campaign.notary, replayed.logs, kept.entries), None)
+    if fault is not None:
+        raise CampaignError(
+            f"{source}: notary: {fault}; add a run of it, or leave it out with a reason in "
+            "notary.left_out"
+        )
+
+
 def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) -> CheckedBundle:
     """The machine's evidence before this, checked.
 
@@ -254,6 +340,11 @@ def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) ->
             "name that of the same machine"
         )
     by = checked.signed_by
+    if key is not None and by.how == "unsigned":
+        raise EvidenceError(
+            f"{previous}: is unsigned: nothing that is signed is chained to what nobody vouches "
+            "for; calibrate without --previous, or without --key if that chain is to go on"
+        )
     own = key is not None and by.key_id == key.public.key_id
     if by.how == "unknown" and not own:
         raise EvidenceError(
@@ -270,6 +361,7 @@ def finish(
     key: SigningKey | None,
     before: CheckedBundle | None,
     previous: Path | None,
+    stretch: bytes | None = None,
 ) -> Calibrated:
     """Write the evidence, and check it as a stranger would before it gets its name.
 
@@ -280,6 +372,7 @@ def finish(
         key: signs; None leaves it unsigned.
         before: the machine's evidence before it.
         previous: where that is.
+        stretch: of the recorder's list, if the campaign names one.
 
     Raises:
         CampaignError: no run gave a reading.
@@ -294,7 +387,7 @@ def finish(
     tables, digests = tables_of(readings, points)
     document = _document(evidence, digests, key, before)
     write_calibration(made, document, readings, points)
-    remarks = write_bundle(made, document, readings, points, tables, key)
+    remarks = write_bundle(made, document, readings, points, tables, key, stretch)
     checked = check_bundle(made, None if key is None else key.public, previous)
     wrong = [str(each) for each in checked.faults]
     if wrong:
@@ -338,13 +431,18 @@ def _document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=as_found(last, estimator, fitted.frame),
+        as_found=as_found(last, _estimator_now(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
         chain=_chain(before),
         signer=None if key is None else _signer(campaign, key),
         software=software(),
     )
     return document.completed
+
+
+def _estimator_now(last: EvidenceDocument | None) -> Estimator | None:
+    """The estimator of the evidence before, digested as this version does."""
+    return None if last is None else estimator_of(last.campaign, last.weighing)
 
 
 def _signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:

@@ -40,7 +40,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
-    machine = weighed_in(campaign, machine)
+    machine = of_machine(weighed_in(campaign, machine), campaign.machine.id, path)
     try:
         known, _ = references(campaign, machine.machine)
         rule_of(campaign, known)
@@ -59,6 +59,26 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
                 "folder"
             )
     return campaign, machine
+
+
+def of_machine(machine: Machine, wanted: str, what: object) -> Machine:
+    """The machine with its serial number.
+
+    Args:
+        machine: as its file has it.
+        wanted: its serial number.
+        what: the file that gives it, for the error.
+
+    Raises:
+        CampaignError: the machine file is that of another machine.
+    """
+    named = machine.machine.id
+    if named not in (None, wanted):
+        raise CampaignError(
+            f"{what}: is of machine '{wanted}', and its machine file of '{named}'; name the "
+            f"machine file of '{wanted}', or correct machine.id"
+        )
+    return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})
 
 
 def left_open(content: Any, place: str = "") -> Iterator[tuple[str, str]]:

@@ -35,6 +35,7 @@ from replay.machines.machine_file import time_axis
 from replay.pipeline import run
 
 _LONGEST: Final = 2000
+_LONGEST_ID: Final = 64
 #: What ends the name of a distribution in a requirement.
 _NAME: Final = re.compile(r"[^A-Za-z0-9._-]")
 
@@ -177,6 +178,7 @@ def _kept(name: str, replayed: Run, topics: pl.DataFrame, recording: str) -> Evi
         settings_fingerprint=taken.settings,
         results_fingerprint=taken.results,
         recording=recording,
+        machine_id=about.logged_machine_id[:_LONGEST_ID],
     )
 
 

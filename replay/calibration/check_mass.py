@@ -16,14 +16,15 @@ from analysis.calibration.campaign.mass_check import check_known_mass
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.calibration.signing import signing_key
 from recordings.report.atomic_output import check_folder, staged
+from recordings.signatures.signing import signing_key
 from replay.calibration.calibrate_campaign import (
     Calibrated,
     EvidenceParts,
     before_of,
     finish,
     refuse_days,
+    refuse_machine,
 )
 from replay.calibration.campaign_runs import replay_runs
 from replay.logs import open_log
@@ -86,6 +87,7 @@ def check_mass(
         made = stage / folder.name
         made.mkdir()
         replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log)
+        refuse_machine(previous, campaign, replayed, last.machine)
         refuse_days(Path(f"--day {known.day}"), campaign, replayed, last.machine)
         on_log("evidence")
         fitted, drift = check_known_mass(
@@ -122,6 +124,7 @@ def _campaign(last: EvidenceDocument, log: Path, known: Known) -> CalibrationCam
             "masses": (mass,) if known.value_kg else (),
             "runs": (run,),
             "conditions": Conditions.model_validate({}),
+            "notary": None,
             "decision": None,
         }
     )

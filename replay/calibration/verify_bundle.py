@@ -1,37 +1,24 @@
 """The command `verify`: a bundle checked by itself, and against its logs."""
 
 import datetime as dt
-import os
-import stat
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-import polars as pl
-
-from analysis.calibration.use.learnt_priors import TermOfLog
-from estimators.errors import EvidenceError, PayscopeError, counted
-from estimators.file_digest import file_sha256
+from estimators.errors import EvidenceError, counted
 from recordings.calibration.bundle_checks import check_bundle
-from recordings.calibration.bundle_folder import EVIDENCE, READINGS, STATEMENT
+from recordings.calibration.bundle_folder import EVIDENCE, NOTARY, STATEMENT
 from recordings.calibration.calibration_text import unseen
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
-from recordings.calibration.keyring import load_keyring
-from recordings.calibration.signed_by import SignedBy
-from recordings.calibration.signing import public_key
+from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.timestamp import authority_certificates
-
-_MOST_ENTRIES: Final = 100_000
-_DEEPEST: Final = 8
-_MOST_NAMED: Final = 10
-#: Of its prior, by so much a nuisance may come out otherwise elsewhere.
-_TERMS: Final = 1e-6
-#: Numbers of a reading, and the texts that must be equal.
-_NUMBERS: Final = ("start_s", "end_s", "mass_kg", "std_kg", "common_u_kg")
-_TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
+from recordings.signatures.keyring import load_keyring
+from recordings.signatures.signed_by import SignedBy
+from recordings.signatures.signing import public_key
+from replay.calibration.compare_files import FilesCheck, compare_files
+from replay.calibration.compare_logs import compare_logs
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +32,7 @@ class Verified:
         done: what was checked, in words.
         unseen: what no check can find.
         signed_by: whose signature it has.
+        checked: what the check of the folder found.
     """
 
     folder: Path
@@ -53,6 +41,7 @@ class Verified:
     done: tuple[str, ...]
     unseen: tuple[str, ...]
     signed_by: SignedBy
+    checked: CheckedBundle = field(repr=False)
 
     @property
     def outcome(self) -> BundleOutcome | None:
@@ -116,15 +105,26 @@ def verify(
     if signed and not checked.signed_by.trusted and not checked.faults:
         what = f"{checked.signed_by}, and a signature by a known key is asked for"
         checked.add(BundleOutcome.INCOMPLETE, STATEMENT, what)
+    keeper = checked.notarised_by
+    if signed and keeper is not None and not keeper.trusted and not checked.faults:
+        what = f"is {keeper}, and one by a key of the keyring is asked for"
+        checked.add(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = checked.document
     done = _done(checked, previous is not None)
+    files = FilesCheck()
+    if document is not None:
+        files = compare_files(checked, document, folder, whole=logs is not None)
     if logs is not None and document is not None and checked.readings is not None:
-        _replay(checked, document, checked.readings, logs)
-        done.append(f"{counted(len(document.logs), 'log')} replayed and every reading compared")
+        compare_logs(checked, document, checked.readings, logs)
+        done.append(
+            f"{counted(len(document.logs), 'log')} replayed: every reading, and begin, duration, "
+            "topics, counts, stamps, losses, notes, speeds and verdict of each log compared"
+        )
     elif document is not None:
         checked.notes.append(
             "the logs were not replayed: that the readings are theirs, only --logs shows"
         )
+    done += files.done
     if document is not None:
         _check_expiry(checked, document, on)
     return Verified(
@@ -132,9 +132,20 @@ def verify(
         tuple(checked.findings),
         tuple(checked.notes),
         tuple(done),
-        () if document is None else tuple(unseen(document)),
+        () if document is None else (*unseen(document), *files.unseen, *_never_seen(document)),
         checked.signed_by,
+        checked,
     )
+
+
+def _never_seen(document: EvidenceDocument) -> Iterator[str]:
+    """What `verify` compares with nothing, whatever it is given."""
+    yield (
+        "Whether what the campaign file says of people, place, conditions, sensors and parts is "
+        "true, and which software and platform made this: only the maker says so."
+    )
+    if document.signer is None:
+        yield "Who made this: it is unsigned."
 
 
 def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.date | None) -> None:
@@ -153,141 +164,13 @@ def _done(checked: CheckedBundle, chained: bool) -> list[str]:
         done.append("the schema of evidence.json")
         done += [f"the signature: {checked.signed_by}"] if checked.signed_by.trusted else []
         done += ["the chain, to the evidence before"] if chained else []
+    if checked.notarised_by is not None and checked.document is not None:
+        stretch = checked.document.campaign.notary
+        assert stretch is not None
+        done.append(
+            f"the recorder's list, number {stretch.first} to {stretch.last}: signatures, chain, "
+            f"and each log in the campaign or left out with a reason; {checked.notarised_by}"
+        )
     if checked.readings is not None:
         done.append("fit, budget, limits, points, report and each reason, computed anew")
     return done
-
-
-def _replay(
-    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
-) -> None:
-    """Replay every log, and compare reading by reading."""
-    paths: dict[str, Path] = {}
-    found = _files_by_name(folder, {file.name for log in document.logs for file in log.files})
-    for log in document.logs:
-        path = _path_of(checked, log, found)
-        if path is not None:
-            paths[log.log] = path
-    if len(paths) < len(document.logs):
-        return
-    # the estimators are slow to import, and only a replay needs them
-    from replay.calibration.campaign_runs import replay_runs
-
-    campaign = document.campaign
-    try:
-        if document.learnt is not None and document.kind == "calibration":
-            before = replay_runs(campaign, document.machine, lambda log: paths[log])
-            _compare_terms(checked, document.learnt.logs, before.terms)
-        replayed = replay_runs(campaign, document.weighing, lambda log: paths[log])
-    except PayscopeError as fault:
-        checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
-        return
-    _compare(checked, document, stored, replayed.readings)
-    for kept, anew in zip(document.logs, replayed.logs, strict=True):
-        item = f"{EVIDENCE}: logs: {kept.log}"
-        if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
-            checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
-        if kept.settings_fingerprint != anew.settings_fingerprint:
-            checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with other settings")
-        elif kept.results_fingerprint != anew.results_fingerprint:
-            checked.notes.append(
-                f"{kept.log}: the frames of its replay differ in their last bits, as other "
-                "processors and libraries make them"
-            )
-
-
-def _compare_terms(
-    checked: CheckedBundle, stored: tuple[TermOfLog, ...], anew: tuple[TermOfLog, ...]
-) -> None:
-    """What each log says of the nuisances under the machine's own priors."""
-    by_name = {(each.log, each.term): each for each in anew}
-    wrong = [each for each in stored if not _same(each, by_name.get((each.log, each.term)))]
-    for each in wrong[:_MOST_NAMED]:
-        item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay says something else")
-    if not wrong and len(stored) != len(anew):
-        item = f"{EVIDENCE}: learnt"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs say more than it has")
-
-
-def _same(kept: TermOfLog, now: TermOfLog | None) -> bool:
-    if now is None:
-        return False
-    tolerance = _TERMS * kept.prior_std
-    names = ("prior_mean", "prior_std", "posterior", "posterior_std")
-    return all(abs(getattr(kept, name) - getattr(now, name)) <= tolerance for name in names)
-
-
-def _compare(
-    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, anew: pl.DataFrame
-) -> None:
-    """Reading by reading, within the declared tolerance."""
-    if stored.height != anew.height:
-        what = f"has {stored.height} readings, and the replay gives {anew.height}"
-        checked.add(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
-        return
-    tolerance = document.replay_tolerance_kg
-    wrong = 0
-    for kept, now in zip(stored.iter_rows(named=True), anew.iter_rows(named=True), strict=True):
-        differing = [name for name in _TEXTS if kept[name] != now[name]]
-        differing += [name for name in _NUMBERS if not _near(kept[name], now[name], tolerance)]
-        if differing:
-            wrong += 1
-            if wrong <= _MOST_NAMED:
-                item = f"{READINGS}: run '{kept['run_id']}', reading {kept['reading']}"
-                what = f"the replay gives another {', '.join(differing)}"
-                checked.add(BundleOutcome.IRREPRODUCIBLE, item, what)
-    if wrong > _MOST_NAMED:
-        checked.add(
-            BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} readings more"
-        )
-
-
-def _near(kept: float | None, now: float | None, tolerance: float) -> bool:
-    if kept is None or now is None:
-        return kept is now
-    return abs(kept - now) <= tolerance
-
-
-def _path_of(checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]) -> Path | None:
-    """Where a log is: its files, by name and digest, all in one folder."""
-    item = f"logs: {log.log}"
-    places: list[Path] | None = None
-    for file in log.files:
-        named = found.get(file.name, [])
-        same = [path.parent for path in named if file_sha256(path) == file.sha256]
-        if not same:
-            if named:
-                what = f"'{file.name}' is not the file of the evidence"
-                checked.add(BundleOutcome.TAMPERED, item, what)
-            else:
-                what = f"'{file.name}' is not in the folder of logs"
-                checked.add(BundleOutcome.INCOMPLETE, item, what)
-            return None
-        places = same if places is None else [place for place in places if place in same]
-    if not places:
-        checked.add(BundleOutcome.INCOMPLETE, item, "its files are not together in one folder")
-        return None
-    # a rosbag2 directory is opened as a whole; its folder may have another name now
-    name = log.files[0].name
-    is_file = len(log.files) == 1 and Path(log.log).name == name
-    return places[0] / name if is_file else places[0]
-
-
-def _files_by_name(folder: Path, wanted: set[str]) -> dict[str, list[Path]]:
-    """Regular files of these names in a folder and those in it; no link is followed."""
-    found: dict[str, list[Path]] = {}
-    for number, entry in enumerate(_walk(folder, 0)):
-        if number >= _MOST_ENTRIES:
-            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; name a smaller one")
-        if entry.name in wanted and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
-            found.setdefault(entry.name, []).append(Path(entry.path))
-    return found
-
-
-def _walk(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
-    with os.scandir(folder) as entries:
-        for entry in sorted(entries, key=lambda each: each.name):
-            yield entry
-            if depth < _DEEPEST and entry.is_dir(follow_symlinks=False):
-                yield from _walk(Path(entry.path), depth + 1)

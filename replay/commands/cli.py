@@ -28,6 +28,7 @@ from replay.commands import (
     info,
     init,
     keys,
+    notarise,
     plot,
     query,
     reproduce,
@@ -52,7 +53,7 @@ _PANELS: Final = {
     "Weigh": (init, run, explain, sweep),
     "Look": (info, query, convert, show, plot, view, compare),
     "Shift and fleet": (review,),
-    "Calibrate": (calibrate, verify),
+    "Calibrate": (calibrate, verify, notarise),
     "Simulate": (demo, simulate, excite, reproduce),
 }
 for _panel, _commands in _PANELS.items():

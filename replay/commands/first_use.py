@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
-    from recordings.calibration.signed_by import SignedBy
+    from recordings.signatures.signed_by import SignedBy
 
 
 def first_use() -> "Callable[[SignedBy], str] | None":

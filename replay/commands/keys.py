@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from recordings.calibration.signing import PublicKey
+    from recordings.signatures.signing import PublicKey
 
 app = typer.Typer(no_args_is_help=True)
 _DAY = ["%Y-%m-%d"]
@@ -18,7 +18,7 @@ def list_keys(
     as_json: Annotated[bool, typer.Option("--json", help="Print the keys as JSON.")] = False,
 ) -> None:
     """List the keys of the keyring, and where it is; PAYSCOPE_KEYRING names another file."""
-    from recordings.calibration.keyring import load_keyring
+    from recordings.signatures.keyring import load_keyring
     from replay.commands.print_tables import (
         console,
         plain_table,
@@ -54,7 +54,7 @@ def add(
 ) -> None:
     """Add a public key to the keyring."""
     from estimators.errors import EvidenceError
-    from recordings.calibration.keyring import KnownKey, add_key, load_keyring
+    from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 
     public = _public(key)
     if not owner.strip():
@@ -80,7 +80,7 @@ def revoke(
     because: Annotated[str, typer.Option(help="Why, such as a lost disk.")] = "",
 ) -> None:
     """Revoke a key: none of its signatures counts, but for those that a time stamp proves older."""
-    from recordings.calibration.keyring import load_keyring, revoke_key
+    from recordings.signatures.keyring import load_keyring, revoke_key
 
     is_id = all(digit in "0123456789abcdef" for digit in key) and key != ""
     key_id = key if is_id else _public(key).key_id
@@ -91,7 +91,7 @@ def revoke(
 
 def _public(key: str) -> "PublicKey":
     from estimators.errors import EvidenceError
-    from recordings.calibration.signing import PublicKey, public_key
+    from recordings.signatures.signing import PublicKey, public_key
 
     if Path(key).exists():
         return public_key(Path(key))

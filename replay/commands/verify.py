@@ -1,6 +1,7 @@
 """`payscope verify`: evidence of a calibration, checked by whoever trusts nobody."""
 
 import datetime as dt
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,10 +9,16 @@ import typer
 
 if TYPE_CHECKING:
     from replay.calibration.verify_bundle import Verified
+    from replay.calibration.verify_chain import VerifiedChain
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(help="Folder of evidence.")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FOLDER", help="Evidence; several are a chain. Or the list of a notary."
+        ),
+    ],
     logs: Annotated[
         Path | None, typer.Option(help="Folder with the logs: replay them all and compare.")
     ] = None,
@@ -39,28 +46,75 @@ def command(
 ) -> None:
     """Check evidence: files, signature, chain, fit, budget, report and, with logs, every replay.
 
+    Several folders are checked each by itself, and as the chain of their machine: gaps, forks and
+    links that do not fit are found.
+
     Exit status 0 where all holds; 3 tampered, 5 incomplete, 4 irreproducible, 6 not within limits,
     7 expired, 8 made by another version: the first of these that is found. Nothing in the folder is
     run.
     """
     from replay.calibration.verify_bundle import verify
+    from replay.calibration.verify_chain import VerifiedChain, verify_chain
     from replay.commands.print_tables import print_json
 
-    found = verify(
-        folder,
+    first, *more = folders
+    if not more and first.is_file():
+        _verify_list(first, key, signed=require_signed, as_json=as_json)
+        return
+    if more and previous is not None:
+        raise typer.BadParameter("--previous is of one folder; name it among the others")
+    check = partial(verify_chain, folders) if more else partial(verify, first, previous=previous)
+    found = check(
         logs=logs,
         key_file=key,
-        previous=previous,
         signed=require_signed,
         on=None if on is None else on.date(),
         tsa=tsa,
     )
     if as_json:
         print_json(found.to_dict())
+    elif isinstance(found, VerifiedChain):
+        _print_chain(found)
     else:
         _print(found)
     if found.outcome is not None:
         raise typer.Exit(int(found.outcome))
+
+
+def _verify_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:
+    """Check a notary's list."""
+    from replay.commands.print_tables import console, print_json, print_line
+    from replay.notary.verify_list import UNSEEN, verify_list
+
+    found = verify_list(path, key_file=key, signed=signed)
+    if as_json:
+        print_json(found.to_dict())
+    else:
+        screen = console()
+        for finding in found.findings:
+            print_line(screen, str(finding), "[bold red]!![/] ")
+        for note in found.notes:
+            print_line(screen, f"note: {note}")
+        print_line(screen, "no check can find:")
+        for sentence in UNSEEN:
+            print_line(screen, f"- {sentence}")
+        print_line(screen, found.verdict)
+    if found.outcome is not None:
+        raise typer.Exit(int(found.outcome))
+
+
+def _print_chain(found: "VerifiedChain") -> None:
+    from replay.commands.print_tables import console, print_line
+
+    screen = console()
+    for made in found.bundles:
+        _print(made)
+        screen.print()
+    for finding in found.findings:
+        print_line(screen, str(finding), "[bold red]!![/] ")
+    for note in found.notes:
+        print_line(screen, note)
+    print_line(screen, found.verdict)
 
 
 def _print(found: "Verified") -> None:

@@ -18,8 +18,8 @@ from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
-from recordings.calibration.signing import new_key_pair
 from recordings.report.atomic_output import check_folder, check_output, whole_file
+from recordings.signatures.signing import new_key_pair
 from replay.calibration.apply_evidence import AskedCalibration
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.calibration.verify_bundle import Verified, verify

@@ -78,7 +78,7 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
             by a key that is not in the user's keyring.
     """
     machine = load_machine(files.file, files.overrides)
-    calibrations: list[MachineCalibration] = []
+    calibrations: list[tuple[MachineCalibration, Machine]] = []
     for folder in map(Path, files.calibrations):
         if _is_check(folder):
             continue
@@ -90,14 +90,14 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
                 f"another way: {by.signed_by.add_line}"
             )
         try:
-            by.checked(by.weighing(machine), files.file)
+            weighing = by.checked(by.weighing(machine), files.file)
         except EvidenceError:
             if not lenient:
                 raise
             continue
-        calibrations.append(by)
-    calibrations.sort(key=_last_day, reverse=True)
-    calibrated = [_setup(name, files, by.weighing(machine), by) for by in calibrations]
+        calibrations.append((by, weighing))
+    calibrations.sort(key=lambda each: _last_day(each[0]), reverse=True)
+    calibrated = [_setup(name, files, weighing, by) for by, weighing in calibrations]
     return (*calibrated, _setup(name, files, machine, None))
 
 

@@ -39,6 +39,10 @@ class ReadOnce(Log):
             self._kept[wanted[topic]] = frame
         return {topic: self._kept[key] for topic, key in wanted.items()}
 
+    def machine_ids(self) -> tuple[str, ...]:
+        """What the log says of whose it is."""
+        return self._log.machine_ids()
+
     def check(self) -> Checked:
         """Check the log."""
         return self._log.check()

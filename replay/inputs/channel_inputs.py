@@ -184,6 +184,7 @@ def provenance(
     stamps: dict[str, str],
     losses: Sequence[Loss],
     notes: Sequence[str],
+    logged_machine_id: str = "",
 ) -> Provenance:
     """Hash the inputs and write down everything that the result depends on."""
     return Provenance(
@@ -195,6 +196,7 @@ def provenance(
         stamps=stamps,
         losses=tuple(losses),
         notes=tuple(notes),
+        logged_machine_id=logged_machine_id,
     )
 
 

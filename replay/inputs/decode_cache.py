@@ -63,6 +63,7 @@ class DecodedLog(Log):
         super().__init__(log.path, log.format)
         self._files, self._digests, self._time = log.files, log.digests, time
         self._kept = kept
+        self._machine_ids = log.machine_ids()
         self._about = _About.model_validate_json((kept / _ABOUT).read_bytes())
 
     @property
@@ -104,6 +105,10 @@ class DecodedLog(Log):
     def notes(self) -> tuple[str, ...]:
         """What was recognised of how the log is written."""
         return self._about.notes
+
+    def machine_ids(self) -> tuple[str, ...]:
+        """What the log says of whose it is."""
+        return self._machine_ids
 
     def check(self) -> Checked:
         """Check the log itself."""

@@ -55,6 +55,10 @@ class _NamedTable(Log):
         """What could not be read."""
         return self._log.losses()
 
+    def machine_ids(self) -> tuple[str, ...]:
+        """What the table says of whose it is."""
+        return self._log.machine_ids()
+
     def check(self) -> Checked:
         """Check the table."""
         return self._log.check()

@@ -264,6 +264,10 @@ class Log(ABC):
         """The units that the log itself states, by field of a topic."""
         return {}
 
+    def machine_ids(self) -> tuple[str, ...]:
+        """The serial numbers of the machine in the log's own metadata; none where it has none."""
+        return ()
+
     @abstractmethod
     def check(self) -> Checked:
         """Read everything and believe no index; what is wrong is then among the losses.

@@ -15,6 +15,7 @@ from estimators.errors import LogError, nearest
 from replay.logs.decoding.decoder import Tally, schema_of
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
 from replay.logs.log import Checked, Log
+from replay.logs.machine_ids import machine_ids
 from replay.logs.message_definitions import DefinitionError, compile_type
 from replay.logs.messages.message_fields import OWN_COLUMNS, Field, FieldError, resolve
 from replay.logs.messages.message_types import LeafField, MessageType, leaf_fields, leaves
@@ -54,6 +55,10 @@ class MessageLog(Log):
     def topics(self) -> pl.DataFrame:
         """What is in the log; see `Log.topics`."""
         return self._topic_table
+
+    def machine_ids(self) -> tuple[str, ...]:
+        """Those of MCAP's metadata records, or of `custom_data`."""
+        return machine_ids(self.files)
 
     @cached_property
     def _topics(self) -> dict[str, _Topic]:

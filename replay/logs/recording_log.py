@@ -34,6 +34,7 @@ class RecordingLog(Log):
         with opened(path) as held:
             about, stages = held.provenance, held.stages
         self._losses = about.losses
+        self._machine_id = about.logged_machine_id
         self._missing: dict[str, Loss] = {}
         channels: Mapping[str, Any] = about.machine.get("channels", {})
         named = {channel.get("topic") for channel in channels.values()}
@@ -105,6 +106,10 @@ class RecordingLog(Log):
         """Read every channel."""
         read = self.read_many(self._fields)
         return Checked(sum(frame.height for frame in read.values()), 0, 0)
+
+    def machine_ids(self) -> tuple[str, ...]:
+        """That of the log that was recorded."""
+        return (self._machine_id,) if self._machine_id else ()
 
     def losses(self) -> tuple[Loss, ...]:
         """Those of the log that was recorded, and rows that a recovered recording has lost."""

@@ -11,6 +11,7 @@ import polars as pl
 from analysis.model.run_record import Loss
 from estimators.errors import LogError, nearest
 from replay.logs.log import TABLE, Checked, Log, TimeAxis
+from replay.logs.machine_ids import ids_among
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.storage import LossList
 from replay.logs.tables import (
@@ -83,6 +84,11 @@ class TableLog(Log):
         for topic in self._parts:
             self._times(topic)
         return tuple(f"{self.path.name}: {note}" for note in dict.fromkeys(self._notes))
+
+    def machine_ids(self) -> tuple[str, ...]:
+        """Those of the metadata of a Parquet or Arrow file; a text has none."""
+        metadata = {} if isinstance(self._columns, CsvColumns) else self._columns.metadata
+        return tuple(dict.fromkeys(ids_among(metadata)))
 
     def units(self, topic: str) -> dict[str, str]:
         """The units that names, a row of units or metadata state, by field."""

@@ -142,7 +142,7 @@ def review(
     Raises:
         PayscopeError: whatever is wrong with the input, before anything is written.
     """
-    machine, by = load_machine(machine_file, options.overrides), None
+    machine, by, logged = load_machine(machine_file, options.overrides), None, ""
     if options.calibration is not None:
         by = load_calibration(options.calibration)
         machine = by.checked(by.weighing(machine), machine_file)
@@ -154,7 +154,7 @@ def review(
             [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         )
         if by is not None:
-            by.check_days(opened)
+            logged = by.check_logs(opened)
         mapped(lambda log: log.digests, opened)
         plain = _resolved(machine, options, by)
         key = _key(opened, machine, full=options.full)
@@ -194,7 +194,7 @@ def review(
                 summary.row(0, named=True),
                 target,
                 None if before is None else _changes(before, state),
-                UsedCalibration("" if by is None else by.says, against),
+                UsedCalibration("" if by is None else by.says(logged), against),
                 made.track,
             )
             write_ledger(rows, stage)

@@ -85,7 +85,7 @@ def replay_logs(
         on_stage("open")
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         if by is not None:
-            by.check_days(opened)
+            by.check_logs(opened)
         try:
             result = run(opened, machine, on_stage)
         except DataError as error:

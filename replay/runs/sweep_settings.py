@@ -92,7 +92,7 @@ def sweep(
                     for path in logs
                 ]
             if by is not None:
-                by.check_days(opened[machine.log])
+                by.check_logs(opened[machine.log])
             replayed = _replay(opened[machine.log], machine, logs, machine_file, each)
             if by is not None:
                 replayed = by.of_run(replayed, by.other(machine))

@@ -26,9 +26,9 @@ from recordings.calibration.bundle_folder import (
 )
 from recordings.calibration.bundle_tables import write_table
 from recordings.calibration.calibration_report import report_html
-from recordings.calibration.canonical_json import canonical
 from recordings.calibration.evidence_document import EvidenceDocument, document_of
-from recordings.calibration.signing import (
+from recordings.signatures.canonical_json import canonical
+from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     SigningKey,
     envelope,
@@ -142,7 +142,11 @@ def _digest_anew(bundle: Bundle) -> None:
 
 def sign_with_own_key(bundle: Bundle) -> None:
     """Put the attacker's key in the place of the signer's, and sign."""
-    key = SigningKey(Ed25519PrivateKey.generate())
+    sign_with(bundle, SigningKey(Ed25519PrivateKey.generate()))
+
+
+def sign_with(bundle: Bundle, key: SigningKey) -> None:
+    """Sign, by whoever holds the key: it may be the signer's own."""
     bundle.evidence["signer"] |= {"key_id": key.public.key_id, "public_key": key.public.text}
 
     def sign(folder: Path) -> None:

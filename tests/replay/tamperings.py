@@ -9,10 +9,10 @@ import polars as pl
 
 from analysis.calibration.use.learnt_priors import learnt_terms
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
-from recordings.calibration.canonical_json import canonical
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import estimator_of
 from recordings.calibration.evidence_document import document_of
+from recordings.signatures.canonical_json import canonical
 from tests.replay.attacker import Bundle, Tamper
 
 TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE

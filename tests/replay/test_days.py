@@ -11,9 +11,9 @@ import pytest
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.keyring import KnownKey, add_key, load_keyring
-from recordings.calibration.signing import public_key
 from recordings.calibration.timestamp import timestamp_request
+from recordings.signatures.keyring import KnownKey, add_key, load_keyring
+from recordings.signatures.signing import public_key
 from replay.calibration.calibrate_campaign import calibrate
 from replay.calibration.verify_bundle import Verified, verify
 from tests.replay.attacker import Bundle, tampered

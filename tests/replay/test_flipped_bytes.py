@@ -24,7 +24,7 @@ from recordings.calibration.check_outcomes import BundleOutcome, worst
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import document_of
 from recordings.calibration.signature_check import check_signature
-from recordings.calibration.signing import public_key
+from recordings.signatures.signing import public_key
 from tests.replay.made_evidence import Made
 
 TAMPERED = BundleOutcome.TAMPERED

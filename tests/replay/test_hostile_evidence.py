@@ -220,7 +220,7 @@ def test_numbers_that_break_a_step_are_findings_and_no_traceback(
     evidence = json.loads((folder / EVIDENCE).read_bytes())
     bundle = Bundle(folder, evidence, None, None)  # pyright: ignore
     tamper(bundle)
-    from recordings.calibration.canonical_json import canonical
+    from recordings.signatures.canonical_json import canonical
 
     (folder / EVIDENCE).write_bytes(canonical(evidence))
     found = verify(folder)

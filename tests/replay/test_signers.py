@@ -20,11 +20,11 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from estimators.errors import EvidenceError
-from recordings.calibration.canonical_json import canonical
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.keyring import KnownKey, add_key, load_keyring
-from recordings.calibration.signing import PublicKey, public_key, signing_key
-from recordings.calibration.weak_keys import weakness
+from recordings.signatures.canonical_json import canonical
+from recordings.signatures.keyring import KnownKey, add_key, load_keyring
+from recordings.signatures.signing import PublicKey, public_key, signing_key
+from recordings.signatures.weak_keys import weakness
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
 from replay.calibration.calibrate_campaign import before_of
 from replay.calibration.verify_bundle import verify
@@ -71,7 +71,7 @@ def test_an_invented_name_is_never_printed_as_that_of_the_signer(
     assert f"signed by an unknown key {public_id(invented)[:12]}… that calls itself '{PTB}'" in (
         said.out
     )
-    assert load_calibration(AskedCalibration(invented)).says.count("an unknown key") == 1
+    assert load_calibration(AskedCalibration(invented)).says("").count("an unknown key") == 1
 
 
 def public_id(folder: Path) -> str:
@@ -88,8 +88,8 @@ def test_a_required_signature_is_one_by_a_known_key(
     assert "a signature by a known key is asked for" in said.out
     add_key(load_keyring(), known(made))
     held = load_calibration(AskedCalibration(made.bundle, signed=True))
-    assert "signed by Test lab, key" in held.says
-    assert "that calls itself 'T. Signer'" in held.says
+    assert "signed by Test lab, key" in held.says("")
+    assert "that calls itself 'T. Signer'" in held.says("")
     assert verify(made.bundle, signed=True).outcome is None
     assert verify(invented, signed=True).outcome is BundleOutcome.INCOMPLETE
     assert keyring.stat().st_mode & 0o077 == 0

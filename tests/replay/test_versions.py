@@ -2,28 +2,46 @@
 
 import json
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from estimators.errors import EvidenceError
-from recordings.calibration.bundle_folder import REPORT
+from recordings.calibration import evidence_document
+from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.derived_values import estimator_of
+from recordings.calibration.evidence_document import document_of
+from recordings.calibration.released_defaults import (
+    changed_defaults,
+    present_defaults,
+    released_defaults,
+)
+from recordings.signatures.canonical_json import canonical
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
 from replay.calibration.verify_bundle import Verified, verify
+from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
-from tests.replay.released_evidence import FORMAT_2, unpacked
+from tests.replay.released_evidence import (
+    FORMAT_2,
+    FORMAT_3,
+    FORMAT_3_BEGIN_S,
+    FORMAT_3_LOADS,
+    unpacked,
+)
 from tests.replay.sledge import Payscope
+from tests.replay.sledge_campaign import campaign_folder
 from tests.replay.tamperings import edited_report, of_bytes
 
 OTHER_VERSION, TAMPERED = BundleOutcome.OTHER_VERSION, BundleOutcome.TAMPERED
 
 
-@pytest.fixture(scope="module")
-def released(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unpacked(FORMAT_2, tmp_path_factory.mktemp("released"))
+@pytest.fixture(scope="module", params=[FORMAT_2, FORMAT_3], ids=["format 2", "format 3"])
+def released(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    return unpacked(request.param, tmp_path_factory.mktemp("released"))
 
 
 def checked(released: Path, folder: Path) -> Verified:
@@ -38,9 +56,21 @@ def test_evidence_of_0_1_0_still_verifies_but_for_its_page(
     assert found.outcome is OTHER_VERSION, items(found)
     (page,) = found.findings
     assert page.item == REPORT
-    assert "made by payscope 0.1.0 (format 2): the page cannot be recomputed here" in page.what
+    assert "made by payscope 0.1.0 (format " in page.what
+    assert "): the page cannot be recomputed here" in page.what
     said = payscope("verify", released / "second", "--key", released / "key.pub.pem")
     assert said.status == 8
+
+
+def test_logs_of_released_evidence_replay_to_all_that_it_has_of_them(tmp_path: Path) -> None:
+    """Test: the logs of format 3 written again. Expected Result: only words are others."""
+    folder = unpacked(FORMAT_3, tmp_path / "released")
+    logs = campaign_folder(
+        tmp_path / "logs", loads=FORMAT_3_LOADS, begin_unix_s=FORMAT_3_BEGIN_S
+    ).parent
+    found = verify(folder / "first", key_file=folder / "key.pub.pem", logs=logs)
+    assert {each.outcome for each in found.findings} == {OTHER_VERSION}, items(found)
+    assert any("3 logs replayed: every reading" in done for done in found.done)
 
 
 def test_evidence_of_0_1_0_calibrates_as_before(released: Path) -> None:
@@ -110,6 +140,53 @@ def test_a_setting_that_came_later_takes_its_default(made: Made, tmp_path: Path)
     found = verify(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
     assert found.outcome in (None, OTHER_VERSION), items(found)
     assert any("campaign.method.margin_1" in note for note in found.notes)
+
+
+def lacking(*place: str) -> Callable[[Bundle], None]:
+    """Evidence from before there was a setting, with the digest that its maker had."""
+
+    def tamper(bundle: Bundle) -> None:
+        inside = bundle.evidence
+        for name in place[:-1]:
+            inside = inside[name]
+        del inside[place[-1]]
+        document = document_of(canonical(bundle.evidence), EVIDENCE)
+        estimator = estimator_of(document.campaign, document.weighing, document.absent)
+        bundle.evidence["estimator"] = estimator.model_dump(mode="json")
+
+    return tamper
+
+
+def test_an_absent_setting_takes_the_default_that_it_came_with(
+    made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Test: it came with 0.05, and today's default is another. Expected Result: 0.05."""
+    place = ("machine", "settings", "priors", "sag_weight_share")
+    folder = tampered(made.bundle, tmp_path / "b", lacking(*place), signed=False)
+    today = load_calibration(AskedCalibration(folder)).document.machine.settings.priors
+    released = {"0.0.8": {}, "0.0.9": {".".join(place): 0.05}, "0.1.0": {".".join(place): 0.07}}
+    monkeypatch.setattr(evidence_document, "released_defaults", lambda: released)
+    held = load_calibration(AskedCalibration(folder))
+    assert held.document.machine.settings.priors.sag_weight_share == 0.05 != today.sag_weight_share
+    assert held.document.data == (folder / EVIDENCE).read_bytes()
+    assert any("priors.sag_weight_share = 0.05" in note for note in verify(folder).notes)
+    # and who weighs with today's is told
+    machine = load_machine(made.campaign.with_name("sledge.toml"))
+    assert "settings.priors.sag_weight_share = 0.05 there" in held.other(held.weighing(machine))
+
+
+def test_a_whole_part_that_came_later_takes_the_defaults_that_it_came_with() -> None:
+    kept = {"0.2.0": {"machine.settings.new.a": 1, "machine.settings.new.b": 2}}
+    absent = {"machine.settings.new": {"a": 1, "b": 3}, "machine.settings.other": 4}
+    assert changed_defaults(absent, kept) == {"machine.settings.new": {"a": 1, "b": 2}}
+
+
+def test_defaults_of_this_version_are_kept_as_they_are() -> None:
+    """A default that changes belongs to a new version: evidence of this one has the old one."""
+    kept = released_defaults()[version("payscope")]
+    assert kept == present_defaults(), (
+        "with a new version, python -P -m recordings.calibration.released_defaults prints the file"
+    )
 
 
 def test_an_unknown_key_under_this_version_is_tampering(made: Made, tmp_path: Path) -> None:

@@ -186,6 +186,45 @@ class AskedLimits(BaseModel):
     )
 
 
+class LeftOutLog(BaseModel):
+    """A log of the recorder that is none of the campaign."""
+
+    model_config = _FORBID
+
+    number: int = Field(ge=1, lt=2**53, description="its number in the list")
+    reason: Line = Field(min_length=1, description="why it is none of the campaign")
+
+
+class NotaryStretch(BaseModel):
+    """Which logs the recorder made: a stretch of the list that its notary keeps."""
+
+    model_config = _FORBID
+
+    list: Line = Field(min_length=1, description="list of `payscope notarise`, from this folder")
+    first: int = Field(ge=1, lt=2**53, description="number of the first log")
+    last: int = Field(ge=1, lt=2**53, description="number of the last")
+    left_out: tuple[LeftOutLog, ...] = Field(
+        (), max_length=5000, description="logs between them that are none of the campaign"
+    )
+
+    @property
+    def reasons(self) -> dict[int, str]:
+        """Why logs are left out, by their number."""
+        return {each.number: each.reason for each in self.left_out}
+
+    @model_validator(mode="after")
+    def _in_stretch(self) -> Self:
+        if self.last < self.first:
+            raise ValueError(f"notary: last is {self.last}, before first, {self.first}")
+        numbers = [each.number for each in self.left_out]
+        for number in numbers:
+            if not self.first <= number <= self.last:
+                raise ValueError(f"notary: number {number} is left out, and is not between them")
+            if numbers.count(number) > 1:
+                raise ValueError(f"notary: number {number} is left out twice")
+        return self
+
+
 class CalibrationCampaign(BaseModel):
     """A whole campaign file."""
 
@@ -197,6 +236,8 @@ class CalibrationCampaign(BaseModel):
     conditions: Conditions = Conditions.model_validate({})
     method: CampaignMethod = CampaignMethod.model_validate({})
     decision: AskedLimits | None = None
+    #: Left out where there is none, so that it changes no campaign of before there was one.
+    notary: NotaryStretch | None = Field(None, exclude_if=lambda value: value is None)
     runs: tuple[CampaignRun, ...] = Field(min_length=1, max_length=500)
 
     @model_validator(mode="before")

@@ -64,6 +64,11 @@ class SimulatedRecorder(BaseModel):
     start_unix_s: int = Field(
         default=1_700_000_000, ge=0, le=2_000_000_000, description="when the first log begins"
     )
+    machine_id: str = Field(
+        default="",
+        max_length=64,
+        description="serial number in the log's metadata, where it has any (MCAP, rosbag2)",
+    )
     load_change_s: float = Field(default=120.0, ge=0, le=86_400, description="between two logs")
     latency_s: float = Field(
         default=0.002, ge=0, le=1, description="least time from measurement to recording"

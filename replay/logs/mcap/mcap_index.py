@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 from mcap.exceptions import McapError
-from mcap.records import Channel, ChunkIndex, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
@@ -36,6 +36,7 @@ class Summary:
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self.chunks: list[ChunkIndex] = []
+        self.metadata: list[MetadataIndex] = []
         self.message_count: int | None = None
         #: whether it has a CRC, which agrees
         self.is_sealed = False
@@ -58,6 +59,8 @@ class Summary:
                 self.schemas[record.id] = record
             elif isinstance(record, ChunkIndex):
                 self.chunks.append(record)
+            elif isinstance(record, MetadataIndex):
+                self.metadata.append(record)
             elif isinstance(record, Statistics):
                 self.message_count = record.message_count
 

@@ -16,6 +16,7 @@ MESSAGE: Final = 0x05
 CHUNK: Final = 0x06
 MESSAGE_INDEX: Final = 0x07
 STATISTICS: Final = 0x0B
+METADATA: Final = 0x0C
 DATA_END: Final = 0x0F
 
 FOOTER_BYTES: Final = 8 + 8 + 4

@@ -1,5 +1,6 @@
 """metadata.yaml of a rosbag2 directory: the order of its files, and what was to be recorded."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Final
@@ -11,6 +12,7 @@ from estimators.errors import LogError
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 
 METADATA: Final = "metadata.yaml"
+_HEADING: Final = "rosbag2_bagfile_information"
 #: A thousand topics take less.
 _LARGEST_BYTES: Final = 2**20
 
@@ -60,6 +62,24 @@ def read_metadata(folder: Path) -> Metadata:
         raise MetadataError(str(error)) from error
 
 
+def custom_data(data: bytes) -> Mapping[str, str]:
+    """The `custom_data` of a metadata.yaml: texts that whoever recorded it gave, by name.
+
+    None where it has none, or is damaged: `read_metadata` says what is wrong.
+    """
+    if len(data) > _LARGEST_BYTES:
+        return {}
+    try:
+        content = _parse_yaml(data.decode())
+        # the copy in an MCAP file has no heading
+        information = content.get(_HEADING, content) if isinstance(content, dict) else None
+        custom = _value(information, "custom_data")
+    except (BrokenBytesError, UnicodeError):
+        return {}
+    texts = custom.items() if isinstance(custom, dict) else ()
+    return {key: text for key, text in texts if isinstance(key, str) and isinstance(text, str)}
+
+
 def _load(path: Path) -> Any:
     """What the file holds.
 
@@ -72,6 +92,15 @@ def _load(path: Path) -> Any:
         raise BrokenBytesError("it is no UTF-8 text") from error
     except OSError as error:
         raise BrokenBytesError(error.strerror or error) from error
+    return _parse_yaml(text)
+
+
+def _parse_yaml(text: str) -> Any:
+    """What a text of YAML holds.
+
+    Raises:
+        BrokenBytesError: it is none.
+    """
     try:
         return YAML(typ="safe").load(text)
     except MarkedYAMLError as error:
@@ -89,7 +118,7 @@ def _other_layout() -> BrokenBytesError:
 
 
 def _parse(content: Any, folder: Path) -> Metadata:
-    information = _value(content, "rosbag2_bagfile_information")
+    information = _value(content, _HEADING)
     if not isinstance(information, dict):
         raise _other_layout()
     messages = information.get("message_count")

@@ -1,6 +1,6 @@
 """Columns of a Parquet file, read with Arrow: polars' own reader can end the process on damage."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -34,6 +34,7 @@ class ParquetColumns:
         self._path = path
         self.notes: tuple[str, ...] = ()
         schema = self._read_schema()
+        self.metadata = _texts(schema.metadata or {})
         flat = [field for field in schema if not pa.types.is_nested(field.type)]
         self.columns = [_named(field.name, field.metadata or {}) for field in flat]
         self.names = [column.name for column in self.columns]
@@ -99,6 +100,14 @@ class ArrowColumns(ParquetColumns):
             one = pa.ipc.open_file(source, options=options)
             batches = [one.get_batch(k) for k in range(self._batches)]
             return pa.Table.from_batches(batches, schema=one.schema)[name]
+
+
+def _texts(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
+    """What of the metadata is text."""
+    return {
+        key.decode(errors="replace"): text.decode(errors="replace")
+        for key, text in metadata.items()
+    }
 
 
 @contextmanager

@@ -56,7 +56,8 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
     with path.open("xb") as file:
         made = ColumnMcap(file, channels)
         made.write(recorded_topics(log, store, numbers, envelope, ros1=False))
-        made.finish()
+        machine_id = log.scenario.log.machine_id
+        made.finish([Metadata("machine", {"id": machine_id})] if machine_id else ())
 
 
 def envelope(channel: int, times: Ints) -> Envelope:

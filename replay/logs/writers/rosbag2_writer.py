@@ -48,6 +48,8 @@ def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
             for name in log.topics
         }
         bag.write_topics(recorded_topics(log, store, numbers, before, ros1=False))
+        if log.scenario.log.machine_id:
+            bag.set_custom_data("machine_id", log.scenario.log.machine_id)
 
 
 def _bare(_connection: int, _times: Ints) -> Envelope:

@@ -23,7 +23,7 @@ from tests.recordings.conftest import MASS_KG
 def told(drives: Callable[..., Run]) -> Run:
     """A run of one load of a machine with a serial number."""
     run = drives()
-    machine = {"machine": {"name": "CAT 262C", "serial": "MST04711", "timezone": "Asia/Tokyo"}}
+    machine = {"machine": {"name": "CAT 262C", "id": "MST04711", "timezone": "Asia/Tokyo"}}
     about = run.provenance.model_copy(
         update={
             "machine": machine,

@@ -10,9 +10,9 @@ import pytest
 from analysis.calibration.use.learnt_priors import as_later
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
-from recordings.calibration.canonical_json import canonical
 from recordings.calibration.derived_values import estimator_of
 from recordings.calibration.evidence_document import document_of
+from recordings.signatures.canonical_json import canonical
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.calibration.check_mass import Known, check_mass
@@ -165,7 +165,8 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     folder: Path, made: Calibrated
 ) -> None:
     held = load_calibration(AskedCalibration(made.folder))
-    machine = held.weighing(load_machine(folder / "sledge.toml"))
+    weighing = held.weighing(load_machine(folder / "sledge.toml"))
+    machine = held.checked(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
     assert machine == as_later(made.document.weighing)
     assert held.other(machine) == ""
@@ -175,7 +176,12 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
     made: Calibrated, tmp_path: Path
 ) -> None:
     def as_first(bundle: Bundle) -> None:
-        bundle.evidence["format"] = bundle.evidence["format"].replace("/3", "/1")
+        bundle.evidence["format"] = form = bundle.evidence["format"].replace("/4", "/1")
+        for log in bundle.evidence["logs"]:
+            del log["machine_id"]
+        document = made.document
+        estimator = estimator_of(document.campaign, document.weighing, (), form)
+        bundle.evidence["estimator"] = estimator.model_dump(mode="json")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
     first = tampered(made.folder, tmp_path / "first", as_first, signed=True)
@@ -192,7 +198,7 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
         document = document_of(canonical(bundle.evidence), "evidence.json")
-        estimator = estimator_of(document.campaign, document.weighing, document.machine)
+        estimator = estimator_of(document.campaign, document.weighing, document.absent)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     earlier = tampered(made.folder, tmp_path / "earlier", before, signed=True)

@@ -13,7 +13,7 @@ from estimators.errors import EvidenceError
 from recordings import read_frame
 from recordings.calibration.bundle_folder import EVIDENCE, RECORDING, REPORT, STATEMENT
 from recordings.calibration.evidence_document import SCHEMA, schema_text
-from recordings.calibration.signing import KEY_VARIABLE
+from recordings.signatures.signing import KEY_VARIABLE
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.calibration.check_mass import Known, check_mass
 from replay.calibration.verify_bundle import verify

@@ -119,7 +119,7 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_p
     folder = tampered(tmp_path / "b", tmp_path / "c", honest_digest, signed=False)
     assert verify(folder).outcome is None
     found = verify(folder, logs=made.campaign.parent)
-    assert found.outcome is IRREPRODUCIBLE
+    assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     assert "run 'run-2', reading 1: the replay gives another" in items(found)
     assert public.exists()
 
@@ -178,7 +178,7 @@ def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_pat
     folder = tampered(made.bundle, tmp_path / "b", relearnt, signed=False)
     assert verify(folder).outcome is None
     found = verify(folder, logs=made.campaign.parent)
-    assert found.outcome is IRREPRODUCIBLE
+    assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     assert "learnt: load-0.csv, const: its replay says something else" in items(found)
 
 

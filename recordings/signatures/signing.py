@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import EvidenceError
-from recordings.calibration.canonical_json import canonical, parse
-from recordings.calibration.weak_keys import weakness
+from recordings.signatures.canonical_json import canonical, parse
+from recordings.signatures.weak_keys import weakness
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import (

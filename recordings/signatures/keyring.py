@@ -23,7 +23,7 @@ from pydantic import (
 )
 
 from estimators.errors import EvidenceError
-from recordings.calibration.signing import PublicKey
+from recordings.signatures.signing import PublicKey
 
 #: The environment variable that names another keyring.
 KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"

@@ -1,0 +1,171 @@
+"""The stretch of a notary's list that a campaign names: every log in it is accounted for."""
+
+import datetime as dt
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from analysis.calibration.campaign.campaign_plan import NotaryStretch
+from recordings.calibration.bundle_folder import NOTARY
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
+from recordings.calibration.checked_bundle import CheckedBundle
+from recordings.calibration.days import CLOCK_S, begin_of, made_at
+from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
+from recordings.notary.notary_check import CheckedList, check_list, time_of
+from recordings.notary.notary_list import NotaryEntry, split_lines
+from recordings.signatures.keyring import Keyring
+from recordings.signatures.signed_by import SignedBy
+
+_CLOCK: Final = dt.timedelta(seconds=CLOCK_S)
+
+
+def stretch_bytes(data: bytes, stretch: NotaryStretch) -> bytes:
+    """The head of a list and the lines of a stretch of it, as a bundle keeps them.
+
+    Args:
+        data: the whole list, which was checked.
+        stretch: counters; a line that is not there is left out, and found.
+    """
+    whole, _ = split_lines(data)
+    return b"".join(line + b"\n" for line in (*whole[:1], *whole[stretch.first : stretch.last + 1]))
+
+
+def check_notary(
+    checked: CheckedBundle, document: EvidenceDocument, data: bytes | None, keyring: Keyring
+) -> None:
+    """Check the stretch that a bundle keeps, and what its campaign makes of it.
+
+    Args:
+        checked: of the bundle; gets what is found, and who keeps the list.
+        document: its evidence.
+        data: the stretch; None where there is none.
+        keyring: the keys that the user keeps.
+    """
+    stretch = document.campaign.notary
+    if stretch is None:
+        if data is not None:
+            checked.add(BundleOutcome.TAMPERED, NOTARY, "is a list that the campaign does not name")
+        return
+    if data is None:
+        checked.add(BundleOutcome.INCOMPLETE, NOTARY, "is missing, and the campaign names it")
+        return
+    kept = check_list(data, dt.datetime.now(dt.UTC), stretch.first)
+    checked.findings += stretch_findings(document, stretch, kept)
+    reasons = stretch.reasons
+    checked.notes += [
+        f"{NOTARY}: {each.what} (left out: {reasons[each.counter]})"
+        for each in kept.faults
+        if not each.forged and each.counter in reasons
+    ]
+    checked.notes += [f"{NOTARY}: {note}" for note in kept.notes]
+    checked.notarised_by = _keeper(checked, document, kept, keyring)
+
+
+def stretch_findings(
+    document: EvidenceDocument, stretch: NotaryStretch, kept: CheckedList
+) -> Iterator[BundleFinding]:
+    """Yield what is wrong with a stretch, or with what the campaign makes of it."""
+    for fault in kept.faults:
+        if fault.forged:
+            yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, fault.what)
+        elif fault.counter not in stretch.reasons:
+            yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, fault.what)
+    if kept.head is None:
+        return
+    machine = document.campaign.machine.id
+    if kept.head.machine_id not in ("", machine):
+        what = (
+            f"is the list of machine '{kept.head.machine_id}', and the campaign is of '{machine}'"
+        )
+        yield BundleFinding(BundleOutcome.TAMPERED, NOTARY, what)
+    listed = {entry.counter for entry in kept.entries}
+    for number in range(stretch.first, stretch.last + 1):
+        if number not in listed:
+            what = f"number {number} is missing, and the campaign names it"
+            yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
+    for what in unaccounted(stretch, document.logs, kept.entries):
+        yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
+    yield from _contradictions(document, stretch, kept.entries)
+
+
+def unaccounted(
+    stretch: NotaryStretch, logs: Sequence[EvidenceLog], entries: Sequence[NotaryEntry]
+) -> Iterator[str]:
+    """Yield which logs are neither in the campaign nor left out, and which are in no line."""
+    for entry in entries:
+        if not stretch.first <= entry.counter <= stretch.last:
+            yield f"number {entry.counter} is not of the numbers that the campaign names"
+        elif entry.counter not in stretch.reasons and not any(_is_of(log, entry) for log in logs):
+            yield (
+                f"number {entry.counter}, '{entry.log}' of {entry.begins or 'no known time'}, is "
+                "neither in the campaign nor left out with a reason"
+            )
+    for log in logs:
+        if not any(_is_of(log, entry) for entry in entries):
+            yield f"{log.log}: is in no line from number {stretch.first} to {stretch.last}"
+
+
+def _is_of(log: EvidenceLog, entry: NotaryEntry) -> bool:
+    """Whether a line is of this log: all files that were read are among its files."""
+    return {file.sha256 for file in log.files} <= {file.sha256 for file in entry.files}
+
+
+def _contradictions(
+    document: EvidenceDocument, stretch: NotaryStretch, entries: Sequence[NotaryEntry]
+) -> Iterator[BundleFinding]:
+    """Yield what cannot be true of both list and evidence."""
+    made, machine = made_at(document), document.campaign.machine.id
+    for entry in entries:
+        number = entry.counter
+        own = next((log for log in document.logs if _is_of(log, entry)), None)
+        listed = time_of(entry.listed)
+        assert listed is not None
+        said = ""
+        if listed > made + _CLOCK:
+            said = f"number {number} was listed {entry.listed}, after the evidence was made"
+        elif own is not None and number in stretch.reasons:
+            said = f"number {number} is left out, and {own.log} is a log of the campaign"
+        elif own is not None and entry.machine_id not in ("", machine):
+            said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"
+        elif own is not None and not _is_within(own, entry):
+            said = (
+                f"number {number}: {own.log} begins {own.begins}, and the list has {entry.begins}"
+            )
+        if said:
+            yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, NOTARY, said)
+
+
+def _is_within(log: EvidenceLog, entry: NotaryEntry) -> bool:
+    """Whether a log begins within the time that its line has."""
+    begin, first, last = begin_of(log), time_of(entry.begins), time_of(entry.ends)
+    if begin is None or first is None or last is None:
+        return begin is None or first is None
+    return first - _CLOCK <= begin <= last + _CLOCK
+
+
+def _keeper(
+    checked: CheckedBundle, document: EvidenceDocument, kept: CheckedList, keyring: Keyring
+) -> SignedBy:
+    """Who keeps the list, by the user's own knowledge."""
+    key = kept.key
+    if key is None or any(fault.forged for fault in kept.faults):
+        return SignedBy("broken")
+    known = keyring.find(key.key_id)
+    by = SignedBy("unknown", "", "" if known is None else known.owner, key.key_id, key.text)
+    if document.signer is not None and document.signer.key_id == key.key_id:
+        checked.notes.append(
+            f"{NOTARY}: is kept with the key that signed this evidence: it proves no more than "
+            "what that key's owner says"
+        )
+    if known is None:
+        checked.notes.append(
+            f"{NOTARY}: is {by}: get the key from whoever keeps the recorder by another way, and "
+            f"keep it: {by.add_line}"
+        )
+        return by
+    last = max((time_of(entry.listed) or made_at(document)) for entry in kept.entries)
+    fault = known.fault_on(last.date(), checked.proven_day) if kept.entries else ""
+    if fault:
+        outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
+        checked.add(outcome, NOTARY, f"the key of {known.owner}, {key.key_id[:12]}…, {fault}")
+        return by
+    return SignedBy("known", "", known.owner, key.key_id, key.text)

@@ -1,0 +1,117 @@
+"""Whether the PDF of a bundle has the words of its page."""
+
+import hashlib
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Iterable
+from html.parser import HTMLParser
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+from recordings.calibration.bundle_folder import PDF
+from recordings.calibration.calibration_report import report_pdf
+from recordings.calibration.strange_files import pdf_words
+
+#: Bullets of a list are drawn at the end of their page.
+_BULLET: Final = "•"
+#: Characters of a difference that are shown, and of what stands before it.
+_SHOWN: Final = 40
+_BEFORE: Final = 12
+_NUMBER: Final = re.compile(r"[-+−±]?\d[\d,.]*")
+
+
+def pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
+    """Compare the PDF of a bundle with one that is made anew of its page.
+
+    Where fonts or WeasyPrint are others, pages break elsewhere, and parts may come in another
+    order: heads of tables, which are then repeated, bullets and page numbers are no difference; of
+    another order it is only compared which numbers there are.
+
+    Args:
+        folder: the bundle.
+        sha256: of its PDF.
+        html: its page.
+
+    Returns:
+        What is wrong, and why it could not be compared; each "" where nothing is.
+    """
+    if find_spec("pypdf") is None:
+        return "", "pypdf is not installed (pip install 'payscope[pdf]')"
+    with tempfile.TemporaryDirectory(prefix="payscope-") as place:
+        own = Path(place) / PDF
+        missing = report_pdf(html, own)
+        if missing:
+            return "", missing.removeprefix("no PDF: ")
+        wanted = pdf_words(own.parent, PDF, hashlib.sha256(own.read_bytes()).hexdigest())
+    found = pdf_words(folder, PDF, sha256)
+    if isinstance(found, str):
+        return found, ""
+    if isinstance(wanted, str):
+        return "", f"the PDF that is made here {wanted}"
+    heads = table_heads(html)
+    fault = words_fault(text_of(wanted, heads), text_of(found, heads))
+    if fault and numbers_of(wanted, heads) == numbers_of(found, heads):
+        return "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
+    return fault, ""
+
+
+def text_of(words: Iterable[str], heads: Iterable[str]) -> str:
+    """Words without the spaces between them, and without what page breaks repeat.
+
+    Args:
+        words: of all pages.
+        heads: of tables, likewise without spaces.
+    """
+    text = "".join(word for word in words if word != _BULLET)
+    for head in sorted(heads, key=len, reverse=True):
+        text = text.replace(head, "")
+    return text
+
+
+def numbers_of(words: Iterable[str], heads: Iterable[str]) -> Counter[str]:
+    """How often each number is there, in whatever order the pages have them."""
+    in_heads = {number for head in heads for number in _NUMBER.findall(head)}
+    plain = (word.strip("()[]:;,.%") for word in words)
+    return Counter(word for word in plain if _NUMBER.fullmatch(word) and word not in in_heads)
+
+
+def words_fault(wanted: str, found: str) -> str:
+    """The first difference of two texts, in words; "" where there is none."""
+    if wanted == found:
+        return ""
+    pairs = enumerate(zip(wanted, found, strict=False))
+    at = next((k for k, (a, b) in pairs if a != b), min(len(wanted), len(found)))
+    begin = max(0, at - _BEFORE)
+    there, here = (text[begin : at + _SHOWN] or "nothing" for text in (found, wanted))
+    return f"reads '{there}' where report.html has '{here}'"
+
+
+class _Heads(HTMLParser):
+    """Collects the text of each `thead`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+        self._inside = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:  # noqa: ARG002
+        if tag == "thead":
+            self._inside = True
+            self.found.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "thead":
+            self._inside = False
+
+    def handle_data(self, data: str) -> None:
+        if self._inside:
+            self.found[-1] += "".join(data.split())
+
+
+def table_heads(html: str) -> set[str]:
+    """The heads of the tables of a page, without spaces."""
+    parser = _Heads()
+    parser.feed(html)
+    return {head for head in parser.found if head}

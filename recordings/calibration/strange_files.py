@@ -1,0 +1,108 @@
+"""A stranger's recordings and PDF, read by processes of their own, which damage may end."""
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from recordings.calibration.bundle_folder import copy_file
+
+#: Seconds that recordings of long logs may take.
+_PATIENCE_S: Final = 900.0
+_MOST_OUTPUT: Final = 64 << 20
+_DAMAGED: Final = "is damaged so that no reader survives it"
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingDigests:
+    """What a recording holds, by digests.
+
+    Attributes:
+        inputs: SHA-256 of each file that was replayed.
+        settings: digest of machine and settings.
+        results: digest of all frames.
+        frames: of each frame, by name.
+        notes: its notes.
+    """
+
+    inputs: tuple[str, ...]
+    settings: str
+    results: str
+    frames: Mapping[str, str]
+    notes: tuple[str, ...]
+
+
+def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, RecordingDigests | str]:
+    """Digest the frames of recordings of a bundle.
+
+    Args:
+        folder: the bundle.
+        sums: the SHA-256 that each file has to have, by its name.
+
+    Returns:
+        Of each its digests, or why there are none.
+    """
+    said = _asked_of("recording_process", folder, sums)
+    return {
+        name: each
+        if isinstance(each, str)
+        else RecordingDigests(
+            tuple(each["inputs"]),
+            each["settings"],
+            each["results"],
+            each["frames"],
+            tuple(each["notes"]),
+        )
+        for name, each in said.items()
+    }
+
+
+def pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
+    """The words of a PDF in the order of its pages; or why there are none."""
+    said = _asked_of("pdf_process", folder, {name: sha256})[name]
+    return said if isinstance(said, str) else [str(word) for word in said["words"]]
+
+
+def _asked_of(
+    process: str, folder: Path, sums: Mapping[str, str]
+) -> dict[str, dict[str, Any] | str]:
+    """What a process says of copies of files, which nobody else can change meanwhile."""
+    found: dict[str, dict[str, Any] | str] = {}
+    with tempfile.TemporaryDirectory(prefix="payscope-") as place:
+        copies: dict[str, Path] = {}
+        for number, (name, sha256) in enumerate(sums.items()):
+            copy = Path(place) / f"{number}{Path(name).suffix}"
+            if copy_file(folder, name, copy) != sha256:
+                found[name] = "is not the file whose digest the bundle has"
+            else:
+                copies[name] = copy
+        said = _run(process, list(copies.values()))
+        for number, (name, copy) in enumerate(copies.items()):
+            # one of them ended the process: which?
+            each = said[number] if said is not None else (_run(process, [copy]) or [None])[0]
+            found[name] = _DAMAGED if each is None else each.get("fault", each)
+    return found
+
+
+def _run(process: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
+    """What it says of each; None where it ended without a word."""
+    if not copies:
+        return []
+    child = subprocess.Popen(
+        [sys.executable, "-P", "-m", f"recordings.calibration.{process}", *map(str, copies)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        cwd=copies[0].parent,
+    )
+    try:
+        out, _ = child.communicate(timeout=_PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.communicate()
+        return None
+    return None if child.returncode or len(out) > _MOST_OUTPUT else json.loads(out)

@@ -1,0 +1,1 @@
+"""A recorder's notary: the signed, chained list of finished logs."""

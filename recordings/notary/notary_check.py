@@ -1,0 +1,243 @@
+"""Whether the list of a notary, or a stretch of it, is whole: signed, chained, in order of time."""
+
+import datetime as dt
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final
+
+from estimators.errors import EvidenceError
+from recordings.notary.notary_list import (
+    MOST_LIST_BYTES,
+    NotaryEntry,
+    NotaryHead,
+    NotaryLine,
+    parse_line,
+    split_lines,
+)
+from recordings.signatures.signing import PublicKey
+
+#: Seconds by which the clocks of a recorder and of its notary may be apart.
+CLOCK_S: Final = 300
+#: A log that is listed so long after its end may have been changed in between.
+LATE: Final = dt.timedelta(days=1)
+_MOST_FAULTS: Final = 20
+_MOST_NAMED: Final = 8
+
+
+@dataclass(frozen=True, slots=True)
+class ListFault:
+    """Something that is wrong with a list.
+
+    Attributes:
+        forged: whether no honest notary writes such a list; else something happened to its clock or
+            to a log.
+        counter: of the line that it is about, if it is one log's; 0 where it is the list's.
+        what: in words.
+    """
+
+    forged: bool
+    counter: int
+    what: str
+
+
+@dataclass(slots=True)
+class CheckedList:
+    """A list that was checked.
+
+    Attributes:
+        head: its first line; None where it has none that can be read.
+        lines: of its logs, as far as they can be read.
+        faults: what is wrong.
+        notes: what a reader should know besides.
+    """
+
+    head: NotaryHead | None = None
+    lines: list[NotaryLine] = field(default_factory=list)
+    faults: list[ListFault] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def entries(self) -> list[NotaryEntry]:
+        """The logs."""
+        return [line.content for line in self.lines if isinstance(line.content, NotaryEntry)]
+
+    @property
+    def key(self) -> PublicKey | None:
+        """The key that its head names."""
+        return None if self.head is None else PublicKey.of_text(self.head.public_key)
+
+    def forged(self, what: str, counter: int = 0) -> None:
+        """Add what no honest notary writes."""
+        self.faults.append(ListFault(True, counter, what))
+
+
+def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
+    """Check a list, or the head and a stretch of one, of a stranger.
+
+    Args:
+        data: the bytes.
+        now: that no time may be after.
+        first: number that the lines after the head begin with.
+    """
+    checked = CheckedList()
+    if len(data) > MOST_LIST_BYTES:
+        checked.forged(f"is larger than the {MOST_LIST_BYTES} bytes allowed")
+        return checked
+    whole, tail = split_lines(data)
+    if tail:
+        checked.faults.append(
+            ListFault(False, 0, f"breaks off: {len(tail)} bytes behind its last whole line")
+        )
+    lines: list[NotaryLine] = []
+    for number, line in enumerate(whole, start=1):
+        try:
+            lines.append(parse_line(line, f"line {number}"))
+        except EvidenceError as fault:
+            checked.forged(str(fault))
+            if len(checked.faults) >= _MOST_FAULTS:
+                return checked
+    _check_head(checked, lines)
+    if checked.head is None:
+        return checked
+    checked.lines = lines[1:]
+    _check_chain(checked, lines, first)
+    checked.faults += _time_faults(checked.entries, now)
+    checked.notes += _notes(checked.entries)
+    return checked
+
+
+def _check_head(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
+    """The first line, by the key that it names itself."""
+    if not lines or not isinstance(lines[0].content, NotaryHead):
+        checked.forged("does not begin with the head of a list")
+        return
+    try:
+        key = PublicKey.of_text(lines[0].content.public_key)
+    except EvidenceError as fault:
+        checked.forged(f"its head names no key: {fault}")
+        return
+    checked.head = lines[0].content
+    for line in lines[1:]:
+        if isinstance(line.content, NotaryHead):
+            checked.forged("has a second head: two lists were put together")
+            return
+    for line in lines:
+        if not line.by(key):
+            counter = line.content.counter
+            checked.forged(f"number {counter} is not signed by the key of its head", counter)
+
+
+def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) -> None:
+    """Each line after the one before."""
+    head = lines[0].digest
+    for line in checked.lines:
+        entry = line.content
+        if isinstance(entry, NotaryEntry) and entry.head != head:
+            checked.forged(f"number {entry.counter} is of another list", entry.counter)
+    for before, line in pairwise(lines):
+        entry, last = line.content, before.content
+        if not isinstance(entry, NotaryEntry):
+            continue
+        before_it = first - 1 if isinstance(last, NotaryHead) else last.counter
+        if before_it and isinstance(last, NotaryHead) and entry.counter == first:
+            continue  # a stretch: what it follows is not there
+        if entry.counter <= before_it:
+            checked.forged(
+                f"number {entry.counter} comes after number {before_it}: out of order, or twice",
+                entry.counter,
+            )
+        elif entry.counter > before_it + 1:
+            begin, end = before_it + 1, entry.counter - 1
+            span = f"number {begin} is" if begin == end else f"numbers {begin} to {end} are"
+            checked.forged(f"{span} missing", end)
+        elif entry.previous != before.digest:
+            checked.forged(
+                f"number {entry.counter} does not follow number {last.counter} as it stands here",
+                entry.counter,
+            )
+
+
+def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[ListFault]:
+    """What clocks and times contradict."""
+    clock = dt.timedelta(seconds=CLOCK_S)
+    latest: NotaryEntry | None = None
+    ended: NotaryEntry | None = None
+    for entry in entries:
+        begins, ends, listed = map(time_of, (entry.begins, entry.ends, entry.listed))
+        assert listed is not None
+        number = entry.counter
+        if begins is not None and ends is not None and ends < begins:
+            yield ListFault(True, number, f"number {number} ends before it begins")
+        if listed > now + clock:
+            yield ListFault(
+                False, number, f"number {number} was listed in the future, {entry.listed}"
+            )
+        if ends is not None and ends > listed + clock:
+            yield ListFault(
+                False,
+                number,
+                f"number {number} ends {entry.ends}, after it was listed, {entry.listed}: one of "
+                "the two clocks is wrong, or was set back",
+            )
+        if latest is not None and entry.listed < latest.listed:
+            yield ListFault(
+                False,
+                number,
+                f"number {number} was listed {entry.listed}, before number {latest.counter}, "
+                f"{latest.listed}: the clock was set back",
+            )
+        elif latest is None or entry.listed > latest.listed:
+            latest = entry
+        if ended is not None and entry.ends and entry.ends < ended.ends:
+            yield ListFault(
+                False,
+                number,
+                f"number {number} ends {entry.ends}, before number {ended.counter} does, "
+                f"{ended.ends}: it came later than it was recorded, or its clock was set back",
+            )
+        elif entry.ends:
+            ended = entry
+        if entry.replaces is not None:
+            yield ListFault(
+                False,
+                number,
+                f"number {number}: '{entry.log}' was changed after it had been listed as number "
+                f"{entry.replaces}",
+            )
+
+
+def _notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
+    """What is no fault, and yet is to be known."""
+    seen: dict[tuple[str, ...], NotaryEntry] = {}
+    late: dict[int, float] = {}
+    undated: list[int] = []
+    for entry in entries:
+        ends, listed = time_of(entry.ends), time_of(entry.listed)
+        if ends is None:
+            undated.append(entry.counter)
+        elif listed is not None and listed - ends > LATE:
+            late[entry.counter] = (listed - ends).total_seconds() / 86400.0
+        digests = tuple(sorted(file.sha256 for file in entry.files))
+        first = seen.setdefault(digests, entry)
+        if first is not entry:
+            yield f"number {entry.counter}: '{entry.log}' is the same log as number {first.counter}"
+    if undated:
+        yield f"{_numbers(undated)}: without an absolute time, or not readable"
+    if late:
+        yield (
+            f"{_numbers(list(late))}: listed up to {max(late.values()):.0f} days after the log "
+            "ended; what was done to it in between, the list does not show"
+        )
+
+
+def _numbers(counters: Sequence[int]) -> str:
+    """Which lines, the first of them by number."""
+    named = ", ".join(map(str, counters[:_MOST_NAMED]))
+    more = f" and {len(counters) - _MOST_NAMED} more" if len(counters) > _MOST_NAMED else ""
+    return f"number {named}{more}"
+
+
+def time_of(stamp: str) -> dt.datetime | None:
+    """A time of a list; None where it does not tell."""
+    return dt.datetime.fromisoformat(stamp) if stamp else None

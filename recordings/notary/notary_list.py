@@ -1,0 +1,172 @@
+"""The list of a recorder's notary: one line a finished log, each signed and chained to the last.
+
+A line is canonical JSON (RFC 8785) with its own Ed25519 signature. The first line is the head of
+the list: whose it is and by which key. Every other one has a counter that grows by one, the digest
+of the line before it and of the head, and the log: its files with their SHA-256, when it begins and
+ends, and when it was listed.
+"""
+
+import base64
+import binascii
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+
+from estimators.errors import EvidenceError
+from recordings.signatures.canonical_json import canonical, parse
+from recordings.signatures.signing import PublicKey, SigningKey
+
+FORMAT: Final = "payscope-notary/1"
+#: What a line's signature is of begins with it, so that it can be taken for nothing else.
+_DOMAIN: Final = b"payscope-notary/1\n"
+#: Bytes of a line and of a list that are read; a rosbag2 directory may have many files.
+MOST_LINE_BYTES: Final = 1 << 20
+MOST_LIST_BYTES: Final = 256 << 20
+_FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
+Stamp = Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
+Name = Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+Serial = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63})?$")]
+Counter = Annotated[int, Field(ge=0, lt=2**53)]
+
+
+class NotaryHead(BaseModel):
+    """The first line."""
+
+    model_config = _FORBID
+
+    format: Literal["payscope-notary/1"]
+    counter: Literal[0]
+    machine_id: Serial
+    public_key: Annotated[str, StringConstraints(max_length=100)]
+    #: Random, so that no two lists have one head.
+    nonce: Sha256
+    begun: Stamp
+
+
+class NotaryFile(BaseModel):
+    """A file of a log."""
+
+    model_config = _FORBID
+
+    name: Name
+    sha256: Sha256
+    size_bytes: Counter
+    modified_us: Counter
+
+
+class NotaryEntry(BaseModel):
+    """A finished log.
+
+    Attributes:
+        head: digest of the first line.
+        previous: of the line before.
+        log: its name, from the folder that is watched.
+        files: what it is made of.
+        begins: its first message; "" where its format or its clock does not tell.
+        ends: its last.
+        listed: when it was listed, by the clock of the computer.
+        machine_id: what its metadata call its machine; "" where they do not tell.
+        replaces: counter of the line that listed a log of that name before, whose files are others
+            now; None where it is new.
+    """
+
+    model_config = _FORBID
+
+    counter: Annotated[int, Field(ge=1, lt=2**53)]
+    head: Sha256
+    previous: Sha256
+    log: Name
+    files: tuple[NotaryFile, ...] = Field(min_length=1)
+    begins: Stamp | Literal[""]
+    ends: Stamp | Literal[""]
+    listed: Stamp
+    machine_id: Annotated[str, StringConstraints(max_length=64)]
+    replaces: Annotated[int, Field(ge=1, lt=2**53)] | None
+
+
+@dataclass(frozen=True, slots=True)
+class NotaryLine:
+    """A line that was read.
+
+    Attributes:
+        data: its bytes, without the newline.
+        content: what it says.
+        signature: 64 bytes.
+    """
+
+    data: bytes
+    content: NotaryHead | NotaryEntry
+    signature: bytes
+
+    @property
+    def digest(self) -> str:
+        """What the line after it holds of it."""
+        return hashlib.sha256(self.data).hexdigest()
+
+    def by(self, key: PublicKey) -> bool:
+        """Whether this key signed it."""
+        return key.signed(self.signature, _message(self.content))
+
+
+def _message(content: NotaryHead | NotaryEntry) -> bytes:
+    return _DOMAIN + canonical(content.model_dump(mode="json"))
+
+
+def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
+    """A line with its signature."""
+    signature = key.sign(_message(content))
+    text = base64.b64encode(signature).decode()
+    data = canonical({**content.model_dump(mode="json"), "signature": text})
+    return NotaryLine(data, content, signature)
+
+
+def parse_line(data: bytes, what: str) -> NotaryLine:
+    """Read a line of a stranger; nothing in it is to be believed before `NotaryLine.by`.
+
+    Args:
+        data: without the newline.
+        what: for the error.
+
+    Raises:
+        EvidenceError: it is no line as `signed_line` writes it.
+    """
+    if len(data) > MOST_LINE_BYTES:
+        raise EvidenceError(f"{what}: is longer than the {MOST_LINE_BYTES} bytes allowed")
+    values: Any = parse(data, what)
+    if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
+        raise EvidenceError(f"{what}: is no signed line of a notary")
+    text = values.pop("signature")
+    model = NotaryHead if values.get("counter") == 0 else NotaryEntry
+    try:
+        signature = base64.b64decode(text, validate=True)
+        content = model.model_validate_json(canonical(values))
+    except (binascii.Error, ValueError) as fault:
+        raise EvidenceError(f"{what}: {_first(fault)}") from None
+    if canonical({**content.model_dump(mode="json"), "signature": text}) != data:
+        raise EvidenceError(f"{what}: holds a value in a form that a notary does not write")
+    if len(signature) != 64 or base64.b64encode(signature).decode() != text:
+        raise EvidenceError(f"{what}: its signature is not base64 of 64 bytes")
+    return NotaryLine(data, content, signature)
+
+
+def _first(fault: Exception) -> str:
+    if isinstance(fault, ValidationError):
+        first = fault.errors(include_url=False)[0]
+        return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+    return "its signature is no base64"
+
+
+def split_lines(data: bytes) -> tuple[list[bytes], bytes]:
+    """The whole lines of a list, and what is left behind the last newline: a torn tail."""
+    *whole, tail = data.split(b"\n")
+    return whole, tail
+
+
+def list_bytes(lines: Iterable[NotaryLine]) -> bytes:
+    """Lines as a file has them."""
+    return b"".join(line.data + b"\n" for line in lines)

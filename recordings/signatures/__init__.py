@@ -1,0 +1,1 @@
+"""Signatures, keys and the canonical bytes that are signed."""

@@ -1,0 +1,207 @@
+"""The logs of evidence found by their digests, replayed, and compared with what it says of them."""
+
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.calibration.use.learnt_priors import TermOfLog
+from estimators.errors import EvidenceError, PayscopeError
+from estimators.file_digest import file_sha256
+from recordings.calibration.bundle_folder import EVIDENCE, READINGS
+from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.checked_bundle import CheckedBundle
+from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
+
+_MOST_ENTRIES: Final = 100_000
+_DEEPEST: Final = 8
+_MOST_NAMED: Final = 10
+#: Of its prior, by so much a nuisance may come out otherwise elsewhere.
+_TERMS: Final = 1e-6
+#: Numbers of a reading, and the texts that must be equal.
+_NUMBERS: Final = ("start_s", "end_s", "mass_kg", "std_kg", "common_u_kg")
+#: What evidence keeps of a log besides its readings and its verdict.
+_OF_THE_LOG: Final = {
+    "files": "the files are others",
+    "topics": "topics, counts of messages or their stamps are others",
+    "begins": "it begins at another time",
+    "duration_s": "it takes another time",
+    "speed_range_m_s": "its speeds are others",
+    "losses": "other losses",
+    "notes": "other notes",
+    "machine_id": "its metadata name another machine",
+}
+#: Those that a version puts into words of its own.
+_IN_WORDS: Final = ("losses", "notes")
+_LAST_BITS: Final = 1e-9
+_LONGEST: Final = 120
+_TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
+
+
+def compare_logs(
+    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
+) -> None:
+    """Replay every log, and compare reading by reading."""
+    paths: dict[str, Path] = {}
+    found = _files_by_name(folder, {file.name for log in document.logs for file in log.files})
+    for log in document.logs:
+        path = _path_of(checked, log, found)
+        if path is not None:
+            paths[log.log] = path
+    if len(paths) < len(document.logs):
+        return
+    # the estimators are slow to import, and only a replay needs them
+    from replay.calibration.campaign_runs import replay_runs
+
+    campaign = document.campaign
+    try:
+        if document.learnt is not None and document.kind == "calibration":
+            before = replay_runs(campaign, document.machine, lambda log: paths[log])
+            _compare_terms(checked, document.learnt.logs, before.terms)
+        replayed = replay_runs(campaign, document.weighing, lambda log: paths[log])
+    except PayscopeError as fault:
+        checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
+        return
+    _compare(checked, document, stored, replayed.readings)
+    for kept, anew in zip(document.logs, replayed.logs, strict=True):
+        _compare_log(checked, document, kept, anew)
+
+
+def _compare_log(
+    checked: CheckedBundle, document: EvidenceDocument, kept: EvidenceLog, anew: EvidenceLog
+) -> None:
+    """Everything that evidence keeps of a log."""
+    item = f"{EVIDENCE}: logs: {kept.log}"
+    if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
+    if kept.settings_fingerprint != anew.settings_fingerprint:
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with other settings")
+    elif kept.results_fingerprint != anew.results_fingerprint:
+        checked.notes.append(
+            f"{kept.log}: the frames of its replay differ in their last bits, as other "
+            "processors and libraries make them"
+        )
+    for name, what in _OF_THE_LOG.items():
+        if name == "machine_id" and name not in kept.model_fields_set:
+            continue  # earlier formats do not have it
+        there, here = getattr(kept, name), getattr(anew, name)
+        if _equal(there, here):
+            continue
+        words = name in _IN_WORDS and document.made_elsewhere
+        outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
+        said = f"{what}: {_shown(there)} there, {_shown(here)} here"
+        checked.add(outcome, f"{item}: {name}", said)
+
+
+def _equal(there: object, here: object) -> bool:
+    """Whether two values of a log are the same; of seconds and speeds up to their last bits."""
+    if isinstance(there, float) and isinstance(here, float):
+        return abs(there - here) <= _LAST_BITS * max(abs(there), abs(here))
+    if isinstance(there, tuple) and isinstance(here, tuple):
+        return len(there) == len(here) and all(map(_equal, there, here))
+    return there == here
+
+
+def _shown(value: object) -> str:
+    text = "; ".join(map(_shown, value)) if isinstance(value, tuple) else str(value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+
+
+def _compare_terms(
+    checked: CheckedBundle, stored: tuple[TermOfLog, ...], anew: tuple[TermOfLog, ...]
+) -> None:
+    """What each log says of the nuisances under the machine's own priors."""
+    by_name = {(each.log, each.term): each for each in anew}
+    wrong = [each for each in stored if not _same(each, by_name.get((each.log, each.term)))]
+    for each in wrong[:_MOST_NAMED]:
+        item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay says something else")
+    if not wrong and len(stored) != len(anew):
+        item = f"{EVIDENCE}: learnt"
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs say more than it has")
+
+
+def _same(kept: TermOfLog, now: TermOfLog | None) -> bool:
+    if now is None:
+        return False
+    tolerance = _TERMS * kept.prior_std
+    names = ("prior_mean", "prior_std", "posterior", "posterior_std")
+    return all(abs(getattr(kept, name) - getattr(now, name)) <= tolerance for name in names)
+
+
+def _compare(
+    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, anew: pl.DataFrame
+) -> None:
+    """Reading by reading, within the declared tolerance."""
+    if stored.height != anew.height:
+        what = f"has {stored.height} readings, and the replay gives {anew.height}"
+        checked.add(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
+        return
+    tolerance = document.replay_tolerance_kg
+    wrong = 0
+    for kept, now in zip(stored.iter_rows(named=True), anew.iter_rows(named=True), strict=True):
+        differing = [name for name in _TEXTS if kept[name] != now[name]]
+        differing += [name for name in _NUMBERS if not _near(kept[name], now[name], tolerance)]
+        if differing:
+            wrong += 1
+            if wrong <= _MOST_NAMED:
+                item = f"{READINGS}: run '{kept['run_id']}', reading {kept['reading']}"
+                what = f"the replay gives another {', '.join(differing)}"
+                checked.add(BundleOutcome.IRREPRODUCIBLE, item, what)
+    if wrong > _MOST_NAMED:
+        checked.add(
+            BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} readings more"
+        )
+
+
+def _near(kept: float | None, now: float | None, tolerance: float) -> bool:
+    if kept is None or now is None:
+        return kept is now
+    return abs(kept - now) <= tolerance
+
+
+def _path_of(checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]) -> Path | None:
+    """Where a log is: its files, by name and digest, all in one folder."""
+    item = f"logs: {log.log}"
+    places: list[Path] | None = None
+    for file in log.files:
+        named = found.get(file.name, [])
+        same = [path.parent for path in named if file_sha256(path) == file.sha256]
+        if not same:
+            if named:
+                what = f"'{file.name}' is not the file of the evidence"
+                checked.add(BundleOutcome.TAMPERED, item, what)
+            else:
+                what = f"'{file.name}' is not in the folder of logs"
+                checked.add(BundleOutcome.INCOMPLETE, item, what)
+            return None
+        places = same if places is None else [place for place in places if place in same]
+    if not places:
+        checked.add(BundleOutcome.INCOMPLETE, item, "its files are not together in one folder")
+        return None
+    # a rosbag2 directory is opened as a whole; its folder may have another name now
+    name = log.files[0].name
+    is_file = len(log.files) == 1 and Path(log.log).name == name
+    return places[0] / name if is_file else places[0]
+
+
+def _files_by_name(folder: Path, wanted: set[str]) -> dict[str, list[Path]]:
+    """Regular files of these names in a folder and those in it; no link is followed."""
+    found: dict[str, list[Path]] = {}
+    for number, entry in enumerate(_walk(folder, 0)):
+        if number >= _MOST_ENTRIES:
+            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; name a smaller one")
+        if entry.name in wanted and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
+            found.setdefault(entry.name, []).append(Path(entry.path))
+    return found
+
+
+def _walk(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
+    with os.scandir(folder) as entries:
+        for entry in sorted(entries, key=lambda each: each.name):
+            yield entry
+            if depth < _DEEPEST and entry.is_dir(follow_symlinks=False):
+                yield from _walk(Path(entry.path), depth + 1)

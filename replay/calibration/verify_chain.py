@@ -1,0 +1,119 @@
+"""The command `verify` of several bundles: each by itself, and the chain of each machine."""
+
+import datetime as dt
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from estimators.errors import counted
+from recordings.calibration.chain_check import chain_findings
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst
+from recordings.calibration.checked_bundle import CheckedBundle
+from replay.calibration.verify_bundle import Verified, verify
+
+
+@dataclass(frozen=True, slots=True)
+class VerifiedChain:
+    """What a verification of several bundles came to.
+
+    Attributes:
+        bundles: each by itself, in the order given.
+        findings: what is wrong with the chains.
+        notes: who signed which number.
+    """
+
+    bundles: tuple[Verified, ...]
+    findings: tuple[BundleFinding, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def outcome(self) -> BundleOutcome | None:
+        """The exit status of all together; None where nothing is wrong."""
+        return worst([*self.findings, *(each for made in self.bundles for each in made.findings)])
+
+    @property
+    def verdict(self) -> str:
+        """The outcome in a sentence."""
+        these = counted(len(self.bundles), "bundle")
+        if self.outcome is None:
+            return f"{these}: each verified, and one chain a machine"
+        wrong = sum(len(made.findings) for made in self.bundles) + len(self.findings)
+        kind = BundleFinding(self.outcome, "", "").kind
+        return f"{these}: {kind.upper()} ({counted(wrong, 'finding')})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain values."""
+        return {
+            "outcome": 0 if self.outcome is None else int(self.outcome),
+            "bundles": [made.to_dict() for made in self.bundles],
+            "chain": {
+                "findings": [
+                    {"kind": each.kind, "item": each.item, "what": each.what}
+                    for each in self.findings
+                ],
+                "notes": list(self.notes),
+            },
+        }
+
+
+def verify_chain(
+    folders: Sequence[Path],
+    *,
+    logs: Path | None = None,
+    key_file: Path | None = None,
+    signed: bool = False,
+    on: dt.date | None = None,
+    tsa: Path | None = None,
+) -> VerifiedChain:
+    """Check the evidence of one machine or several, and whether each machine's is one chain.
+
+    Evidence that a later one replaces may have expired.
+
+    Args:
+        folders: the bundles, in any order.
+        logs: as `verify` has it, of each.
+        key_file: likewise.
+        signed: likewise.
+        on: the day on which the last of each machine is to be valid.
+        tsa: as `verify` has it.
+
+    Raises:
+        EvidenceError: no such folder, or a key or certificate that cannot be read.
+    """
+    made = [
+        verify(folder, logs=logs, key_file=key_file, signed=signed, on=on, tsa=tsa)
+        for folder in folders
+    ]
+    by_machine: dict[str, list[CheckedBundle]] = {}
+    for each in made:
+        if each.checked.document is not None:
+            machine = each.checked.document.campaign.machine.id
+            by_machine.setdefault(machine, []).append(each.checked)
+    findings: list[BundleFinding] = []
+    notes: list[str] = []
+    for bundles in by_machine.values():
+        wrong, said = chain_findings(bundles)
+        findings += wrong
+        notes += said
+    last = {machine: max(map(_counter, bundles)) for machine, bundles in by_machine.items()}
+    return VerifiedChain(
+        tuple(each if _is_last(each, last) else _without_expiry(each) for each in made),
+        tuple(findings),
+        tuple(notes),
+    )
+
+
+def _counter(checked: CheckedBundle) -> int:
+    return 0 if checked.document is None else checked.document.chain.counter
+
+
+def _is_last(made: Verified, last: Mapping[str, int]) -> bool:
+    """Whether it is the last of its machine, or of none."""
+    document = made.checked.document
+    return document is None or document.chain.counter == last[document.campaign.machine.id]
+
+
+def _without_expiry(made: Verified) -> Verified:
+    kept = tuple(each for each in made.findings if each.outcome is not BundleOutcome.EXPIRED)
+    return replace(made, findings=kept)

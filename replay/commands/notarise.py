@@ -1,0 +1,72 @@
+"""`payscope notarise`: the finished logs of a recorder, listed so that none can be left out."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from replay.notary.notarise_folder import NotarisedFolder
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(help="Folder that the recorder writes its logs to.")],
+    key: Annotated[
+        Path | None,
+        typer.Option(
+            help="Private Ed25519 key (PEM) of the recorder; else PAYSCOPE_SIGNING_KEY may hold it."
+        ),
+    ] = None,
+    list_path: Annotated[
+        Path | None,
+        typer.Option("--list", metavar="FILE", help="The list; else notary.jsonl in the folder."),
+    ] = None,
+    machine_id: Annotated[
+        str, typer.Option("--machine-id", metavar="ID", help="Serial number of the machine.")
+    ] = "",
+    quiet: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", min=0, help="A log left alone for so long is finished."),
+    ] = 60.0,
+    every: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", min=1, help="Look again and again, until it is ended."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print each pass as JSON.")] = False,
+) -> None:
+    """List the finished logs of a folder, each with its SHA-256, signed and chained to the last.
+
+    The list is only ever appended to. A campaign that names a stretch of it has to account for
+    every log in it; `payscope verify LIST` checks a list.
+    """
+    import time
+
+    from replay.commands.print_tables import console, print_json
+    from replay.notary.notarise_folder import notarise
+
+    while True:
+        made = notarise(
+            folder, key_file=key, list_path=list_path, machine_id=machine_id, quiet_s=quiet
+        )
+        if as_json:
+            print_json(made.to_dict())
+        else:
+            _print(made)
+        if every is None:
+            return
+        console().file.flush()
+        time.sleep(every)
+
+
+def _print(made: "NotarisedFolder") -> None:
+    from replay.commands.print_tables import console, print_line
+
+    screen = console()
+    for entry in made.added:
+        span = f", {entry.begins} to {entry.ends}" if entry.begins else ", no absolute time"
+        print_line(screen, f"{entry.counter}: {entry.log}{span}")
+    for name in made.waiting:
+        print_line(screen, f"still written to: {name}")
+    for note in made.notes:
+        print_line(screen, note, "[bold red]!![/] ")
+    print_line(screen, f"{made.path}: {made.last} logs, {len(made.added)} of them new")

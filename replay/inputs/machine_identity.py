@@ -1,0 +1,70 @@
+"""Which machine a log is of: by the machine file, and by the log's own metadata."""
+
+from collections.abc import Sequence
+
+from pydantic import TypeAdapter, ValidationError
+
+from analysis.model.machine import Machine, MachineId
+from estimators.errors import LogError
+from replay.logs import Log
+
+
+def identified(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
+    """The machine with its serial number, and that in the logs' metadata.
+
+    Args:
+        logs: one time line.
+        machine: with `machine.id`, if its file or the evidence that calibrates it has one.
+
+    Returns:
+        The machine, whose id is the logs' where nobody else gives one; and the logs' own, "" where
+        they do not tell.
+
+    Raises:
+        LogError: a log is of another machine, or two logs are of two.
+    """
+    told = logged_id(logs, machine.machine.id)
+    if not told or machine.machine.id is not None or not _is_id(told):
+        return machine, told
+    body = machine.machine.model_copy(update={"id": told})
+    return machine.model_copy(update={"machine": body}), told
+
+
+def logged_id(logs: Sequence[Log], known: str | None) -> str:
+    """The serial number that all logs have in common which have one; "" where none tells.
+
+    Args:
+        logs: of one machine.
+        known: the machine's, by its file or its evidence. A log may call it by several names.
+
+    Raises:
+        LogError: as `identified`.
+    """
+    common: list[str] = []
+    first: Log | None = None
+    for log in logs:
+        ids = log.machine_ids()
+        if not ids:
+            continue
+        if known is not None and known not in ids:
+            raise LogError(
+                f"{log.path}: its metadata say that it is of machine '{ids[0]}', and machine.id is "
+                f"'{known}'; name the machine file and the evidence of '{ids[0]}'"
+            )
+        both = list(ids) if first is None else [each for each in common if each in ids]
+        if not both and first is not None:
+            raise LogError(
+                f"{log.path}: its metadata say that it is of machine '{ids[0]}', and those of "
+                f"{first.path} of '{common[0]}'; replay the logs of each machine by themselves"
+            )
+        common, first = both, first or log
+    return known or common[0] if common else ""
+
+
+def _is_id(text: str) -> bool:
+    """Whether a machine file could have it: recorders write what they like."""
+    try:
+        TypeAdapter(MachineId).validate_python(text)
+    except ValidationError:
+        return False
+    return True

@@ -1,0 +1,66 @@
+"""The serial number of the machine, as the metadata of a log have it."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+from estimators.errors import one_line
+
+#: What recorders call it, with anything but letters and digits read as `_`.
+KEYS: Final = frozenset(
+    {
+        *(
+            f"{whose}_{what}"
+            for whose in ("machine", "vehicle")
+            for what in ("id", "serial", "serial_number")
+        ),
+        "vin",
+    }
+)
+_LONGEST: Final = 64
+_SEPARATORS: Final = re.compile(r"[^a-z0-9]+")
+#: What rosbag2 calls the record of an MCAP file that has its metadata.yaml.
+_ROSBAG2: Final = "rosbag2"
+_SERIALIZED: Final = "serialized_metadata"
+
+
+def ids_among(texts: Mapping[str, str], record: str = "") -> Iterator[str]:
+    """Yield the serial numbers among named texts.
+
+    Args:
+        texts: by key.
+        record: what they stand in: `id` of the record `machine` is the machine's.
+    """
+    for key, text in texts.items():
+        names = (key, f"{record}_{key}") if record else (key,)
+        said = " ".join(one_line(text).split())
+        if said and any(_SEPARATORS.sub("_", name.lower()).strip("_") in KEYS for name in names):
+            yield said[:_LONGEST]
+
+
+def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
+    """The serial numbers in the metadata of the files of a log, each once.
+
+    MCAP has metadata records, and rosbag2 `custom_data`; a ROS 1 bag has neither.
+    """
+    found: list[str] = []
+    for path in files:
+        if path.suffix == ".mcap":
+            found += _of_mcap(path)
+        elif path.name == "metadata.yaml":
+            from replay.logs.rosbag2 import custom_data
+
+            found += ids_among(custom_data(path.read_bytes()))
+    return tuple(dict.fromkeys(found))
+
+
+def _of_mcap(path: Path) -> Iterator[str]:
+    from replay.logs.mcap import metadata_records
+    from replay.logs.rosbag2 import custom_data
+
+    for name, texts in metadata_records(path):
+        if name == _ROSBAG2 and _SERIALIZED in texts:
+            yield from ids_among(custom_data(texts[_SERIALIZED].encode()))
+        else:
+            yield from ids_among(texts, name)

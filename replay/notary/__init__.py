@@ -1,0 +1,1 @@
+"""The notary of a recorder's folder."""

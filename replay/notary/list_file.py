@@ -1,0 +1,214 @@
+"""The list of a notary as a file: only ever appended to, by one process, whole or not at all.
+
+A line is written with its newline and flushed to the disc before the next one is begun. A process
+that is killed leaves at most a line without a newline, which the next one cuts off. Where the list
+ends is kept a second time, in the user's state folder: a list that ends before that was cut.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from estimators.errors import EvidenceError, OutputError
+from recordings.notary.notary_list import (
+    MOST_LIST_BYTES,
+    NotaryEntry,
+    NotaryHead,
+    NotaryLine,
+    parse_line,
+    split_lines,
+)
+from recordings.signatures.canonical_json import canonical
+
+#: The environment variable that names the folder of the second copy.
+STATE_VARIABLE: Final = "PAYSCOPE_NOTARY_STATE"
+
+
+@dataclass(frozen=True, slots=True)
+class ListEnd:
+    """Where a list ends, as it is kept a second time."""
+
+    head: str
+    counter: int
+    digest: str
+
+
+@dataclass(slots=True)
+class OpenList:
+    """A list that this process alone writes.
+
+    Attributes:
+        path: the list.
+        lines: what it holds; none of a new one.
+        cut_bytes: of a torn tail that was cut off.
+        second: where its end is kept a second time; None where that cannot be written.
+    """
+
+    path: Path
+    lines: list[NotaryLine]
+    cut_bytes: int
+    second: Path | None
+    _file: int
+    _size: int
+
+    def append(self, line: NotaryLine) -> None:
+        """Write a line to the disc, whole or not at all.
+
+        Raises:
+            OutputError: the disc is full, or the list cannot be written; it is as it was before.
+        """
+        data = line.data + b"\n"
+        try:
+            written = 0
+            while written < len(data):
+                written += os.write(self._file, data[written:])
+            os.fsync(self._file)
+        except OSError as error:
+            os.ftruncate(self._file, self._size)
+            raise OutputError(
+                f"{self.path}: cannot be written ({error.strerror}); it ends as before, with "
+                f"number {len(self.lines) - 1}; free some space and run this again"
+            ) from None
+        self._size += len(data)
+        self.lines.append(line)
+        self._keep_end()
+
+    def _keep_end(self) -> None:
+        """Keep where the list ends, in the second place."""
+        if self.second is None:
+            return
+        last = self.lines[-1]
+        end = {
+            "head": self.lines[0].digest,
+            "counter": last.content.counter,
+            "digest": last.digest,
+            "list": str(self.path),
+        }
+        partial = self.second.with_suffix(f".{os.getpid()}")
+        try:
+            with partial.open("wb") as file:
+                file.write(canonical(end))
+                file.flush()
+                os.fsync(file.fileno())
+            partial.replace(self.second)
+        except OSError:
+            # the list itself is written: the second place is behind, and that is known from it
+            partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def opened_list(path: Path) -> Generator[OpenList]:
+    """Open a list for this process alone, and compare it with where it ended the last time.
+
+    The system takes the lock back from a process that ends, however it ends.
+
+    Raises:
+        EvidenceError: it is no list, was cut or written anew, or another process writes it.
+        OutputError: it cannot be written.
+    """
+    import fcntl
+
+    try:
+        number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o644)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
+    try:
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise EvidenceError(
+                f"{path}: another process writes it; one notary keeps a list"
+            ) from None
+        size = os.fstat(number).st_size
+        if size > MOST_LIST_BYTES:
+            raise EvidenceError(f"{path}: is larger than the {MOST_LIST_BYTES} bytes of a list")
+        whole, tail = split_lines(_read_all(number, size))
+        lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
+        second = _second_place(path)
+        _compare_end(path, lines, _kept_end(second))
+        if tail:
+            os.ftruncate(number, size - len(tail))
+            os.fsync(number)
+        yield OpenList(path, lines, len(tail), second, number, size - len(tail))
+    finally:
+        os.close(number)
+
+
+def _read_all(number: int, size: int) -> bytes:
+    parts: list[bytes] = []
+    while size > 0 and (part := os.read(number, size)):
+        parts.append(part)
+        size -= len(part)
+    return b"".join(parts)
+
+
+def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> None:
+    """Whether a list still has what it had; and whether it holds together.
+
+    Raises:
+        EvidenceError: it does not.
+    """
+    for before, line in zip([None, *lines], lines, strict=False):
+        entry, fault = line.content, ""
+        if before is None:
+            fault = "" if isinstance(entry, NotaryHead) else "does not begin with its head"
+        elif not isinstance(entry, NotaryEntry) or entry.previous != before.digest:
+            fault = f"number {entry.counter} does not follow the line before"
+        elif entry.counter != before.content.counter + 1:
+            fault = f"number {entry.counter} follows number {before.content.counter}"
+        if fault:
+            raise EvidenceError(
+                f"{path}: {fault}: it was changed; `payscope verify {path}` lists all, and a list "
+                "that was changed is not gone on with"
+            )
+    if end is None:
+        return
+    if not lines:
+        raise EvidenceError(
+            f"{path}: is empty, and number {end.counter} was written: the list was taken away; put "
+            "it back, or begin another one elsewhere with --list"
+        )
+    known = len(lines) > end.counter and lines[end.counter].digest == end.digest
+    if lines[0].digest != end.head or not known:
+        raise EvidenceError(
+            f"{path}: ends with number {len(lines) - 1} and is not the list that was written up to "
+            f"number {end.counter}: it was cut or written anew; put it back, or begin another one "
+            "elsewhere with --list"
+        )
+
+
+def _second_place(path: Path) -> Path | None:
+    """Where the end of a list is kept a second time; None where that cannot be written."""
+    named = os.environ.get(STATE_VARIABLE)
+    base = os.environ.get("XDG_STATE_HOME")
+    try:
+        home = Path(base) if base else Path.home() / ".local" / "state"
+        folder = Path(named) if named else home / "payscope" / "notary"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        return None
+    name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:32]
+    return folder / f"{name}.json" if os.access(folder, os.W_OK) else None
+
+
+def _kept_end(second: Path | None) -> ListEnd | None:
+    """What is kept there; None where nothing is.
+
+    Raises:
+        EvidenceError: it is damaged.
+    """
+    if second is None or not second.exists():
+        return None
+    try:
+        held = json.loads(second.read_bytes())
+        return ListEnd(str(held["head"]), int(held["counter"]), str(held["digest"]))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise EvidenceError(
+            f"{second}: does not say where the list ends ({type(error).__name__}); remove it if "
+            "you know that the list is whole"
+        ) from None

@@ -1,0 +1,280 @@
+"""The command `notarise`: finished logs of a folder, listed, signed and chained as they come."""
+
+import datetime as dt
+import os
+import secrets
+import stat
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from estimators.errors import EvidenceError, PayscopeError
+from estimators.file_digest import file_sha256
+from recordings.notary.notary_check import CLOCK_S
+from recordings.notary.notary_list import (
+    FORMAT,
+    NotaryEntry,
+    NotaryFile,
+    NotaryHead,
+    signed_line,
+)
+from recordings.signatures.signing import KEY_VARIABLE, SigningKey, signing_key
+from replay.logs import open_log
+from replay.notary.list_file import OpenList, opened_list
+
+#: The list, where no other place is named.
+LIST_NAME: Final = "notary.jsonl"
+#: Seconds that a log has to be left alone: recorders write at least once a minute.
+QUIET_S: Final = 60.0
+#: A log by its suffix; a recording is made of one.
+_SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
+_METADATA: Final = "metadata.yaml"
+_MOST_ENTRIES: Final = 1_000_000
+_LONGEST_ID: Final = 64
+_US: Final = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class NotarisedFolder:
+    """What a pass came to.
+
+    Attributes:
+        path: the list.
+        added: lines that it has more.
+        waiting: logs that are still written to.
+        last: counter of the last line.
+        notes: what whoever keeps the list should know.
+    """
+
+    path: Path
+    added: tuple[NotaryEntry, ...]
+    waiting: tuple[str, ...]
+    last: int
+    notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain values."""
+        return {
+            "list": str(self.path),
+            "added": [each.model_dump(mode="json") for each in self.added],
+            "waiting": list(self.waiting),
+            "last": self.last,
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FoundLog:
+    """A log of the folder.
+
+    Attributes:
+        name: from the folder.
+        path: the file, or the rosbag2 directory.
+        files: what it is made of, with their sizes and when they were last written.
+    """
+
+    name: str
+    path: Path
+    files: Mapping[str, tuple[int, int]]
+
+    @property
+    def written_s(self) -> float:
+        """When it was last written."""
+        return max(us for _, us in self.files.values()) / 1e6
+
+
+def notarise(
+    folder: Path,
+    *,
+    key_file: Path | None = None,
+    list_path: Path | None = None,
+    machine_id: str = "",
+    quiet_s: float = QUIET_S,
+) -> NotarisedFolder:
+    """List the finished logs of a folder that are not in its list.
+
+    Args:
+        folder: of the recorder; folders in it are looked into, no link is followed.
+        key_file: private key of the recorder; without it the environment may hold one.
+        list_path: the list; `notary.jsonl` in the folder by default.
+        machine_id: serial number of the machine; of a new list, or to compare.
+        quiet_s: seconds that a log has to be left alone to be finished.
+
+    Raises:
+        EvidenceError: no key, or another than the list's; the list was changed.
+        OutputError: the list cannot be written; what was listed before that stays.
+    """
+    if not folder.is_dir():
+        raise EvidenceError(f"{folder}: no such folder; name the one that the recorder writes to")
+    key = signing_key(key_file)
+    if key is None:
+        raise EvidenceError(f"a notary signs: give --key KEY.pem, or {KEY_VARIABLE}")
+    path = list_path or folder / LIST_NAME
+    with opened_list(path) as held:
+        head = _head(held, key, machine_id)
+        notes = [f"a torn tail of {held.cut_bytes} bytes was cut off"] if held.cut_bytes else []
+        if held.second is None:
+            notes.append(
+                "where the list ends is kept nowhere else: a list that is cut is not found"
+            )
+        known = {e.log: e for line in held.lines if isinstance(e := line.content, NotaryEntry)}
+        added: list[NotaryEntry] = []
+        waiting: list[str] = []
+        for log in _by_time(found_logs(folder, path)):
+            before = known.get(log.name)
+            if before is not None and _is_same(before, log):
+                continue
+            age_s = time.time() - log.written_s  # a log of the future has a wrong clock
+            is_quiet = age_s >= quiet_s or age_s < -CLOCK_S
+            entry = _entry(held, log, before) if is_quiet else None
+            if entry is None:
+                waiting.append(log.name)
+                continue
+            notes += _clock_notes(held, entry)
+            held.append(signed_line(entry, key))
+            added.append(entry)
+        return NotarisedFolder(
+            path, tuple(added), tuple(waiting), len(held.lines) - 1, (*notes, *head)
+        )
+
+
+def _head(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
+    """Begin a new list; of another, compare whose it is."""
+    if not held.lines:
+        head = NotaryHead(
+            format=FORMAT,
+            counter=0,
+            machine_id=machine_id,
+            public_key=key.public.text,
+            nonce=secrets.token_hex(32),
+            begun=_now(),
+        )
+        held.append(signed_line(head, key))
+        return [] if machine_id else ["the list names no machine: --machine-id does"]
+    head = held.lines[0].content
+    assert isinstance(head, NotaryHead)
+    if head.public_key != key.public.text or not held.lines[-1].by(key.public):
+        raise EvidenceError(
+            f"{held.path}: is kept with another key than {key.public.key_id[:12]}…; a list has one "
+            "key: begin another list with --list"
+        )
+    if machine_id and head.machine_id != machine_id:
+        raise EvidenceError(
+            f"{held.path}: is of machine '{head.machine_id}', not of '{machine_id}'; name the list "
+            "of that machine with --list"
+        )
+    return []
+
+
+def found_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
+    """Yield the logs of a folder and of those in it; no link is followed.
+
+    Args:
+        folder: of the recorder.
+        path: the list, which is none.
+    """
+    own = path.resolve()
+    for number, (place, folders, names) in enumerate(os.walk(folder, followlinks=False)):
+        if number >= _MOST_ENTRIES:
+            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} folders; name a smaller one")
+        folders[:] = sorted(each for each in folders if not each.startswith("."))
+        inside = Path(place)
+        files = {
+            name: about
+            for name in sorted(names)
+            if not name.startswith(".") and (about := _about(inside / name)) is not None
+        }
+        if _METADATA in files and inside != folder:
+            folders.clear()
+            yield FoundLog(inside.relative_to(folder).as_posix(), inside, files)
+            continue
+        for name, about in files.items():
+            log = inside / name
+            if log.suffix.lower() in _SUFFIXES and log.resolve() != own:
+                yield FoundLog(log.relative_to(folder).as_posix(), log, {name: about})
+
+
+def _about(path: Path) -> tuple[int, int] | None:
+    """Size and time of writing, in µs, of a regular file; None of anything else."""
+    try:
+        held = path.lstat()
+    except OSError:
+        return None
+    return (held.st_size, held.st_mtime_ns // _US) if stat.S_ISREG(held.st_mode) else None
+
+
+def _by_time(logs: Iterator[FoundLog]) -> list[FoundLog]:
+    return sorted(logs, key=lambda log: (log.written_s, log.name))
+
+
+def _is_same(entry: NotaryEntry, log: FoundLog) -> bool:
+    return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
+
+
+def _entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryEntry | None:
+    """The line of a log; None where it is written to meanwhile."""
+    inside = log.path if log.path.is_dir() else log.path.parent
+    try:
+        digests = {name: file_sha256(inside / name) for name in log.files}
+    except OSError:
+        return None
+    begins, ends, machine = _described(log.path)
+    if any(_about(inside / name) != about for name, about in log.files.items()):
+        return None
+    last = held.lines[-1]
+    return NotaryEntry(
+        counter=last.content.counter + 1,
+        head=held.lines[0].digest,
+        previous=last.digest,
+        log=log.name,
+        files=tuple(
+            NotaryFile(name=name, sha256=digests[name], size_bytes=size, modified_us=us)
+            for name, (size, us) in log.files.items()
+        ),
+        begins=begins,
+        ends=ends,
+        listed=_now(),
+        machine_id=machine,
+        replaces=None if before is None else before.counter,
+    )
+
+
+def _described(path: Path) -> tuple[str, str, str]:
+    """Begin and end of a log and its machine; "" of what it does not tell.
+
+    A damaged log is a log as well.
+    """
+    try:
+        with open_log(path) as log:
+            topics = log.topics()
+            machine = next(iter(log.machine_ids()), "")
+    except PayscopeError:
+        return "", "", ""
+    first, last = topics["start_ns"].min(), topics["end_ns"].max()
+    if not isinstance(first, int) or not isinstance(last, int) or first < FIRST_DATE_NS:
+        return "", "", machine[:_LONGEST_ID]
+    return _stamp(first), _stamp(last), machine[:_LONGEST_ID]
+
+
+def _stamp(unix_ns: int) -> str:
+    return f"{dt.datetime.fromtimestamp(unix_ns // 10**9, dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
+
+
+def _now() -> str:
+    return _stamp(time.time_ns())
+
+
+def _clock_notes(held: OpenList, entry: NotaryEntry) -> Iterator[str]:
+    """What is wrong with the clock: it is listed all the same, and whoever verifies finds it."""
+    last = held.lines[-1].content
+    if isinstance(last, NotaryEntry) and entry.listed < last.listed:
+        yield (
+            f"number {entry.counter}: the clock was set back: number {last.counter} was listed "
+            f"{last.listed}, and now it is {entry.listed}"
+        )
+    late = dt.datetime.fromisoformat(entry.listed) + dt.timedelta(seconds=CLOCK_S)
+    if entry.ends and dt.datetime.fromisoformat(entry.ends) > late:
+        yield f"number {entry.counter}: '{entry.log}' ends {entry.ends}, after it is listed"

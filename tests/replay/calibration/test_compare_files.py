@@ -1,0 +1,196 @@
+"""`verify --logs` compares all that is at hand: what evidence keeps of logs, recordings, the PDF.
+
+Here whoever changed the evidence made everything else anew, and no key is asked for."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from recordings.calibration.bundle_folder import (
+    PDF,
+    POINTS,
+    READINGS,
+    RECORDING,
+    SUMS,
+    listing,
+    read_file,
+    sums_text,
+)
+from recordings.calibration.calibration_recording import calibration_run, write_calibration
+from recordings.calibration.check_outcomes import BundleOutcome
+from recordings.calibration.evidence_document import document_of
+from recordings.calibration.pdf_check import pdf_fault, table_heads, text_of, words_fault
+from recordings.rrd.writer import write_recording
+from replay.calibration.calibrate_campaign import calibrate
+from replay.calibration.verify_bundle import verify
+from tests.replay.attacker import Bundle, tampered
+from tests.replay.made_evidence import ALIKE, items
+from tests.replay.sledge_campaign import campaign_folder
+
+TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Unsigned evidence with the recordings of its runs; its logs lie in `logs` beside it."""
+    folder = tmp_path_factory.mktemp("compared")
+    campaign = campaign_folder(folder / "logs", extra=ALIKE, loads=(0, 1, 2))
+    calibrate(campaign, folder / "evidence", recordings=True)
+    (folder / "evidence" / "statement.dsse.json").write_bytes(b"{}")  # `tampered` takes it off
+    return folder / "evidence"
+
+
+def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> Path:
+    folder = tampered(bundle, tmp_path / "b", tamper, signed=False)
+    document = document_of((folder / "evidence.json").read_bytes(), "evidence.json")
+    (folder / RECORDING).unlink()
+    tables = (pl.read_parquet(folder / name) for name in (READINGS, POINTS))
+    write_calibration(folder, document, *tables)
+    return digested(folder)
+
+
+def digested(folder: Path) -> Path:
+    names, _ = listing(folder)
+    digests = {name: read_file(folder, name).sha256 for name in names if name != SUMS}
+    (folder / SUMS).write_text(sums_text(digests))
+    return folder
+
+
+def in_logs(bundle: Bundle) -> None:
+    """Another lie of each log, of everything that is kept of it."""
+    first, second, third = bundle.evidence["logs"]
+    first["begins"] = "7.000 s of the log's own clock"
+    first["duration_s"] += 0.5
+    first["topics"][0]["messages"] += 1
+    second["topics"][0]["stamped_by"] = "header"
+    second["losses"] = ["load-1.csv: a gap that is not there"]
+    second["notes"] = ["weighed by hand"]
+    third["speed_range_m_s"] = [-1.0, 9.0]
+    third["files"][0]["size_bytes"] += 1
+    third["machine_id"] = "sledge-7"
+
+
+def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Path) -> None:
+    folder = changed(bundle, tmp_path, in_logs)
+    assert not verify(folder).findings
+    found = verify(folder, logs=bundle.with_name("logs"))
+    said = items(found)
+    assert found.outcome is IRREPRODUCIBLE, said
+    for place, words in (
+        ("load-0.csv: begins", "it begins at another time: 7.000 s"),
+        ("load-0.csv: duration_s", "it takes another time"),
+        ("load-0.csv: topics", "counts of messages or their stamps are others"),
+        ("load-1.csv: topics", "stamped_by='header'"),
+        ("load-1.csv: losses", "a gap that is not there there,  here"),
+        ("load-1.csv: notes", "other notes: weighed by hand there"),
+        ("load-2.csv: speed_range_m_s", "-1.0; 9.0 there"),
+        ("load-2.csv: files", "the files are others"),
+        ("load-2.csv: machine_id", "its metadata name another machine: sledge-7 there"),
+    ):
+        assert f"{place}: " in said
+        assert words in said
+
+
+def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(bundle: Path) -> None:
+    (bundle / "statement.dsse.json").unlink()
+    try:
+        found = verify(bundle, logs=bundle.with_name("logs"))
+    finally:
+        (bundle / "statement.dsse.json").write_bytes(b"{}")
+    assert not found.findings, items(found)
+    done, unseen = "\n".join(found.done), "\n".join(found.unseen)
+    assert "the frames of each run's recording, by their fingerprint" in done
+    assert "the frames of calibration.rrd, made anew" in done
+    assert "topics, counts, stamps, losses, notes, speeds and verdict of each log" in done
+    assert "What a viewer draws of a recording" in unseen
+    assert "people, place, conditions, sensors and parts" in unseen
+    assert (f"the words of {PDF}" in done) != (f"Whether {PDF} reads as" in unseen)
+
+
+def exchanged(bundle: Path, tmp_path: Path, name: str, write: Callable[[Path], object]) -> Path:
+    folder = changed(bundle, tmp_path, lambda _: None)
+    (folder / name).unlink()
+    write(folder / name)
+    return digested(folder)
+
+
+def test_a_recording_of_another_run_is_found_by_its_fingerprint(
+    bundle: Path, tmp_path: Path
+) -> None:
+    first, second = sorted((bundle / "runs").iterdir())[:2]
+    name = f"runs/{first.name}"
+    folder = exchanged(bundle, tmp_path, name, lambda path: shutil.copy(second, path))
+    found = verify(folder)
+    assert found.outcome is TAMPERED
+    assert f"{name}: is of other files than the replay of load-0.csv" in items(found)
+    assert f"{name}: is of other frames than the replay of load-0.csv" in items(found)
+
+
+def test_a_recording_with_one_number_changed_or_damaged_is_found(
+    bundle: Path, tmp_path: Path
+) -> None:
+    from dataclasses import replace
+
+    from recordings import read_recording
+
+    first, second = sorted((bundle / "runs").iterdir())[:2]
+    run = read_recording(first)
+    loads = run.frames["loads"].with_columns(pl.col("mass_kg") + 1e-9)
+    other = replace(run, frames={**run.frames, "loads": loads})
+
+    def write(path: Path) -> None:
+        write_recording(other, path)
+        # and the other one breaks off
+        torn = path.with_name(second.name)
+        torn.write_bytes(torn.read_bytes()[:5000])
+
+    found = verify(exchanged(bundle, tmp_path, f"runs/{first.name}", write))
+    assert found.outcome is TAMPERED
+    assert f"runs/{first.name}: is of other frames" in items(found)
+    assert f"runs/{second.name}: " in items(found)
+
+
+def test_the_recording_of_the_calibration_is_made_anew_and_compared(
+    bundle: Path, tmp_path: Path
+) -> None:
+    document = document_of((bundle / "evidence.json").read_bytes(), "evidence.json")
+    readings, points = (pl.read_parquet(bundle / name) for name in (READINGS, POINTS))
+    forged = calibration_run(document, readings, points.with_columns(pl.col("mean_kg") + 5.0))
+    folder = exchanged(bundle, tmp_path, RECORDING, lambda path: write_recording(forged, path))
+    assert any("calibration.rrd and report.pdf show" in each for each in verify(folder).unseen)
+    found = verify(folder, logs=bundle.with_name("logs"))
+    assert found.outcome is TAMPERED
+    assert "calibration.rrd: has other frames points than the evidence gives" in items(found)
+
+
+def test_a_pdf_is_compared_by_its_words(bundle: Path, tmp_path: Path) -> None:
+    weasyprint = pytest.importorskip("weasyprint", exc_type=ImportError)
+    pytest.importorskip("pypdf")
+    html = (bundle / "report.html").read_text(encoding="utf-8")
+    alpha = html.partition("<dt>α</dt>")[2].partition("<dd>")[2][:6]
+    forged = html.replace(alpha, "1.5000")
+    path = tmp_path / PDF
+    weasyprint.HTML(string=forged).write_pdf(path)
+    fault, why = pdf_fault(tmp_path, read_file(tmp_path, PDF).sha256, html)
+    assert why == ""
+    assert "1.5000" in fault
+    assert alpha in fault
+    own = read_file(bundle, PDF).sha256
+    assert pdf_fault(bundle, own, html) == ("", "")
+    path.write_bytes(path.read_bytes()[:500])
+    assert "cannot be read" in pdf_fault(tmp_path, read_file(tmp_path, PDF).sha256, html)[0]
+
+
+def test_heads_that_a_page_break_repeats_are_no_difference() -> None:
+    html = "<table><thead><tr><th>run</th><th>mass kg</th></tr></thead><tr><td>1</td></tr></table>"
+    heads = table_heads(html)
+    assert heads == {"runmasskg"}
+    once, twice = (
+        ["run", "mass", "kg", "1", "2"],
+        ["run", "mass", "kg", "1", "•", "run", "mass", "kg", "2"],
+    )
+    assert words_fault(text_of(once, heads), text_of(twice, heads)) == ""
+    assert "12" in words_fault(text_of(once, heads), text_of(["run", "mass", "kg", "1"], heads))
