@@ -344,6 +344,7 @@ def _correlation(log: Log, one: ChannelProposal, speed: ChannelProposal) -> floa
 def _series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
     frame = log.read(topic or "table", [name]).head(_ROWS)
     x = frame[name].cast(pl.Float64).to_numpy()
-    t = (frame["log_time_ns"] - frame["log_time_ns"][0]).to_numpy() / 1e9
+    # a table may have no row with a time
+    t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
     known = np.isfinite(x)
     return t[known], x[known]
