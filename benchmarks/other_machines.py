@@ -164,9 +164,12 @@ def told(drawn: Drawn) -> Told:
         true_kg = scenario.machine.mass_kg * (1.0 + STEP_1 * level)
         for state in mine:
             mass_kg, u_kg = loads[state]["mass_kg"], loads[state]["u_kg"]
-            there = mass_kg is not None and not loads[state]["withheld"]
-            errors.append((mass_kg - true_kg) / u_kg if there else None)
-            u_share.append(u_kg / mass_kg if there else None)
+            if mass_kg is None or loads[state]["withheld"]:
+                errors.append(None)
+                u_share.append(None)
+                continue
+            errors.append((mass_kg - true_kg) / u_kg)
+            u_share.append(u_kg / mass_kg)
     said = next(iter(loads.values()))["said"] if loads else ""
     return Told(made.frames["digging"].height, states, errors, u_share, said or "")
 

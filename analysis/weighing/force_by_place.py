@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats
-from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.nuisances import Moments, Nuisance
 
 #: So many half waves such a force may have on the path.
 _HALF_WAVES: Final = 8
@@ -42,10 +42,14 @@ def _of_wave(half_waves: int) -> Nuisance:
 
 def _by_load(term: Nuisance) -> Nuisance:
     """What of the same is in proportion to the load."""
+
+    def column(m: Moments) -> Floats:
+        return term.column(m) * m.relative_load
+
     return replace(
         term,
         name=f"{term.name}_by_load",
-        column=lambda m: term.column(m) * m.relative_load,
+        column=column,
         meaning=f"{term.meaning}; in proportion to the load",
         by_load=True,
     )
