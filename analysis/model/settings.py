@@ -253,7 +253,7 @@ class PriorSettings(BaseModel):
         0.2,
         gt=0,
         description="prior of the rotating mass of the first gear beyond that of the top one, over "
-        "the mass; vehicles that reach 11 m/s",
+        "the mass; vehicles that reach 11 m/s from less than 4",
     )
     gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
     gain_by_load: float = Field(

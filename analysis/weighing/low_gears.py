@@ -8,6 +8,8 @@ faster than with its square. What turns in the top gear no log tells from the ma
 
 from typing import Final
 
+import numpy as np
+
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import Equation, Floats
 from analysis.weighing.nuisances import Moments, Nuisance
@@ -17,6 +19,10 @@ from analysis.weighing.nuisances import Moments, Nuisance
 _QUARTER_LEFT_M_S: Final = (4.0, 10.0)
 #: Vehicles that reach this speed have gears for the road, in m/s: 40 km/h; loaders are slower.
 _ROAD_M_S: Final = 11.0
+#: Gears are told where it drives as slowly as in the first, in m/s, for this share of the samples:
+#: who never does tells them from the mass by nothing but the prior.
+_FIRST_GEAR_M_S: Final = 4.0
+_LEAST_SHARE: Final = 0.05
 #: What all of it is in the budget.
 BY_GEAR: Final = "gears"
 
@@ -28,6 +34,14 @@ def _left(speed: Floats, quarter_m_s: float) -> Floats:
 def _falls(speed: Floats, quarter_m_s: float) -> Floats:
     """Derivative of that by the speed, in s/m."""
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
+
+
+def _has_gears(motion: Equation) -> bool:
+    """Whether it reaches the speed of a road from that of a first gear."""
+    if motion.largest_speed <= _ROAD_M_S:
+        return False
+    slow = np.abs(motion.speed[motion.used]) < _FIRST_GEAR_M_S
+    return float(slow.mean()) > _LEAST_SHARE
 
 
 def _width(motion: Equation, priors: PriorSettings) -> float:
@@ -47,7 +61,7 @@ def _gear(quarter_m_s: float) -> Nuisance:
         "starts at different throttles; driving without a change of gear",
         by_speed=lambda m: m.acceleration * _falls(m.speed, quarter_m_s),
         by_acceleration=left,
-        applies=lambda e: e.largest_speed > _ROAD_M_S,
+        applies=_has_gears,
         source=BY_GEAR,
     )
 
