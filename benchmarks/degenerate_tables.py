@@ -38,6 +38,7 @@ import typer
 from analysis.model.answer import answer
 from benchmarks.drawn_tables import DrawnTable, draw
 from recordings import read_recording
+from replay.commands import progress_bar
 from replay.commands.cli import main as payscope
 
 #: Exit statuses of a command that was told to end: so is the campaign.
@@ -440,6 +441,8 @@ def drive(seed: int, *, every: bool = False) -> tuple[str, list[str], Counter[st
 def _begin_process() -> None:
     # commands are made of their functions at every call, which takes a tenth of the time
     typer.main.get_command = cache(typer.main.get_command)
+    # on a busy machine compiling is slow, which is told on stderr
+    progress_bar.LONG_S = float("inf")
     # a table that takes all memory is a fault like others, not the end of the campaign
     resource.setrlimit(resource.RLIMIT_AS, (_MOST_BYTES, _MOST_BYTES))
 

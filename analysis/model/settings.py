@@ -249,6 +249,12 @@ class PriorSettings(BaseModel):
         description="prior of a force that depends on the place on a short path that is driven to "
         "and fro (a spring, gravity), over the force",
     )
+    low_gear_share: float = Field(
+        0.2,
+        gt=0,
+        description="prior of the rotating mass of the first gear beyond that of the top one, over "
+        "the mass; vehicles that reach 11 m/s from less than 4",
+    )
     gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
     gain_by_load: float = Field(
         0.1,

@@ -1,15 +1,16 @@
 """The terms of a force that depends on the place, on a short path that is driven to and fro.
 
 A spring, a cable, a cam, or the weight of an arm: such a force goes with the acceleration, which is
-largest at the ends of the path.
+largest at the ends of the path. What is the weight's grows with the load.
 """
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from analysis.weighing.motion_samples import Equation, Floats
-from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.motion_samples import Floats
+from analysis.weighing.nuisances import Moments, Nuisance
 
 #: So many half waves such a force may have on the path.
 _HALF_WAVES: Final = 8
@@ -39,8 +40,22 @@ def _of_wave(half_waves: int) -> Nuisance:
     )
 
 
-#: Behind the nuisances that every log may have.
-PLACE: Final = (
+def _by_load(term: Nuisance) -> Nuisance:
+    """What of the same is in proportion to the load."""
+
+    def column(m: Moments) -> Floats:
+        return term.column(m) * m.relative_load
+
+    return replace(
+        term,
+        name=f"{term.name}_by_load",
+        column=column,
+        meaning=f"{term.meaning}; in proportion to the load",
+        by_load=True,
+    )
+
+
+_OF_EVERY_LOAD: Final = (
     Nuisance(
         "spring",
         "N",
@@ -53,14 +68,18 @@ PLACE: Final = (
     ),
     *map(_of_wave, range(1, _HALF_WAVES + 1)),
 )
+#: Behind the nuisances that every log may have.
+PLACE: Final = (*_OF_EVERY_LOAD, *map(_by_load, _OF_EVERY_LOAD))
 
 
-def place_force(motion: Equation, found_N: Floats) -> Floats:
-    """The force on the path that the terms of `PLACE` were found to have, (n,) in N.
+def forces_by_place(place_1: Floats) -> Floats:
+    """(n, terms) columns of a spring and of the half waves, at such places on the path."""
+    waves = (_wave(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
+    return np.column_stack([_spring(place_1), *waves])
 
-    Args:
-        motion: where the machine is.
-        found_N: (terms,) parameters.
-    """
-    waves = (_wave(motion.place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
-    return found_N @ np.stack([_spring(motion.place_1), *waves])
+
+def slopes_by_place(place_1: Floats) -> Floats:
+    """(n, terms) derivatives of the same by the place."""
+    numbers = np.pi * np.arange(1, _HALF_WAVES + 1)
+    waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))
+    return np.column_stack([np.full(place_1.size, _spring(np.ones(1))), waves])

@@ -21,6 +21,7 @@ from analysis.weighing.force_by_place import PLACE
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import States, found_states, places, stretch_units, untold_states
 from analysis.weighing.log_effects import LikelyEffects
+from analysis.weighing.low_gears import LOW_GEARS
 from analysis.weighing.motion_samples import Equation, Floats, Ints, KeptNoise, NoiseOfColumns
 from analysis.weighing.nuisances import (
     NUISANCES,
@@ -97,7 +98,7 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     several = states is not None and states.count > 1
     terms = tuple(
         term
-        for term in (*NUISANCES, *PLACE, *GROUND)
+        for term in (*NUISANCES, *PLACE, *LOW_GEARS, *GROUND)
         if term.applies(motion) and (several or not term.by_load)
     )
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.weighing.body_squat import Squat
 from analysis.weighing.fit_columns import EarlierRounds
-from analysis.weighing.force_by_place import BY_PLACE, place_force
+from analysis.weighing.force_by_place import BY_PLACE, forces_by_place
 from analysis.weighing.load_states import States
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.motion_samples import Equation, Floats
@@ -124,7 +124,13 @@ class JointFit:
         own = [k for k, term in enumerate(self.terms) if term.source == BY_PLACE]
         if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):
             return None
-        return place_force(self.motion, self.theta[self.count + 1 + np.array(own)])
+        found_N = self.theta[self.count + 1 + np.array(own)]
+        columns = forces_by_place(self.motion.place_1)
+        force = columns @ found_N[: columns.shape[1]]
+        loads, by_load_N = self.found.relative_loads, found_N[columns.shape[1] :]
+        if loads is None or not by_load_N.size:
+            return force
+        return force + loads.at(self.motion.unit) * (columns @ by_load_N)
 
     @property
     def shared(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Which effects a log has: drifts, a force by the place, uneven ground: none, one or several.
+"""Which effects a log has: drifts, a force by the place, gears, uneven ground; none or several.
 
 A gain that drifts and friction that warms look alike while the machine drives at a steady speed,
 and free to cancel each other they hide a change of load. That a log has neither is likelier than
@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.model.settings import PriorSettings
 from analysis.weighing.force_by_place import BY_PLACE, PLACE
+from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.uneven_ground import GROUND
@@ -24,6 +25,7 @@ _WIDTHS: Final = {
     "friction": ("viscous_drift_share",),
     "gain": ("gain_drift",),
     BY_PLACE: ("place_share",),
+    BY_GEAR: ("low_gear_share",),
     "ground": ("ground_share", "ground_change_share", "ground_route_share"),
 }
 #: The effect that each term is of.
@@ -32,6 +34,7 @@ EFFECTS: Final = {
     "viscous_bend": "friction",
     "gain_drift": "gain",
     **{term.name: BY_PLACE for term in PLACE},
+    **{term.name: BY_GEAR for term in LOW_GEARS},
     **{term.name: "ground" for term in GROUND},
 }
 #: A log has each effect with this probability, before anything is measured.

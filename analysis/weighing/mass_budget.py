@@ -9,6 +9,7 @@ from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined, largest_first
 from analysis.weighing.force_by_place import BY_PLACE
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
+from analysis.weighing.low_gears import BY_GEAR
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weigh import Weighing
@@ -44,6 +45,11 @@ _PARTS: Final = {
         "common",
         "a force that depends on the place on a short path: a spring, gravity",
         "strokes at different accelerations over the same path",
+    ),
+    BY_GEAR: _FitPart(
+        "common",
+        "rotating mass of low gears, which falls with the speed",
+        "driving in the top gear; machine.rotating_mass_kg says what turns there",
     ),
     BY_GROUND: _FitPart(
         "common",

@@ -347,6 +347,7 @@ def equation(
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = _standstills(excitation)
     unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
+    silences = _silences(known, rows_in(_SILENT_S, settings.align.rate_hz))
     group = _cut_stretches(group, unit)
     return Equation(
         np.where(known, acceleration, 0.0),
@@ -361,7 +362,7 @@ def equation(
         _column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
         _progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *_places(np.where(known, speed, 0.0), group >= 0, settings.align.rate_hz),
+        *_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),
@@ -369,7 +370,7 @@ def equation(
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         _named_empty(aligned, machine),
         stood,
-        _silences(known, rows_in(_SILENT_S, settings.align.rate_hz)),
+        silences,
     )
 
 
@@ -401,14 +402,19 @@ def _progress(samples: int) -> Floats:
     return np.arange(samples) / max(samples, 1) - 0.5
 
 
-def _places(speed: Floats, used: Bools, rate_hz: float) -> tuple[Floats, float]:
-    """Where the machine is on its path, (n,), and how long that is, in m."""
+def _places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> tuple[Floats, float]:
+    """Where the machine is on its path, (n,), and how long that is, in m.
+
+    What it did while the log was silent nobody knows: each record is centred on its own path.
+    """
     place = np.cumsum(speed) / rate_hz
-    if not used.any():
-        return np.zeros(place.size), 0.0
-    first, last = float(place[used].min()), float(place[used].max())
-    length = last - first
-    return (place - (first + last) / 2.0) / (length or 1.0), length
+    length = 0.0
+    for record in np.unique(silences[used]):
+        mine = silences == record
+        first, last = (float(edge(place[mine & used])) for edge in (np.min, np.max))
+        place[mine] -= (first + last) / 2.0
+        length = max(length, last - first)
+    return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
 
 
 def _standstills(excitation: pl.DataFrame) -> Ints:

@@ -28,6 +28,7 @@ from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import OtherMotion, by_other_motion, disagreement
+from analysis.weighing.record_places import with_records_in_place
 from analysis.weighing.wheel_kinematics import TERMS
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
@@ -183,7 +184,8 @@ def _weighed(
     columns = _OfDerivative(known, rate_hz) if machine.differentiates_speed else known
 
     def motion(*, braking: bool) -> Equation:
-        return equation(aligned, excitation, gated, machine, columns, braking=braking)
+        found = equation(aligned, excitation, gated, machine, columns, braking=braking)
+        return with_records_in_place(found)
 
     def of_states(motion: Equation, begin: JointFit | None = None) -> JointFit:
         fitted = Fitted.of(motion, columns, priors)

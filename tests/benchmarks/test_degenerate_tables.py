@@ -15,6 +15,7 @@ from benchmarks.degenerate_tables import (
     Driven,
     Job,
     disagreements,
+    drafted,
     drive,
     explained,
     jobs_of,
@@ -153,6 +154,12 @@ ONCE_FAULTS: dict[str, tuple[int, Job]] = {
     "effects that nothing determines": (2_002_051, told),
     "loads of which a fit says nothing": (2_002_776, told),
 }
+
+
+def test_a_table_none_of_whose_rows_has_a_time_is_drafted(tmp_path: Path) -> None:
+    payscope = Driven(tmp_path)
+    drafted(draw(3_000_004, tmp_path), payscope)
+    assert not payscope.faults, "\n".join(payscope.faults)
 
 
 @pytest.mark.parametrize("case", ONCE_FAULTS)

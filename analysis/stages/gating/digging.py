@@ -6,7 +6,7 @@ there from the beginning (soft ground, a slope without a pitch) is not meant: on
 
 Hills, gears, springs and gravity make resistances grow as well. They make them fall as often, or
 grow whichever way the machine goes, and it drives on; a pile never pushes, lies before the bucket,
-and ends in a stand or a reverse. Machines without a bucket say `machine.digs = false`.
+ends in a stand or a reverse, and nobody drives into it as fast as on a road. Machines without a bucket say `machine.digs = false`.
 """
 
 from dataclasses import dataclass
@@ -54,6 +54,8 @@ _GROWS_MOST: Final = 2.5
 #: after which the machine drives on: then resistances change by themselves, and none is a pile. In
 #: shifts with a pile there was not one such start; cars, carts, racks and arms have about one each.
 _CONTRADICTS: Final = 0.34
+#: Nobody drives into a pile faster, in m/s: loaders come with 4 at most.
+_FASTEST_M_S: Final = 8.0
 #: The mass of machine and load is this times the empty machine's, within this share of it,
 _HEAVIER: Final = 1.1
 _MASS_WIDTH: Final = 0.15
@@ -94,7 +96,8 @@ class _Met:
     Attributes:
         row: of `digging`: its first and last sample, in ns, the growth and its deviation, in N.
         way: 1 ahead, -1 back.
-        stops: whether a stand, a reverse or the end of the log follows before it drives on.
+        stops: whether a stand, a reverse or the end of the log follows before it drives on, from a
+            speed at which one drives into a pile.
     """
 
     row: tuple[int, int, float, float]
@@ -146,6 +149,7 @@ def _met(excitation: pl.DataFrame, machine: Machine) -> list[_Met]:
             if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
                 stops = _next(ends[way], int(rows[-1])) <= _next(goes_on, int(rows[-1]))
+                stops &= float(np.abs(speed[rows]).max()) <= _FASTEST_M_S
                 found.append(_Met(row, way, stops))
     return found
 

@@ -96,6 +96,13 @@ def test_a_pile_that_is_met_at_speed_and_slows_the_machine_down_is_told(
     assert digging(frame, MACHINE).height == 3
 
 
+def test_nobody_drives_into_a_pile_at_the_speed_of_a_road() -> None:
+    frame = starts([3900.0] * 3, 400.0, 150.0, [6000.0] * 3, 1.0)
+    assert digging(frame, MACHINE).height == 3
+    fast = frame.with_columns(pl.col("speed_x_m_s") * 6.0)
+    assert digging(fast, MACHINE).is_empty()
+
+
 @given(st.floats(3000.0, 6000.0))
 def test_a_move_of_a_second_digs_nowhere_however_its_force_grows(growth: float) -> None:
     frame = starts([3600.0] * 3, 400.0, 150.0, [growth] * 3, lasts_s=1.1)

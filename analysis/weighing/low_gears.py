@@ -1,0 +1,70 @@
+"""The terms of a gearbox: in low gears the force accelerates more that turns.
+
+An engine that turns i times as fast as the wheels adds to the mass with i². A driver shifts up with
+the speed, so that i is about the inverse of the speed, and what a gear has beyond the top one falls
+faster than with its square. What turns in the top gear no log tells from the mass
+(`machine.rotating_mass_kg`).
+"""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.model.settings import PriorSettings
+from analysis.weighing.motion_samples import Equation, Floats
+from analysis.weighing.nuisances import Moments, Nuisance
+
+#: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a lorry's
+#: low gears end at 4 m/s, a car's at 10.
+_QUARTER_LEFT_M_S: Final = (4.0, 10.0)
+#: Vehicles that reach this speed have gears for the road, in m/s: 40 km/h; loaders are slower.
+_ROAD_M_S: Final = 11.0
+#: Gears are told where it drives as slowly as in the first, in m/s, for this share of the samples:
+#: who never does tells them from the mass by nothing but the prior.
+_FIRST_GEAR_M_S: Final = 4.0
+_LEAST_SHARE: Final = 0.05
+#: What all of it is in the budget.
+BY_GEAR: Final = "gears"
+
+
+def _left(speed: Floats, quarter_m_s: float) -> Floats:
+    return (1.0 + (speed / quarter_m_s) ** 2) ** -2
+
+
+def _falls(speed: Floats, quarter_m_s: float) -> Floats:
+    """Derivative of that by the speed, in s/m."""
+    return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
+
+
+def _has_gears(motion: Equation) -> bool:
+    """Whether it reaches the speed of a road from that of a first gear."""
+    if motion.largest_speed <= _ROAD_M_S:
+        return False
+    slow = np.abs(motion.speed[motion.used]) < _FIRST_GEAR_M_S
+    return float(slow.mean()) > _LEAST_SHARE
+
+
+def _width(motion: Equation, priors: PriorSettings) -> float:
+    return priors.low_gear_share * motion.about_kg
+
+
+def _gear(quarter_m_s: float) -> Nuisance:
+    def left(m: Moments) -> Floats:
+        return _left(m.speed, quarter_m_s)
+
+    return Nuisance(
+        f"low_gears_{quarter_m_s:.0f}_m_s",
+        "kg",
+        lambda m: m.acceleration * left(m),
+        _width,
+        "rotating mass of low gears, which falls with the speed",
+        "starts at different throttles; driving without a change of gear",
+        by_speed=lambda m: m.acceleration * _falls(m.speed, quarter_m_s),
+        by_acceleration=left,
+        applies=_has_gears,
+        source=BY_GEAR,
+    )
+
+
+#: Behind the nuisances that every log may have.
+LOW_GEARS: Final = tuple(map(_gear, _QUARTER_LEFT_M_S))

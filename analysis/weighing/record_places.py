@@ -1,0 +1,98 @@
+"""Where the path of each record of a bench lies: nobody knows where the machine was when it began.
+
+Forces that depend on the place tell: records of one path show the same force at the same place. How
+far each is from the first is found by Gauss-Newton, with a mass for each record.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.weighing.force_by_place import forces_by_place, slopes_by_place
+from analysis.weighing.motion_samples import Equation, Floats
+
+_ROUNDS: Final = 12
+#: A record is off by no more once all are centred on their paths, over the path.
+_OFF_1: Final = 0.5
+#: A round moves a record by no more, over the path: half of the shortest half wave.
+_STEP_1: Final = 0.06
+#: Moves of less are none, over the path.
+_MOVED_1: Final = 1e-4
+#: Free, as a standard deviation of a column of unit mean square over that of the force.
+_FREE: Final = 1e3
+
+
+def with_records_in_place(motion: Equation) -> Equation:
+    """The same with the paths of its records moved onto each other, where a bench has several."""
+    used = motion.used
+    if motion.silences is None or not used.any() or not motion.on_a_bench:
+        return motion
+    record = np.unique(motion.silences[used], return_inverse=True)[1]
+    records = int(record.max()) + 1
+    if records < 2:
+        return motion
+    of_record = np.eye(records)[record]
+    straight = np.column_stack(
+        (
+            motion.acceleration[used, None] * of_record,
+            motion.speed[used],
+            motion.direction[used],
+            np.ones(record.size),
+        )
+    )
+    force, place_1 = motion.force[used], motion.place_1[used]
+    off_1 = record_offsets(straight, force, place_1, of_record)
+    number = np.searchsorted(np.unique(motion.silences[used]), motion.silences).clip(0, records - 1)
+    place_1 = motion.place_1 + off_1[number]
+    first, last = float(place_1[used].min()), float(place_1[used].max())
+    length_1 = last - first
+    return replace(
+        motion,
+        place_1=(place_1 - (first + last) / 2.0) / length_1,
+        path_m=motion.path_m * length_1,
+    )
+
+
+def record_offsets(straight: Floats, force: Floats, place_1: Floats, of_record: Floats) -> Floats:
+    """How far each record is from the first, over the path, by the force at each place.
+
+    Args:
+        straight: (n, columns) what else the force has: a mass a record, friction, a constant.
+        force: (n,) in N.
+        place_1: (n,) each record centred on its own path.
+        of_record: (n, records) 1 where a sample is of the record.
+
+    Returns:
+        (records,) what is added to the places.
+    """
+    records = of_record.shape[1]
+    off_1 = np.zeros(records)
+    best_1, least = off_1, np.inf
+    for _ in range(_ROUNDS):
+        place = place_1 + of_record @ off_1
+        known = np.column_stack((straight, forces_by_place(place)))
+        found, missed = _solved(known, force, np.full(known.shape[1], _FREE))
+        cost = float(missed @ missed) / max(float(force @ force), 1e-300)
+        if cost >= least * (1.0 - 1e-9):
+            break
+        best_1, least = off_1, cost
+        slope = slopes_by_place(place) @ found[straight.shape[1] :]
+        moving = np.column_stack((known, slope[:, None] * of_record[:, 1:]))
+        free = np.full(moving.shape[1], _FREE)
+        step = _solved(moving, force, free)[0][known.shape[1] :]
+        step = np.append(0.0, step).clip(-_STEP_1, _STEP_1)
+        if float(np.abs(step).max()) < _MOVED_1:
+            break
+        off_1 = (off_1 + step).clip(-_OFF_1, _OFF_1)
+    return best_1
+
+
+def _solved(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:
+    """Least squares with columns of unit mean square, all but free, and what they miss."""
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    size[size == 0.0] = 1.0
+    scaled = columns / size
+    normal = scaled.T @ scaled + np.diag(free**-2.0)
+    found = np.linalg.solve(normal, scaled.T @ force)
+    return found / size, force - scaled @ found
