@@ -134,6 +134,6 @@ def _series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
     """Seconds from the first row, and the readings, where they are numbers."""
     frame = log.read(topic or TABLE, [name]).head(_ROWS)
     x = frame[name].cast(pl.Float64).to_numpy()
-    t = (frame["log_time_ns"] - frame["log_time_ns"][0]).to_numpy() / 1e9
+    t = (frame["log_time_ns"] - frame["log_time_ns"].min()).to_numpy() / 1e9
     known = np.isfinite(x)
     return t[known], x[known]

@@ -6,7 +6,8 @@ there from the beginning (soft ground, a slope without a pitch) is not meant: on
 
 Hills, gears, springs and gravity make resistances grow as well. They make them fall as often, or
 grow whichever way the machine goes, and it drives on; a pile never pushes, lies before the bucket,
-ends in a stand or a reverse, and nobody drives into it as fast as on a road. Machines without a bucket say `machine.digs = false`.
+ends in a stand or a reverse, and nobody drives into it as fast as on a road. Machines without a
+bucket say `machine.digs = false`.
 """
 
 from dataclasses import dataclass
