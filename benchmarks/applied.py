@@ -24,13 +24,13 @@ from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
 from analysis.model.settings import Settings
 from analysis.simulation.logs.fault_injection import FAULTS, Fault
-from analysis.simulation.scenario.drawn_designs import joined
+from analysis.simulation.scenario.drawn_designs import join_designs
 from benchmarks.findings_rows import AXES, design, needed, own_machine, simulated
 from benchmarks.page import markdown
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
 from estimators.errors import PayscopeError
 from replay.explain.try_proposals import Replays, improve
-from replay.inputs.cached_log import ReadOnce
+from replay.inputs.cached_log import CachedLog
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.logs import Log
 from replay.pipeline import run
@@ -89,7 +89,7 @@ def applied(fault: Fault | Unlisted, seed: int) -> Applied:
     def load(changed: str, _: Sequence[str]) -> Machine:
         return Machine.model_validate(tomllib.loads(changed))
 
-    log = ReadOnce(log)
+    log = CachedLog(log)
     try:
         before = run(log, machine)
     except PayscopeError:
@@ -114,7 +114,7 @@ def _drawn(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     size = _SIZE if fault.largest is None else min(_SIZE, fault.largest)
     sections = needed(design(seed, odd=False), [fault])
     if fault.ground is not None:
-        sections = joined(sections, fault.ground(sections, size))
+        sections = join_designs(sections, fault.ground(sections, size))
     log, *_ = simulated(sections, [(fault, size)])
     # as a user has it: the limits of the verdict hold
     own = own_machine(log.scenario, fault.overrides, AXES)

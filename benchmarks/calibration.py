@@ -21,7 +21,7 @@ from analysis.calibration.line.line_fit import tested_line
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import Points
 from analysis.calibration.line.straight_line import line_of_19
-from analysis.calibration.line.variance_components import Within
+from analysis.calibration.line.variance_components import WithinRunVariance
 from analysis.paper import printed_numbers
 from analysis.paper.torque_chain import TorqueChain
 from benchmarks.page import markdown, put
@@ -108,7 +108,7 @@ def drawn(dice: np.random.Generator, plan: Plan) -> Drawn:
         day=days,
         reference_kg=reference_kg,
         covariance_kg2=stated,
-        within=Within(squares, int((readings[:-1] - 1).sum())),
+        within=WithinRunVariance(squares, int((readings[:-1] - 1).sum())),
     )
     said_kg = own_kg[-1] / np.sqrt(readings[-1]) * np.exp(dice.normal(0.0, STATED_U))
     known_kg = plan.day_kg * float(np.exp(dice.normal(0.0, STATED_U))) if plan.day_known else None
@@ -229,10 +229,10 @@ def papers(dice: np.random.Generator) -> PaperRuns:
     squares = float(((by_load - by_load.mean(axis=1, keepdims=True)) ** 2).sum())
     day = np.zeros(load.size, np.int64)
     ones = np.ones(load.size, np.int64)
-    singles = Points(y_kg, ones, load, day, reference_kg, stated, Within(0.0, 0))
+    singles = Points(y_kg, ones, load, day, reference_kg, stated, WithinRunVariance(0.0, 0))
     together = Points(
         by_load.mean(axis=1), np.full(loads, each), np.arange(loads), day[:loads],
-        reference_kg, stated, Within(squares, loads * (each - 1)),
+        reference_kg, stated, WithinRunVariance(squares, loads * (each - 1)),
     )  # fmt: skip
     return PaperRuns(singles, together, (c0, c1), y_kg, reference_kg[load])
 

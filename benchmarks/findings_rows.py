@@ -15,7 +15,12 @@ from analysis.model.run_record import Run
 from analysis.model.schema import values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from analysis.simulation.logs.fault_injection import Fault, with_fault
-from analysis.simulation.scenario.drawn_designs import Sections, drawn, joined, with_field_physics
+from analysis.simulation.scenario.drawn_designs import (
+    Sections,
+    draw_design,
+    join_designs,
+    with_field_physics,
+)
 from benchmarks.weighed import machine
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
@@ -90,7 +95,7 @@ class Found:
 def design(seed: int, *, odd: bool) -> Sections:
     """A machine and its campaign, of 75 s at least; an odd one is not as the model has it."""
     dice = np.random.default_rng([seed, 20_266])
-    found = drawn(seed)
+    found = draw_design(seed)
     campaign = found["campaign"]
     one_s = campaign["standstill_s"] + campaign["start_s"] + campaign["cruise_s"] + 1.5
     campaign["runs"] = max(campaign["runs"], int(np.ceil(75.0 / one_s)))
@@ -117,7 +122,7 @@ def design(seed: int, *, odd: bool) -> Sections:
         {"brakes": field["brakes"]},
     ]
     chosen = dice.choice(len(kinds), 2, replace=False)
-    return joined(found, *(kinds[int(number)] for number in chosen))
+    return join_designs(found, *(kinds[int(number)] for number in chosen))
 
 
 def own_machine(scenario: Scenario, overrides: Sequence[str], axes: Sequence[str]) -> Machine:
@@ -135,7 +140,7 @@ def own_machine(scenario: Scenario, overrides: Sequence[str], axes: Sequence[str
 
 def simulated(sections: Sections, faults: Sequence[tuple[Fault, float]]) -> list[SimulatedLog]:
     """The logs of a design with faults of a size each."""
-    whole = joined(sections, *(fault.sections(sections, size) for fault, size in faults))
+    whole = join_designs(sections, *(fault.sections(sections, size) for fault, size in faults))
     last = max((fault.last_runs for fault, _ in faults), default=0)
     if not last:
         logs = list(simulate_campaign(Scenario.model_validate(whole)))
@@ -145,9 +150,11 @@ def simulated(sections: Sections, faults: Sequence[tuple[Fault, float]]) -> list
         part = [fault.sections(sections, size) for fault, size in faults if not fault.last_runs]
         before = {"campaign": {**campaign, "runs": campaign["runs"] - last}}
         after = {"campaign": {**campaign, "runs": last}}
-        logs = list(simulate_campaign(Scenario.model_validate(joined(sections, *part, before))))
+        logs = list(
+            simulate_campaign(Scenario.model_validate(join_designs(sections, *part, before)))
+        )
         begin = int(logs[0].timeline.end_ns // 10**9) + 60
-        later = joined(whole, after, {"log": {"start_unix_s": begin}})
+        later = join_designs(whole, after, {"log": {"start_unix_s": begin}})
         later["sensors"] = {**later["sensors"], "seed": later["sensors"]["seed"] + 500_000_000}
         logs += list(simulate_campaign(Scenario.model_validate(later)))
     for fault, size in faults:
@@ -158,7 +165,7 @@ def simulated(sections: Sections, faults: Sequence[tuple[Fault, float]]) -> list
 def needed(sections: Sections, faults: Sequence[Fault]) -> Sections:
     """The design with what faults need to be seen."""
     for fault in faults:
-        sections = joined(sections, fault.needs)
+        sections = join_designs(sections, fault.needs)
     return sections
 
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from analysis.simulation.logs.fault_injection import FAULTS, Fault
-from analysis.simulation.scenario.drawn_designs import Sections, joined
+from analysis.simulation.scenario.drawn_designs import Sections, join_designs
 from benchmarks.findings_rows import AXES, Found, design, found, needed, replayed
 from estimators.errors import PayscopeError
 
@@ -111,7 +111,7 @@ def trials_of(fault: Fault, seed: int) -> list[Trial]:
     if fault.largest is None:
         for severity in SEVERITIES:
             if fault.ground is not None:
-                sections = joined(base(seed, [fault]), fault.ground(sections, severity))
+                sections = join_designs(base(seed, [fault]), fault.ground(sections, severity))
                 without = found(replayed(sections))
             if out and not fault.has_size:
                 out.append(replace(out[0], severity=severity, size=severity))
@@ -213,7 +213,7 @@ def delays(seed: int) -> list[DelayTrial]:
     out: list[DelayTrial] = []
     for true_s in _DELAYS:
         sensors = {"force_delay_s": true_s, "seed": seed}
-        replay = replayed(joined(_NOTES, {"sensors": sensors}), (), ())
+        replay = replayed(join_designs(_NOTES, {"sensors": sensors}), (), ())
         terms = replay.frames["nuisances"].to_dicts()
         fallback = next(row["posterior"] for row in terms if row["term"] == "lag")
         named = [

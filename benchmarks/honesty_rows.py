@@ -14,8 +14,8 @@ from analysis.model.settings import PriorSettings
 from analysis.simulation.scenario.drawn_designs import (
     Sections,
     brought_to_size,
-    drawn,
-    joined,
+    draw_design,
+    join_designs,
     with_field_physics,
 )
 from analysis.simulation.scenario.situations import HARMLESS, INSTRUMENTS, MACHINE, WITHHELD
@@ -74,8 +74,8 @@ def rows() -> list[Row]:
     for name, situation in faulty.items():
         group = "faulty"
         group = "harmless" if name in _HARMLESS_TOO else "budget" if name in _BUDGET else group
-        whole = joined(situation, _HALF) if name.startswith("share") else situation
-        whole = joined(whole, _ONE_THROTTLE) if "campaign" in situation else whole
+        whole = join_designs(situation, _HALF) if name.startswith("share") else situation
+        whole = join_designs(whole, _ONE_THROTTLE) if "campaign" in situation else whole
         overrides = (BRAKING,) if name.startswith("brakes seen") else ()
         shown = f"{name}, braking included" if overrides else name
         found.append(Row(shown, group, whole, overrides, _BUDGET.get(name, {})))
@@ -141,13 +141,13 @@ def row_log(task: Task) -> Weighed:
     row = ROWS[task.name]
     overrides = (POOLED, *row.overrides)
     if task.design == "loader":
-        whole = joined(LOADER, {"sensors": {"seed": task.seed}}, row.situation)
+        whole = join_designs(LOADER, {"sensors": {"seed": task.seed}}, row.situation)
         return weighed(row.name, "loader", whole, overrides, body=row.body)
     for again in range(20):
-        design = drawn(task.seed + 500 * again)
+        design = draw_design(task.seed + 500 * again)
         if row.name == "cruise only":  # an arc, which is no start
             design.pop("starts")
-        whole = joined(design, brought_to_size(row.situation, design))
+        whole = join_designs(design, brought_to_size(row.situation, design))
         size = design["machine"]["mass_kg"] / LOADER["machine"]["mass_kg"]
         body = {k: v * size if k.endswith("_kg") else v for k, v in row.body.items()}
         try:
@@ -188,7 +188,9 @@ def width_tasks(seeds: int) -> Iterator[Task]:
 
 def width_log(task: Task) -> Weighed:
     share = 1.0 if task.name.endswith("= 1") else 0.5
-    whole = joined(LOADER, {"machine": {"force_share": share}, "sensors": {"seed": task.seed}})
+    whole = join_designs(
+        LOADER, {"machine": {"force_share": share}, "sensors": {"seed": task.seed}}
+    )
     overrides: list[str] = [POOLED]
     if task.name in NARROW:
         priors = machine_priors()
@@ -204,14 +206,14 @@ def machine_priors() -> dict[str, float]:
 def clean_log(task: Task) -> Weighed:
     """A log of the design's machine, whose noise and nuisances are this seed's."""
     number = int(task.design.split()[1])
-    design = joined(drawn(5_000_000 + number), {"sensors": {"seed": task.seed}})
+    design = join_designs(draw_design(5_000_000 + number), {"sensors": {"seed": task.seed}})
     if task.name == "nuisances at zero":
         return weighed(task.name, task.design, design, (POOLED,))
     dice = np.random.default_rng([task.seed, 20_262])
     for _ in range(20):
         nuisances, acc_gain = _nuisances(design, dice)
         try:
-            whole = joined(design, nuisances)
+            whole = join_designs(design, nuisances)
             return weighed(task.name, task.design, whole, (POOLED,), acc_gain)
         except ScenarioError:
             continue
@@ -293,11 +295,13 @@ def load_log(task: Task) -> Weighed:
         # one start tells no repeatability, nor which of two is empty
         known = {} if runs > 1 else {"repeatability_kg": 1.0}
         said = () if runs > 1 else EMPTY_FIRST
-        return weighed(task.name, "loader", joined(LOADER, loader), (POOLED, *said), body=known)
+        return weighed(
+            task.name, "loader", join_designs(LOADER, loader), (POOLED, *said), body=known
+        )
     scatter = _SCATTERS.get(task.name, 0.0)
     said = EMPTY_FIRST if scatter else ()
     for again in range(20):
-        design = drawn(task.seed + 500 * again)
+        design = draw_design(task.seed + 500 * again)
         size = design["machine"]["mass_kg"] / LOADER["machine"]["mass_kg"]
         loads = size * dice.uniform(20.0, 250.0, int(dice.integers(1, 5)))
         campaign = {"loads_kg": [0.0, *loads.tolist()], "runs": int(dice.integers(3, 7))}
@@ -305,8 +309,8 @@ def load_log(task: Task) -> Weighed:
         try:
             # each log has its own clock: none drifts, or the drift would begin anew with each
             one_clock = {"campaign": campaign, "sampling": {"torque_clock_ppm": 0.0}}
-            whole = joined(joined(design, nuisances), one_clock)
-            whole = joined(whole, _scattering(design, scatter)) if scatter else whole
+            whole = join_designs(join_designs(design, nuisances), one_clock)
+            whole = join_designs(whole, _scattering(design, scatter)) if scatter else whole
             return weighed(task.name, "drawn", whole, (POOLED, *said), acc_gain)
         except ScenarioError:
             continue
@@ -316,7 +320,7 @@ def load_log(task: Task) -> Weighed:
 def field_log(task: Task, dice: np.random.Generator) -> Weighed:
     """A machine on real ground, empty in one half of its starts and loaded in the other."""
     for again in range(20):
-        design = drawn(task.seed + 500 * again)
+        design = draw_design(task.seed + 500 * again)
         mass_kg = design["machine"]["mass_kg"]
         half = int(dice.integers(3, 8))
         nuisances, acc_gain = _nuisances(design, dice)
@@ -327,7 +331,7 @@ def field_log(task: Task, dice: np.random.Generator) -> Weighed:
                 "change_before_start": half,
             },
         }
-        whole = with_field_physics(joined(design, nuisances, loaded), task.seed + 500 * again)
+        whole = with_field_physics(join_designs(design, nuisances, loaded), task.seed + 500 * again)
         try:
             return weighed(task.name, "drawn", whole, (POOLED,), acc_gain)
         except ScenarioError:
@@ -353,7 +357,7 @@ def power_tasks(logs: int) -> Iterator[Task]:
 def power_log(task: Task) -> Weighed:
     """A motor whose force follows from the speed for most of a start, on a soft driveline."""
     dice = np.random.default_rng([task.seed, 20_263])
-    design = drawn(task.seed)
+    design = draw_design(task.seed)
     full_N = design["campaign"]["throttle_force_N"]
     power = {
         "campaign": {"runs": round(float(np.exp(dice.uniform(0.0, np.log(30.0)))))},
@@ -363,7 +367,7 @@ def power_log(task: Task) -> Weighed:
             "resonance_damping": float(dice.uniform(0.03, 0.3)),
         },
     }
-    return weighed(POWER, "drawn", joined(design, power), DERIVED)
+    return weighed(POWER, "drawn", join_designs(design, power), DERIVED)
 
 
 KINDS = {

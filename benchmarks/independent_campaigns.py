@@ -22,7 +22,7 @@ from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import readings, run_responses
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.use.apply_calibration import calibrated_loads
+from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.calibration.use.later_log import later_log
 from analysis.calibration.use.learnt_priors import as_later, learnt_terms, terms_of, with_learnt
 from analysis.model.machine import Machine
@@ -216,7 +216,7 @@ def later(
     line, machine = by
     made, own = replayed(drawn, states, dice, machine)
     log = later_log(made.frames, own.machine)
-    row = calibrated_loads(made.frames["loads"], line, log).row(-1, named=True)
+    row = calibrate_loads(made.frames["loads"], line, log).row(-1, named=True)
     names = ["payload_kg", "payload_u_kg", "mass_kg", "u_kg"]
     names += [name for name in row if name.startswith("calibrated_")]
     return {

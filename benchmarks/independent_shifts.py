@@ -35,7 +35,7 @@ from benchmarks.independent.mcap_log import write_mcap
 from benchmarks.independent.shift_logs import shift_log
 from benchmarks.page import markdown
 from estimators.errors import PayscopeError
-from replay.review.review_shift import Reviewed, ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, ShiftReview, review
 
 #: Of an interval of 95 %.
 K: Final = 2.0
@@ -155,7 +155,7 @@ def reviewed(seed: int, shorter: float = 1.0, *, clean: bool = False) -> Indepen
     """
     log = shift_log(seed, shorter, clean=clean)
     refused = crashed = ""
-    made: Reviewed | None = None
+    made: ShiftReview | None = None
     with tempfile.TemporaryDirectory() as name:
         folder, stated = Path(name), Path(name) / "machine.toml"
         paths = [folder / f"shift_{number}.mcap" for number in range(1, len(log.files) + 1)]
@@ -182,7 +182,7 @@ def reviewed(seed: int, shorter: float = 1.0, *, clean: bool = False) -> Indepen
     )
 
 
-def _printed(made: Reviewed) -> list[str]:
+def _printed(made: ShiftReview) -> list[str]:
     """What the command prints."""
     from rich.console import Console
 

@@ -17,12 +17,12 @@ import typer
 from scipy.stats import norm
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import joined
-from analysis.weighing.load_states import States, found_states
+from analysis.simulation.scenario.drawn_designs import join_designs
+from analysis.weighing.load_states import LoadStates, find_states
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
-from estimators.joint.group_effects import Units
+from estimators.joint.group_effects import GroupEffects
 from estimators.numerics.autocorrelation import student_factor
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
@@ -72,7 +72,7 @@ ONE_LOAD: Final[dict[str, Mapping[str, Mapping[str, Any]]]] = {
 class Drawn:
     """Manoeuvres, their true states, and the levels of those."""
 
-    units: Units
+    units: GroupEffects
     state: np.ndarray
     level_kg: np.ndarray
 
@@ -105,7 +105,7 @@ def manoeuvres(
     stated = own_kg * dice.normal(1.0, 0.1, count).clip(0.6, 1.4)
     x = (direction / 1.5)[:, None]
     prior_N = np.array([[200.0**-2]])
-    units = Units(y, x, stated**2, prior_N, np.zeros(1), np.ones(count - 1, np.int64))
+    units = GroupEffects(y, x, stated**2, prior_N, np.zeros(1), np.ones(count - 1, np.int64))
     return Drawn(units, state, level_kg)
 
 
@@ -126,7 +126,7 @@ def changing(
     return np.repeat(np.arange(states), sizes), MASS_KG + np.array(load_kg)
 
 
-def changes(found: States, drawn: Drawn) -> np.ndarray:
+def changes(found: LoadStates, drawn: Drawn) -> np.ndarray:
     """Right, found and true changes."""
     mine, true = np.diff(found.of) != 0, np.diff(drawn.state) != 0
     return np.array([(mine & true).sum(), mine.sum(), true.sum()])
@@ -146,7 +146,7 @@ def curve(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
             for _ in range(logs):
                 drawn = manoeuvres(dice, *changing(dice, jump, scatter, 3), scatter)
                 counts += changes(
-                    found_states(drawn.units, np.arange(drawn.state.size), None), drawn
+                    find_states(drawn.units, np.arange(drawn.state.size), None), drawn
                 )
             cells.append(f"{f1(counts):.3f}")
         cells += [f"{singles(dice, jump, logs, *about):.3f}" for about in SINGLES.values()]
@@ -168,7 +168,7 @@ def singles(
             units = replace(units, kind=1 + moves.astype(np.int64))
         if not offset:
             units = replace(units, x=np.zeros_like(units.x))
-        found = found_states(units, np.arange(drawn.state.size), 0.0 if known else None)
+        found = find_states(units, np.arange(drawn.state.size), 0.0 if known else None)
         counts += changes(found, drawn)
     return f1(counts)
 
@@ -193,7 +193,7 @@ def one_state(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
                 state, level_kg = np.zeros(count, np.int64), np.array([MASS_KG])
                 units = manoeuvres(dice, state, level_kg, scatter, **more).units
                 units = replace(units, kind=units.kind + boom)
-                found = found_states(units, np.arange(count), None)
+                found = find_states(units, np.arange(count), None)
                 single += found.count == 1
                 doubted += found.other is not None
             label = f"{name}, scatter {scatter:g}"
@@ -204,7 +204,7 @@ def whole_states(name: str, number: int) -> tuple[int, bool]:
     """How many states a log of one load has, and whether it says that it cannot tell."""
     starts = int(np.random.default_rng([number, 11]).integers(3, 13))
     own = {"campaign": {"runs": starts}, "sensors": {"seed": 8_000_000 + number}}
-    scenario = Scenario.model_validate(joined(joined(LOADER, own), ONE_LOAD[name]))
+    scenario = Scenario.model_validate(join_designs(join_designs(LOADER, own), ONE_LOAD[name]))
     (log,) = simulate_campaign(scenario)
     replayed = run(MemoryLog(log), reading_memory(machine((POOLED,)), log))
     loads = replayed.frames["loads"]
@@ -232,7 +232,7 @@ def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
             if state.size - level_kg.size < 4:
                 continue
             drawn = manoeuvres(dice, state, level_kg, scatter)
-            found = found_states(drawn.units, np.arange(state.size), None)
+            found = find_states(drawn.units, np.arange(state.size), None)
             if not np.array_equal(found.of, state):
                 continue
             weight = 1.0 / (drawn.units.variance + found.scatter_kg**2)

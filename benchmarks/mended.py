@@ -24,7 +24,7 @@ import typer
 
 from analysis.simulation import SimulatedLog
 from analysis.simulation.logs.fault_injection import Fault
-from analysis.simulation.scenario.drawn_designs import Sections, joined
+from analysis.simulation.scenario.drawn_designs import Sections, join_designs
 from benchmarks.findings_rows import OPEN, POOLED, found, replayed, simulated
 from benchmarks.findings_trials import BY_NAME, base, errors, tried
 from benchmarks.page import markdown, put
@@ -153,7 +153,7 @@ def _sized(fault: Fault, seed: int) -> tuple[Sections, float | None, float]:
     """The design, the size of the fault, and by how many deviations that bends the mass."""
     sections, size = base(seed, [fault]), _AS_SAID
     if fault.ground is not None:
-        sections = joined(sections, fault.ground(sections, size))
+        sections = join_designs(sections, fault.ground(sections, size))
     without = found(replayed(sections, (), overrides=fault.overrides))
     if without.mass_kg is None or not without.u_random_kg:
         return sections, None, np.nan

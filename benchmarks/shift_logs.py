@@ -20,7 +20,7 @@ from analysis.simulation.logs.shift_limits import check_shift
 from analysis.simulation.scenario.drawn_designs import (
     LOADER_KG,
     Sections,
-    joined,
+    join_designs,
     with_field_physics,
 )
 from estimators.errors import ScenarioError
@@ -249,7 +249,7 @@ def _on_real_ground(sections: Sections, seed: int) -> Sections:
             "pour_share": float(dice.uniform(0.1, 0.25)),
         }
     }
-    return joined(with_field_physics(sections, seed), losing)
+    return join_designs(with_field_physics(sections, seed), losing)
 
 
 def _at_its_steepest(scenario: Scenario) -> Scenario:

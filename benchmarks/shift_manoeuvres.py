@@ -20,11 +20,11 @@ from analysis.model.verdict import Verdict
 from analysis.weighing.fit_columns import EarlierRounds
 from analysis.weighing.growing_load import Filling
 from analysis.weighing.joint_result import JointFit, PriorMeans
-from analysis.weighing.load_states import States, found_states
+from analysis.weighing.load_states import LoadStates, find_states
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Curvature, Weighing
-from estimators.joint.group_effects import Units
-from estimators.joint.prior_fit import PriorFit
+from estimators.joint.group_effects import GroupEffects
+from estimators.joint.prior_fit import MapFit
 from replay import load_machine
 
 Floats = NDArray[np.float64]
@@ -61,7 +61,7 @@ class DrawnShift:
         end_s: of the shift.
     """
 
-    units: Units
+    units: GroupEffects
     of: Ints
     loaded: NDArray[np.bool_]
     pass_kg: Floats
@@ -143,7 +143,7 @@ def drawn(dice: np.random.Generator) -> DrawnShift:
     error_kg = dice.normal(0.0, own_kg) + dice.normal(0.0, scatter_kg, n)
     # the deviation that a manoeuvre states is itself estimated
     stated = own_kg * dice.normal(1.0, 0.1, n).clip(0.6, 1.4)
-    units = Units(
+    units = GroupEffects(
         mass_kg + shared_kg + error_kg,
         x,
         stated**2,
@@ -166,7 +166,7 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
         oracle: whether the true boundaries are known.
     """
     number = np.arange(truth.of.size)
-    states = found_states(truth.units, number, None)
+    states = find_states(truth.units, number, None)
     if oracle:
         states = _with_true_states(truth, states)
     weighing, hat = _weighing(truth, states)
@@ -181,15 +181,15 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
     return _compared(truth, table, summary, found, hat)
 
 
-def _with_true_states(truth: DrawnShift, states: States) -> States:
+def _with_true_states(truth: DrawnShift, states: LoadStates) -> LoadStates:
     of = np.unique(truth.of, return_inverse=True)[1].astype(np.int64)
-    return States(
+    return LoadStates(
         states.unit, of, states.level_kg, states.std_kg, states.scatter_kg, states.freedom,
         states.birge_ratio,
     )  # fmt: skip
 
 
-def _true_passes(truth: DrawnShift, states: States, hat: Floats) -> Passes:
+def _true_passes(truth: DrawnShift, states: LoadStates, hat: Floats) -> Passes:
     """The passes as they were driven, with what their manoeuvres say."""
     weight = 1.0 / (states.std_kg**2 + states.scatter_kg**2)
     total = np.bincount(states.of, weight)
@@ -209,10 +209,10 @@ def _true_passes(truth: DrawnShift, states: States, hat: Floats) -> Passes:
 
 
 class _Estimated(NamedTuple):
-    fit: PriorFit
+    fit: MapFit
 
 
-def _weighing(truth: DrawnShift, states: States) -> tuple[Weighing, Floats]:
+def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     """The joint fit at manoeuvre level; and (3, manoeuvres), what nuisances are found of."""
     units, count = truth.units, states.count
     n, r = units.x.shape
@@ -227,7 +227,7 @@ def _weighing(truth: DrawnShift, states: States) -> tuple[Weighing, Floats]:
     width = np.zeros(count + r)
     width[count:] = prior[count:] ** -0.5
     theta = hat @ units.y
-    fit = PriorFit(
+    fit = MapFit(
         theta=theta,
         noise=(hat * units.variance) @ hat.T,
         responses=(bread * prior * width).T,
@@ -256,20 +256,20 @@ def _weighing(truth: DrawnShift, states: States) -> tuple[Weighing, Floats]:
     return weighing, hat[count:]
 
 
-def _with_friction(fit: PriorFit, place: int) -> PriorFit:
+def _with_friction(fit: MapFit, place: int) -> MapFit:
     def wide(x: Floats) -> Floats:
         for axis in range(x.ndim):
             x = np.insert(x, place, 0.0, axis=axis)
         return x
 
-    return PriorFit(
+    return MapFit(
         wide(fit.theta), wide(fit.noise), wide(fit.responses), wide(fit.scatter),
         wide(fit.misfit), wide(fit.doubt), fit.noise_share, fit.scatter_ratio, fit.misfit_ratio,
         fit.groups, fit.residual, fit.residual_rms,
     )  # fmt: skip
 
 
-def _frames(truth: DrawnShift, states: States, hat: Floats) -> dict[str, pl.DataFrame]:
+def _frames(truth: DrawnShift, states: LoadStates, hat: Floats) -> dict[str, pl.DataFrame]:
     level_kg = truth.units.y - truth.units.x @ (hat @ truth.units.y)
     start = (truth.start_s * _NS).astype(np.int64)
     dug = (truth.dug_s * _NS).astype(np.int64)

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Channel, Machine
-from analysis.simulation.scenario.drawn_designs import joined
+from analysis.simulation.scenario.drawn_designs import join_designs
 from analysis.simulation.scenario.waveforms import Floats
 from benchmarks.findings_rows import AXES, design, simulated
 from benchmarks.independent.payload_plans import PayloadLog, Situation, payload_log
@@ -109,7 +109,7 @@ def with_usual_sides(log: DrawnLog, seed: int) -> DrawnLog:
 def _simulated(seed: int, *, odd: bool, both_ways: bool) -> DrawnLog:
     sections = design(seed, odd=odd)
     if both_ways:
-        sections = joined(sections, {"starts": {"directions": "alternating"}})
+        sections = join_designs(sections, {"starts": {"directions": "alternating"}})
     (log,) = simulated(sections, [])[:1]
     body = log.scenario.machine
     known = {"empty_mass_kg": body.mass_kg, "force_share": body.force_share}

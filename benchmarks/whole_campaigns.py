@@ -18,7 +18,7 @@ from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.campaign.campaign_readings import readings, run_responses
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.use.apply_calibration import calibrated_loads
+from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.calibration.use.later_log import later_log
 from analysis.calibration.use.learnt_priors import learnt_terms, terms_of, with_learnt
 from analysis.model.machine import Machine
@@ -155,7 +155,7 @@ def _outcomes(replayed: list[Run], references: pl.DataFrame) -> list[Outcome]:
     found: list[Outcome] = []
     for each, load_kg in zip(later, LATER_KG, strict=True):
         log = later_log(each.frames, body)
-        row = calibrated_loads(each.frames["loads"], line, log).row(0, named=True)
+        row = calibrate_loads(each.frames["loads"], line, log).row(0, named=True)
         true_kg = EMPTY_KG + load_kg
         if row["calibrated_kg"] is None:
             print(f"refused: {row['calibrated_reason']}", flush=True)

@@ -28,10 +28,10 @@ def in_chunks(work: Callable[[slice], None], rows: int) -> None:
     The loops release the interpreter's lock. NUMBA_NUM_THREADS bounds the cores, as for numba.
     """
     chunks = [slice(begin, min(begin + CHUNK, rows)) for begin in range(0, rows, CHUNK)]
-    mapped(work, chunks, _WORTH_THREADS)
+    map_in_threads(work, chunks, _WORTH_THREADS)
 
 
-def mapped(work: Callable[[T], R], items: Sequence[T], a_thread: int = 1) -> list[R]:
+def map_in_threads(work: Callable[[T], R], items: Sequence[T], a_thread: int = 1) -> list[R]:
     """Call `work` with each item, and give what comes of them in their order.
 
     Args:

@@ -9,14 +9,14 @@ import polars as pl
 from analysis.cycles.cycles import cycles
 from analysis.cycles.shift_totals import shift
 from analysis.diagnosis import (
-    Evidence,
+    CheckInputs,
     disagreements,
-    judged_with_causes,
     signals,
     verdict,
+    withhold_by_causes,
     without_named,
 )
-from analysis.findings import Case, beginning, behind, findings
+from analysis.findings import FindingInputs, add_masked_findings, findings, first_findings
 from analysis.model.machine import Machine
 from analysis.model.run_record import Loss, Run
 from analysis.model.verdict import Verdict
@@ -36,7 +36,7 @@ from analysis.stages.signals.align import notes as grid_notes
 from analysis.stages.signals.derive import derive, measured
 from analysis.stages.signals.grid_rate import at_own_rate
 from analysis.stages.signals.mounting import Series
-from analysis.stages.signals.timestamps import place
+from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import ticket_notes
 from analysis.weighing.learnt_means import responses
 from analysis.weighing.load_frames import budget_frame, changes, loads, manoeuvre_frame, nuisances
@@ -45,7 +45,7 @@ from estimators.errors import DataError
 from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields, named_by_topic, provenance, read_channels
 from replay.inputs.machine_identity import identified
-from replay.inputs.parallel_tables import side_by_side
+from replay.inputs.parallel_tables import join_parallel_tables
 from replay.inputs.time_line import note as order_note
 from replay.inputs.time_line import offsets_ns
 from replay.logs import Log
@@ -74,13 +74,13 @@ class _Placed:
     @classmethod
     def of(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_Placed":
         """Place every sample by its stamp, and take what the channels name."""
-        placed, stamps, doubts = place(raw)
+        placed, stamps, doubts = assign_timestamps(raw)
         read, missing = measured(placed, machine)
         return cls(read, stamps, [*doubts, *missing])
 
 
 @dataclass(frozen=True)
-class _Judged:
+class _Stages:
     """What a log is worth, and all that says so.
 
     Attributes:
@@ -96,7 +96,7 @@ class _Judged:
 
     frames: dict[str, pl.DataFrame]
     weighing: Weighing | None
-    case: Case
+    case: FindingInputs
     totals: pl.DataFrame
     contradicted: list[str]
     stamps: dict[str, str]
@@ -118,19 +118,19 @@ def run(
     Returns:
         Every intermediate frame and where it came from.
     """
-    logs, machine = side_by_side(logs if isinstance(logs, Sequence) else [logs], machine)
+    logs, machine = join_parallel_tables(logs if isinstance(logs, Sequence) else [logs], machine)
     machine, logged_id = identified(logs, machine)  # a sister's log is refused
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
     placed = _Placed.of(raw, machine)
     machine, chosen = at_own_rate(placed.read, machine)  # what no setting gives
-    seen = _judged(raw, placed, machine, on_stage)
+    seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
     weighing, excitation = seen.weighing, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _causes(seen, raw, machine)
-    judged = judged_with_causes(seen.case.judged, causes, machine)
+    judged = withhold_by_causes(seen.case.judged, causes, machine)
     opinion = Verdict.of(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane, plane_budget = planar(
@@ -180,12 +180,12 @@ def run(
     ).fingerprinted()
 
 
-def _judged(
+def _run_stages(
     raw: Mapping[str, pl.DataFrame],
     placed: _Placed,
     machine: Machine,
     on_stage: Callable[[str], None],
-) -> _Judged:
+) -> _Stages:
     settings, read = machine.settings, placed.read
     on_stage("derive")  # one filter on all of them where one is differentiated
     channels, notes = derive(read, machine)
@@ -221,7 +221,7 @@ def _judged(
     estimates = trace(excitation, gated, settings, noise, changes(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = masses(excitation, gated, estimates, machine, noise)
-    evidence = Evidence(
+    evidence = CheckInputs(
         excitation,
         gated,
         machine,
@@ -234,7 +234,7 @@ def _judged(
     )
     judged = verdict(evidence)
     contradicted = [each.method for each in disagreements(evidence) if each.contradicted]
-    return _Judged(
+    return _Stages(
         {
             "aligned": aligned,
             "excitation": excitation,
@@ -245,7 +245,7 @@ def _judged(
             "segments": table,
         },
         weighing,
-        Case(evidence, aligned, noise, raw, digs, judged, estimates),
+        FindingInputs(evidence, aligned, noise, raw, digs, judged, estimates),
         everything,
         contradicted,
         placed.stamps,
@@ -254,16 +254,16 @@ def _judged(
     )
 
 
-def _causes(seen: _Judged, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
+def _causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
     """The causes that show; behind one that hides the others, those of the log without it."""
-    part = beginning(raw)
+    part = first_findings(raw)
 
     def look(changed: Machine) -> pl.DataFrame | None:
         try:
             placed = _Placed.of(part, changed)
-            return findings(_judged(part, placed, changed, lambda _: None).case)
+            return findings(_run_stages(part, placed, changed, lambda _: None).case)
         except DataError:  # the first hour of a log may hold less than the whole
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw.items())
-    return behind(findings(seen.case), machine, look, whole=whole)
+    return add_masked_findings(findings(seen.case), machine, look, whole=whole)

@@ -45,7 +45,7 @@ def digging_contradicts(found: Passes, digs: pl.DataFrame) -> bool:
     return float(np.mean(hauled[one] > 1)) > _SEVERAL_LOADS
 
 
-def with_witnessed(
+def add_boom_cycles(
     parts: list[CycleParts],
     found: Passes,
     digs: pl.DataFrame,

@@ -23,7 +23,7 @@ _OF_PAYLOAD: Final = "joint_payload"
 _COMMON: Final = ("common", "shared")
 
 
-def calibrated_cycles(
+def calibrate_cycles(
     cycles: pl.DataFrame, calibration: Calibration, unlike: Unlike | None = None
 ) -> pl.DataFrame:
     """Put payloads on the line m̂ = c0 + c1 m: of a difference of masses the constant cancels.

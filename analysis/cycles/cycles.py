@@ -15,7 +15,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_cycles import digging_contradicts, with_witnessed
+from analysis.cycles.boom_cycles import add_boom_cycles, digging_contradicts
 from analysis.cycles.cycle_parts import CycleParts, cycle_parts, dump_times
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
@@ -116,7 +116,7 @@ def cycles(
     dump_times(parts, found, *motion)
     contradicts = False
     if known is None:
-        parts, contradicts = with_witnessed(parts, found, digs, *motion)
+        parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
     if not parts:
         return Hauled(_frame([]), {}, ShiftScale())
     withheld = ", ".join(check.check for check in verdict.failed("mass"))

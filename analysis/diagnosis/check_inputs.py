@@ -10,7 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.diagnosis.empty_mass import EmptyMassDifference, empty_mass_difference
-from analysis.diagnosis.excluded_stretches import LeftOut
+from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import Signals
 from analysis.diagnosis.side_comparison import SideDifference, side_differences
 from analysis.model.axes import Z, axes, spin, straight
@@ -63,7 +63,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class CheckInputs:
     """A log as the checks see it.
 
     Attributes:
@@ -86,7 +86,7 @@ class Evidence:
     totals: pl.DataFrame | None = None
     t0_unix_ns: int = 0
     noise: pl.DataFrame | None = None
-    left_out: Mapping[str, LeftOut] = field(default_factory=dict[str, LeftOut])
+    left_out: Mapping[str, ExcludedStretches] = field(default_factory=dict[str, ExcludedStretches])
 
     def has(self, *columns: str) -> bool:
         """Whether the log has all of these columns."""
@@ -144,6 +144,6 @@ class Evidence:
         braking = spinning & (changes < 0)
         welcome = not self.machine.settings.gate.exclude_braking
         moving = spinning if welcome else spinning & ~braking
-        if not fit_quality.enough(A, moving):
+        if not fit_quality.has_enough_samples(A, moving):
             return None
         return Motion(A, f, spinning, moving, braking, speeding=spinning & (changes > 0))

@@ -3,20 +3,20 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from analysis.diagnosis.check_inputs import Evidence, Motion
+from analysis.diagnosis.check_inputs import CheckInputs, Motion
 from analysis.diagnosis.excluded_stretches import MOVES_U
 from analysis.model.verdict import About, Consequence
 
 
-def _always(_: Evidence, __: Motion) -> bool:
+def _always(_: CheckInputs, __: Motion) -> bool:
     return True
 
 
-def _unasked(_: Evidence, __: Motion) -> None:
+def _unasked(_: CheckInputs, __: Motion) -> None:
     return None
 
 
-def _nothing(_: Evidence, __: Motion) -> str:
+def _nothing(_: CheckInputs, __: Motion) -> str:
     return ""
 
 
@@ -42,23 +42,23 @@ class CheckRow:
 
     name: str
     about: About
-    number: Callable[[Evidence, Motion], float]
+    number: Callable[[CheckInputs, Motion], float]
     meaning: str
     minimum: str | None = None
     maximum: str | None = None
-    applies: Callable[[Evidence, Motion], bool] = _always
+    applies: Callable[[CheckInputs, Motion], bool] = _always
     optional: bool = False
-    names: Callable[[Evidence, Motion], str] = _nothing
+    names: Callable[[CheckInputs, Motion], str] = _nothing
     consequence: Consequence = "withhold"
-    moved_u: Callable[[Evidence, Motion], float | None] = _unasked
+    moved_u: Callable[[CheckInputs, Motion], float | None] = _unasked
     remedy: str = ""
 
-    def text(self, evidence: Evidence, motion: Motion) -> str:
+    def text(self, evidence: CheckInputs, motion: Motion) -> str:
         """The meaning, and what the number is of."""
         name = self.names(evidence, motion)
         return f"{self.meaning} ({name})" if name else self.meaning
 
-    def leads_to(self, evidence: Evidence, motion: Motion) -> Consequence:
+    def leads_to(self, evidence: CheckInputs, motion: Motion) -> Consequence:
         """What failing leads to in this log: in proportion to what the check names changes."""
         moved_u = self.moved_u(evidence, motion)
         return "tell" if moved_u is not None and moved_u <= MOVES_U else self.consequence

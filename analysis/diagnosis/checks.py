@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis.check_inputs import Evidence, Motion
+from analysis.diagnosis.check_inputs import CheckInputs, Motion
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
@@ -32,7 +32,7 @@ _SCALE_REMEDY: Final = (
 _SHORTEST_MOVING_S: Final = 1.0
 
 
-def verdict(evidence: Evidence) -> pl.DataFrame:
+def verdict(evidence: CheckInputs) -> pl.DataFrame:
     """Judge the log, a row a check; `passed` is null where a check does not apply."""
     machine = evidence.machine
     motions = {"mass": evidence.straight, "inertia": evidence.spins}
@@ -66,35 +66,35 @@ def verdict(evidence: Evidence) -> pl.DataFrame:
     return build("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-def _partial_correlation(_: Evidence, motion: Motion) -> float:
+def _partial_correlation(_: CheckInputs, motion: Motion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def _sign(evidence: Evidence, motion: Motion) -> float:
+def _sign(evidence: CheckInputs, motion: Motion) -> float:
     rate_hz = evidence.machine.settings.align.rate_hz
     fewest = rows_in(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
     few = np.count_nonzero(motion.moving) < fewest
     return np.nan if few else _partial_correlation(evidence, motion)
 
 
-def _relative_std(_: Evidence, motion: Motion) -> float:
+def _relative_std(_: CheckInputs, motion: Motion) -> float:
     fit = motion.fit
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _r_squared(_: Evidence, motion: Motion) -> float:
+def _r_squared(_: CheckInputs, motion: Motion) -> float:
     return motion.fit.r_squared
 
 
-def _opposing_share(_: Evidence, motion: Motion) -> float:
+def _opposing_share(_: CheckInputs, motion: Motion) -> float:
     return 1.0 - fit_quality.along_share(motion.speed, motion.f, motion.braking)
 
 
-def _driving_share(_: Evidence, motion: Motion) -> float:
+def _driving_share(_: CheckInputs, motion: Motion) -> float:
     return fit_quality.along_share(motion.speed, motion.f, motion.speeding)
 
 
-def _acceleration_gain(evidence: Evidence, motion: Motion) -> float:
+def _acceleration_gain(evidence: CheckInputs, motion: Motion) -> float:
     """Slope of the accelerometer on the wheels' acceleration over all straight motion."""
     used = motion.known & evidence.is_phase("accelerating", "cruising", "braking")
     measured = values(evidence.excitation, "specific_force_x_m_s2")
@@ -103,7 +103,7 @@ def _acceleration_gain(evidence: Evidence, motion: Motion) -> float:
     return fit_quality.slope(rate, imu, used, _rate_noise(evidence))
 
 
-def _rate_noise(evidence: Evidence) -> float:
+def _rate_noise(evidence: CheckInputs) -> float:
     """Variance of the wheels' acceleration by the noise of their speed, in m²/s⁴."""
     settings = evidence.machine.settings
     known = None if evidence.noise is None else ColumnNoise.of(X, evidence.noise, settings.noise)
@@ -114,22 +114,22 @@ def _rate_noise(evidence: Evidence) -> float:
     return 2.0 * of_mean * (settings.align.rate_hz / span_rows(settings)) ** 2
 
 
-def _accepted_stretches(evidence: Evidence, _: Motion) -> float:
+def _accepted_stretches(evidence: CheckInputs, _: Motion) -> float:
     accepted = accepted_samples(evidence.excitation, evidence.gated, evidence.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 
-def _empty_mass_ratio(evidence: Evidence, motion: Motion) -> float:
+def _empty_mass_ratio(evidence: CheckInputs, motion: Motion) -> float:
     empty_kg = evidence.machine.machine.empty_mass_kg
     return motion.fit.value / empty_kg if empty_kg else np.nan
 
 
-def _below_empty_u(evidence: Evidence, _: Motion) -> float:
+def _below_empty_u(evidence: CheckInputs, _: Motion) -> float:
     found = evidence.empty_mass
     return np.nan if found is None else -found.in_u
 
 
-def _from_empty_u(evidence: Evidence, _: Motion) -> float:
+def _from_empty_u(evidence: CheckInputs, _: Motion) -> float:
     found = evidence.empty_mass
     if found is None or not found.tells:
         return np.nan
@@ -138,14 +138,14 @@ def _from_empty_u(evidence: Evidence, _: Motion) -> float:
     return np.nan if withheld else abs(found.in_u)
 
 
-def _factor(evidence: Evidence, _: Motion) -> str:
+def _factor(evidence: CheckInputs, _: Motion) -> str:
     found = evidence.empty_mass
     limit_u = evidence.machine.settings.verdict.empty_mass_max_u
     far = found is not None and found.tells and abs(found.in_u) > limit_u
     return found.text if found is not None and far else ""
 
 
-def _spin_centre(evidence: Evidence, motion: Motion) -> float:
+def _spin_centre(evidence: CheckInputs, motion: Motion) -> float:
     x, y = (values(evidence.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
 

@@ -28,7 +28,7 @@ _SMEARS: Final = 1.0
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class ExcludedStretches:
     """What a check names, and the answer without it.
 
     Attributes:
@@ -59,7 +59,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
-class WithoutThem:
+class RefitWithoutStretches:
     """The answer without what checks name, as far as that is harmless.
 
     Attributes:
@@ -70,7 +70,7 @@ class WithoutThem:
 
     weighing: Weighing | None
     gated: pl.DataFrame
-    named: Mapping[str, LeftOut]
+    named: Mapping[str, ExcludedStretches]
 
 
 def without_named(
@@ -79,7 +79,7 @@ def without_named(
     gated: pl.DataFrame,
     machine: Machine,
     weighed: Callable[[pl.DataFrame], Weighing | None],
-) -> WithoutThem:
+) -> RefitWithoutStretches:
     """Weigh, and once more without what each check of the readings names, if it names anything.
 
     Args:
@@ -92,16 +92,16 @@ def without_named(
     aligned, t0_unix_ns = grid
     weighing = weighed(aligned)
     rows = np.zeros(aligned.height, np.bool_)
-    named: dict[str, LeftOut] = {}
+    named: dict[str, ExcludedStretches] = {}
     for check, spans, why in _named(signals, machine.settings.verdict):
         held = _held(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
         fitted = int(np.count_nonzero(held & _in_what_is_weighed(weighing)))
-        found = LeftOut(fitted / machine.settings.align.rate_hz, 0.0)
+        found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = LeftOut(found.fitted_s, _moved_u(weighing, without))
+            found = ExcludedStretches(found.fitted_s, _moved_u(weighing, without))
             weighing = without if found.is_harmless else weighing
         named[check] = found
         if found.is_harmless:
@@ -109,7 +109,7 @@ def without_named(
             # the moving mean and the phase look back
             seen = windows_with(held, _looks_back(machine))
             gated = refused(gated, seen, why, machine.settings)
-    return WithoutThem(weighing, gated, named)
+    return RefitWithoutStretches(weighing, gated, named)
 
 
 def _named(

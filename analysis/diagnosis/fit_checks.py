@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Evidence, Motion
+from analysis.diagnosis.check_inputs import CheckInputs, Motion
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.method_disagreement import disagreements
 from analysis.model.schema import values
@@ -15,30 +15,30 @@ from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.wheel_kinematics import Kinematics
 
 
-def _of_fit(number: Callable[[Weighing], float]) -> Callable[[Evidence, Motion], float]:
-    def of(evidence: Evidence, _: Motion) -> float:
+def _of_fit(number: Callable[[Weighing], float]) -> Callable[[CheckInputs, Motion], float]:
+    def of(evidence: CheckInputs, _: Motion) -> float:
         return np.nan if evidence.weighing is None else number(evidence.weighing)
 
     return of
 
 
-def _of_wheels(number: Callable[[Kinematics], float]) -> Callable[[Evidence, Motion], float]:
-    def of(evidence: Evidence, _: Motion) -> float:
+def _of_wheels(number: Callable[[Kinematics], float]) -> Callable[[CheckInputs, Motion], float]:
+    def of(evidence: CheckInputs, _: Motion) -> float:
         wheels = None if evidence.weighing is None else evidence.weighing.fit.kinematics
         return np.nan if wheels is None else number(wheels)
 
     return of
 
 
-def _fitted(evidence: Evidence, _: Motion) -> bool:
+def _fitted(evidence: CheckInputs, _: Motion) -> bool:
     return evidence.weighing is not None
 
 
-def _has_wheels(evidence: Evidence, _: Motion) -> bool:
+def _has_wheels(evidence: CheckInputs, _: Motion) -> bool:
     return evidence.weighing is not None and evidence.weighing.fit.kinematics is not None
 
 
-def _relative_u(evidence: Evidence, _: Motion) -> float:
+def _relative_u(evidence: CheckInputs, _: Motion) -> float:
     """Of the load that most manoeuvres are of."""
     weighing = evidence.weighing
     if weighing is None:
@@ -46,16 +46,16 @@ def _relative_u(evidence: Evidence, _: Motion) -> float:
     return relative_u(weighing, evidence.machine, weighing.fit.main)
 
 
-def _answers(evidence: Evidence, _: Motion) -> bool:
+def _answers(evidence: CheckInputs, _: Motion) -> bool:
     """Whether there is to be an answer: frames alone have none."""
     return evidence.totals is not None
 
 
-def _why_none(evidence: Evidence, _: Motion) -> str:
+def _why_none(evidence: CheckInputs, _: Motion) -> str:
     return "" if evidence.weighing is not None else NOTHING_FITTED
 
 
-def _farthest_term(evidence: Evidence, _: Motion) -> str:
+def _farthest_term(evidence: CheckInputs, _: Motion) -> str:
     widths = {} if evidence.weighing is None else evidence.weighing.own.from_priors
     return max(widths, key=widths.__getitem__, default="")
 
@@ -74,13 +74,13 @@ def _scatter(weighing: Weighing) -> float:
     return np.nan if states is None else states.birge_ratio
 
 
-def _moved_by_other(evidence: Evidence, _: Motion) -> float | None:
+def _moved_by_other(evidence: CheckInputs, _: Motion) -> float | None:
     weighing = evidence.weighing
     other = None if weighing is None else weighing.other_motion
     return None if other is None else other.moved_u
 
 
-def _by_other_motion(evidence: Evidence, _: Motion) -> str:
+def _by_other_motion(evidence: CheckInputs, _: Motion) -> str:
     weighing = evidence.weighing
     if weighing is None or weighing.other_motion is None:
         return ""
@@ -89,11 +89,11 @@ def _by_other_motion(evidence: Evidence, _: Motion) -> str:
     return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.moved_u:.1f} u"
 
 
-def _contradicted(evidence: Evidence, _: Motion) -> float:
+def _contradicted(evidence: CheckInputs, _: Motion) -> float:
     return float(sum(each.contradicted for each in disagreements(evidence)))
 
 
-def _gated(evidence: Evidence, motion: Motion) -> float:
+def _gated(evidence: CheckInputs, motion: Motion) -> float:
     """Deviations between the gated and the ungated pooled mass; NaN where both miss a spring."""
     if evidence.totals is None or evidence.force_by_place is not None:
         return np.nan

@@ -4,7 +4,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Evidence
+from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.model.schema import values
 
 #: So many deviations of both together contradict a method, if it matters by this share.
@@ -22,7 +22,7 @@ class Disagreement(NamedTuple):
     contradicted: bool
 
 
-def disagreements(evidence: Evidence) -> list[Disagreement]:
+def disagreements(evidence: CheckInputs) -> list[Disagreement]:
     """Compare every method that has a mass with the joint fit.
 
     A method without nuisance terms says that they are 0, but for the Coulomb term where it is set.
@@ -54,7 +54,7 @@ def disagreements(evidence: Evidence) -> list[Disagreement]:
     return out
 
 
-def _modelled(evidence: Evidence) -> set[str]:
+def _modelled(evidence: CheckInputs) -> set[str]:
     """The nuisances that the methods have as well: their Coulomb term, a constant one way."""
     if evidence.weighing is None or not evidence.machine.settings.forces.coulomb:
         return set()

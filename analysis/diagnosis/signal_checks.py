@@ -5,14 +5,14 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Evidence, Floats, Motion
+from analysis.diagnosis.check_inputs import CheckInputs, Floats, Motion
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.side_comparison import SideDifference
 from analysis.stages.estimation import fit_quality
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg
 
 
-def _raw_opposing_share(evidence: Evidence, motion: Motion) -> float:
+def _raw_opposing_share(evidence: CheckInputs, motion: Motion) -> float:
     """As `opposing_share`, of the unfiltered force: a low-pass undershoots below 0."""
     force = _raw_force(evidence)
     if force is None:
@@ -20,46 +20,46 @@ def _raw_opposing_share(evidence: Evidence, motion: Motion) -> float:
     return 1.0 - fit_quality.along_share(motion.speed, force, motion.braking)
 
 
-def _raw_force(evidence: Evidence) -> Floats | None:
+def _raw_force(evidence: CheckInputs) -> Floats | None:
     """The unfiltered force on the grid, (n,)."""
     if evidence.signals is None:
         return None
     return evidence.signals.force_on(evidence.excitation["t_ns"].to_numpy() + evidence.t0_unix_ns)
 
 
-def _has_signals(evidence: Evidence, _: Motion) -> bool:
+def _has_signals(evidence: CheckInputs, _: Motion) -> bool:
     return evidence.signals is not None
 
 
-def _tilt(evidence: Evidence, _: Motion) -> float:
+def _tilt(evidence: CheckInputs, _: Motion) -> float:
     return gravity_tilt_deg(evidence.excitation, evidence.machine)
 
 
-def _apart_s(evidence: Evidence, _: Motion) -> float:
+def _apart_s(evidence: CheckInputs, _: Motion) -> float:
     return np.nan if evidence.signals is None else evidence.signals.apart_s
 
 
-def _moved_u(check: str) -> Callable[[Evidence, Motion], float | None]:
+def _moved_u(check: str) -> Callable[[CheckInputs, Motion], float | None]:
     """How far the answer moves without what this check names."""
 
-    def of(evidence: Evidence, _: Motion) -> float | None:
+    def of(evidence: CheckInputs, _: Motion) -> float | None:
         found = evidence.left_out.get(check)
         return None if found is None else found.moved_u
 
     return of
 
 
-def _became(check: str) -> Callable[[Evidence, Motion], str]:
+def _became(check: str) -> Callable[[CheckInputs, Motion], str]:
     """What became of what this check names."""
 
-    def of(evidence: Evidence, _: Motion) -> str:
+    def of(evidence: CheckInputs, _: Motion) -> str:
         found = evidence.left_out.get(check)
         return "" if found is None else found.text
 
     return of
 
 
-def _unlike(evidence: Evidence, _: Motion) -> float:
+def _unlike(evidence: CheckInputs, _: Motion) -> float:
     """The largest difference of left and right; NaN without two sides."""
     return max(map(_surely, evidence.sides.values()), default=np.nan)
 
@@ -69,12 +69,12 @@ def _surely(seen: SideDifference) -> float:
     return abs(seen.value_1) if seen.is_sure else 0.0
 
 
-def _one_sided(evidence: Evidence, _: Motion) -> float:
+def _one_sided(evidence: CheckInputs, _: Motion) -> float:
     torque = evidence.sides.get("torque")
     return np.nan if torque is None else _surely(torque)
 
 
-def _which_sides(evidence: Evidence, _: Motion) -> str:
+def _which_sides(evidence: CheckInputs, _: Motion) -> str:
     worst = max(evidence.sides.values(), key=_surely, default=None)
     return "" if worst is None else worst.kind
 

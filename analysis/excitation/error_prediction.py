@@ -29,7 +29,7 @@ COLUMNS: dict[Drive, list[int]] = {
 _ROWS: dict[Drive, list[int]] = {"straight": [0], "spin": [1], "joint": [0, 1]}
 
 
-class Measured(NamedTuple):
+class MeasuredSignals(NamedTuple):
     """What the instruments give at n instants, each (n,), or the white noise a sample of each."""
 
     force_x_N: Floats
@@ -45,7 +45,7 @@ class Measured(NamedTuple):
         return cls(*(getattr(motion, name) for name in cls._fields))
 
 
-def noise_of(scenario: Scenario) -> Measured:
+def noise_of(scenario: Scenario) -> MeasuredSignals:
     """The standard deviation of one sample of each channel, (17) and (18) applied."""
     sensors = scenario.sensors
     values = (
@@ -56,7 +56,7 @@ def noise_of(scenario: Scenario) -> Measured:
         sensors.speed_noise_m_s,
         sensors.gyro_noise_rad_s,
     )
-    return Measured(*(np.array(value) for value in values))
+    return MeasuredSignals(*(np.array(value) for value in values))
 
 
 def parameters(body: RigidBody) -> Floats:
@@ -96,7 +96,7 @@ class Filters:
         ones = np.full(self.samples, 1.0 / self.samples)
         return (np.r_[0.0, 0.0, ones] - np.r_[ones, 0.0, 0.0]) * self.rate_hz / 2.0
 
-    def stack(self, raw: Measured) -> tuple[Floats, Floats]:
+    def stack(self, raw: MeasuredSignals) -> tuple[Floats, Floats]:
         """Both rows of all six parameters from raw channels of n + margin samples.
 
         Returns:
@@ -112,7 +112,7 @@ def _filtered(raw: Floats, weights: Floats) -> Floats:
 
 
 def window_system(
-    drive: Drive, filters: Filters, raw: Measured, noise: Measured
+    drive: Drive, filters: Filters, raw: MeasuredSignals, noise: MeasuredSignals
 ) -> tuple[Floats, Floats]:
     """The system that least squares solves: (rows, p) and (rows,), over the noise of force, torque.
 
@@ -128,7 +128,7 @@ def window_system(
     return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
 
 
-def _weights(drive: Drive, noise: Measured) -> Floats:
+def _weights(drive: Drive, noise: MeasuredSignals) -> Floats:
     """(rows,) the reciprocal noise of force and torque; 1 where there is none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
     return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[drive]]
@@ -169,7 +169,7 @@ class Prediction:
 
 
 def predict(
-    drive: Drive, filters: Filters, truth: Measured, body: RigidBody, noise: Measured
+    drive: Drive, filters: Filters, truth: MeasuredSignals, body: RigidBody, noise: MeasuredSignals
 ) -> dict[str, Prediction]:
     """Predict the mass, the yaw inertia and the centre of mass, as far as the drive fits them.
 
@@ -223,13 +223,13 @@ def _targets(body: RigidBody) -> dict[str, tuple[float, Floats]]:
 
 
 def _variance(
-    filters: Filters, weight: Floats, phi: Floats, full: Floats, noise: Measured
+    filters: Filters, weight: Floats, phi: Floats, full: Floats, noise: MeasuredSignals
 ) -> tuple[float, float]:
     """Variance from force and torque, and from all else, of an error Σ weight (n, 2) · rows."""
     m, inertia, mc_x, mc_y, b_x, b_psi = phi
     w_x, w_z = weight.T
     omega = full[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
-    through_mean = Measured(
+    through_mean = MeasuredSignals(
         force_x_N=w_x,
         torque_z_N_m=w_z,
         specific_force_x_m_s2=-m * w_x + mc_y * w_z,
@@ -245,7 +245,9 @@ def _variance(
     return sum(variances[:2]), sum(variances[2:])
 
 
-def _regressor_noise(drive: Drive, filters: Filters, truth: Measured, noise: Measured) -> Floats:
+def _regressor_noise(
+    drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
+) -> Floats:
     """(p,) the diagonal of E[NᵀN] over a window; the central difference and the mean share none."""
     mean, difference = (float(each @ each) for each in (filters.mean, filters.difference))
     s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
@@ -260,7 +262,9 @@ def _regressor_noise(drive: Drive, filters: Filters, truth: Measured, noise: Mea
     return samples * weighted.sum(0)[COLUMNS[drive]]
 
 
-def condition(drive: Drive, filters: Filters, truth: Measured, noise: Measured) -> float:
+def condition(
+    drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
+) -> float:
     """Condition number of AᵀA, each column in units of the noise in it."""
     A, _ = window_system(drive, filters, truth, noise)
     inside = np.sqrt(_regressor_noise(drive, filters, truth, noise))

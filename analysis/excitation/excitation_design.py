@@ -14,7 +14,7 @@ import numpy as np
 from analysis.excitation.error_prediction import (
     Drive,
     Filters,
-    Measured,
+    MeasuredSignals,
     Prediction,
     condition,
     noise_of,
@@ -255,16 +255,16 @@ def _score(
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
     motion = solve_motion(driving(scenario, longer), load_kg)
     driven = motion.sample(np.arange(round(last_s * rate_hz)) / rate_hz)
-    truth = Measured.of(driven)
+    truth = MeasuredSignals.of(driven)
     asked = _ASKED[drive]
 
     def worst(predictions: Mapping[str, Prediction]) -> float:
         return max(predictions[name].rms / predictions[name].value for name in asked)
 
-    windows: list[tuple[int, Measured, dict[str, Prediction]]] = []
+    windows: list[tuple[int, MeasuredSignals, dict[str, Prediction]]] = []
     for place in range(_PLACES):
         first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
-        part = Measured(*(each[first : first + samples] for each in truth))
+        part = MeasuredSignals(*(each[first : first + samples] for each in truth))
         windows.append((first, part, predict(drive, filters, part, motion.body, noise)))
     first, part, predictions = max(windows, key=lambda window: worst(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))

@@ -10,7 +10,7 @@ import polars as pl
 from analysis.explain.determined_parameters import Determined, determined
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
-    ManoeuvreSeen,
+    ManoeuvreReport,
     gate_along,
     manoeuvre_at,
     reason_shares,
@@ -97,8 +97,8 @@ class Explanation:
     said: Answer
     at_s: float | None
     findings: tuple[Finding, ...] | None
-    manoeuvre: ManoeuvreSeen | None
-    worst: tuple[ManoeuvreSeen, ...]
+    manoeuvre: ManoeuvreReport | None
+    worst: tuple[ManoeuvreReport, ...]
     gate: tuple[GateStretch, ...]
     shares: Mapping[str, float]
     determined: Determined | None
@@ -160,7 +160,9 @@ def _near(finding: Finding, at_s: float) -> bool:
     return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S
 
 
-def _determined(run: Run, manoeuvre: ManoeuvreSeen | None, at_s: float | None) -> Determined | None:
+def _determined(
+    run: Run, manoeuvre: ManoeuvreReport | None, at_s: float | None
+) -> Determined | None:
     """Of the manoeuvre, or of the window that ends at the moment; else of all that is used."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     settings = run.provenance.settings

@@ -45,7 +45,7 @@ class GateStretch:
 
 
 @dataclass(frozen=True, slots=True)
-class ManoeuvreSeen:
+class ManoeuvreReport:
     """A manoeuvre beside its load.
 
     Attributes:
@@ -124,7 +124,7 @@ def reason_shares(gate: pl.DataFrame) -> dict[str, float]:
     return {str(name): count / gate.height for name, count in counts.rows()}
 
 
-def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreSeen, ...]:
+def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreReport, ...]:
     """The manoeuvres that say something else than their load, by standard deviations.
 
     Where none has a mass, the longest that the gate refused.
@@ -137,7 +137,7 @@ def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreSeen,
     return tuple(refused[:_MOST_MANOEUVRES])
 
 
-def manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreSeen | None:
+def manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreReport | None:
     """The manoeuvre that a moment lies in: one that has a mass, else one of the gate's."""
     for found in (_of_loads(frames), _of_segments(frames)):
         here = [each for each in found if each.start_s <= at_s <= each.end_s]
@@ -146,28 +146,28 @@ def manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreSe
     return None
 
 
-def _of_loads(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreSeen]:
+def _of_loads(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
     loads, manoeuvres = frames.get("loads"), frames.get("manoeuvres")
     if loads is None or manoeuvres is None:
         return []
     masses = dict(loads.select("load_id", "mass_kg").rows())
-    found: list[ManoeuvreSeen] = []
+    found: list[ManoeuvreReport] = []
     for row in manoeuvres.iter_rows(named=True):
         mass, std, load = row["mass_kg"], row["mass_std_kg"], masses.get(row["load_id"])
         apart = None
         if mass is not None and std and load is not None:
             apart = (mass - load) / std
         times = row["start_t_ns"] / _NS, row["end_t_ns"] / _NS
-        found.append(ManoeuvreSeen(*times, row["load_id"], mass, std, load, apart, "accepted"))
+        found.append(ManoeuvreReport(*times, row["load_id"], mass, std, load, apart, "accepted"))
     return found
 
 
-def _of_segments(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreSeen]:
+def _of_segments(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
     segments = frames.get("segments")
     if segments is None:
         return []
     return [
-        ManoeuvreSeen(
+        ManoeuvreReport(
             row["start_t_ns"] / _NS,
             row["end_t_ns"] / _NS,
             None,

@@ -1,7 +1,7 @@
 """The units of an expression: every sum of one dimension, and the whole in SI."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from analysis.expressions.parse import (
     COMPARISONS,
@@ -65,7 +65,7 @@ _WORDS = {"+": "sum", "-": "difference", **dict.fromkeys(COMPARISONS, "compariso
 
 
 #: What a person calls the SI unit of a dimension: exponents of kg, m, s, A.
-_NAMES = {
+_NAMES: Final[dict[tuple[float, ...], str]] = {
     (1, 1, -2, 0): "N",
     (1, 2, -2, 0): "N·m",
     (1, 2, -3, 0): "W",
@@ -83,11 +83,13 @@ def told(dimension: Any) -> str:
     """A dimension as a person reads it: by its SI unit, `in N·m`."""
     if not dimension:
         return "a pure number"
-    powers = {_BASE.get(name, name.strip("[]")): power for name, power in dimension.items()}
+    powers: dict[str | None, float] = {
+        _BASE.get(name, name.strip("[]")): power for name, power in dimension.items()
+    }
     exact = tuple(powers.get(unit, 0) for unit in _BASE.values())
     if set(powers) <= set(_BASE.values()) and exact in _NAMES:
         return f"in {_NAMES[exact]}"
-    parts = (unit if power == 1 else f"{unit}^{power:g}" for unit, power in powers.items())
+    parts = (str(unit) if power == 1 else f"{unit}^{power:g}" for unit, power in powers.items())
     return f"in {'·'.join(parts)}"
 
 

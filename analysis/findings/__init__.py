@@ -2,7 +2,14 @@
 
 from analysis.findings.cause_table import CAUSES, UNKNOWN
 from analysis.findings.find_causes import findings
-from analysis.findings.finding_inputs import Case
-from analysis.findings.masked_causes import beginning, behind
+from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.masked_causes import add_masked_findings, first_findings
 
-__all__ = ["CAUSES", "UNKNOWN", "Case", "beginning", "behind", "findings"]
+__all__ = [
+    "CAUSES",
+    "UNKNOWN",
+    "FindingInputs",
+    "add_masked_findings",
+    "findings",
+    "first_findings",
+]

@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import share_seen
+from analysis.findings.accelerometer_share import share_of_accelerometer
 from analysis.findings.altered_motion import accelerated
-from analysis.findings.cause import Sign
+from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
     DEVIATIONS,
     INDEPENDENT_S,
@@ -17,13 +17,13 @@ from analysis.findings.constant_forces import (
     has_pitch,
 )
 from analysis.findings.delay_causes import low_pass
-from analysis.findings.finding_inputs import ACC, Case
-from analysis.findings.refit import mended
+from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import values
 from analysis.stages.motion.phases import beside_speed_rate
 from analysis.stages.signals.grid_rate import rows_in
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 
 #: Of gravity on z a tilt must take so much to be told from a bias.
 _TELLS_M_S2: Final = 0.05
@@ -54,13 +54,13 @@ _ALL_AXES: Final = (
 )
 
 
-def without_gravity(case: Case) -> bool:
+def without_gravity(case: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
     z, _ = case.level(_Z)
     return bool(abs(z) < _GRAVITY * case.machine.machine.gravity_m_s2)
 
 
-def tilted(case: Case) -> list[Sign]:
+def tilted(case: FindingInputs) -> list[Symptom]:
     """Gravity on the forward axis at standstill, and motion across the axis that drives."""
     over = _upside_down(case)
     if over:
@@ -70,13 +70,13 @@ def tilted(case: Case) -> list[Sign]:
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _upside_down(case: Case) -> list[Sign]:
+def _upside_down(case: FindingInputs) -> list[Symptom]:
     """Gravity the other way along z: rolled over, or pitched over where x reads backwards."""
     z, std = case.level(_Z)
     pull = case.machine.machine.gravity_m_s2
     if not z < -_GRAVITY * pull or not case.measured(_Z):
         return []
-    seen = share_seen(case)
+    seen = share_of_accelerometer(case)
     backwards = seen is not None and seen[0] < -_SURELY * seen[1]
     angle = "pitch_deg" if backwards else "roll_deg"
     whole = len(case.measured(*_ALL_AXES)) == len(_ALL_AXES)
@@ -85,24 +85,24 @@ def _upside_down(case: Case) -> list[Sign]:
     stated = getattr(case.machine.machine.imu, angle)
     kind = "pitched" if backwards else "rolled"
     return [
-        Sign(
+        Symptom(
             _STANDS_FIRST * abs(z) / pull,
             f"standing, it reads {z:+.2f} ± {std:.2f} m/s² along z, and gravity upright would read "
             f"{pull:+.2f}: it is {kind} over, upside down",
             channel=_Z,
             setting=f"machine.imu.{angle}" if whole else keys,
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
-            change=None if backwards else lambda: mended(case, lambda motion: motion),
+            change=None if backwards else lambda: refit_mended(case, lambda motion: motion),
         )
     ]
 
 
-def biased(case: Case) -> list[Sign]:
+def biased(case: FindingInputs) -> list[Symptom]:
     """The same with all of gravity on z: what is on x is none of it."""
     return _zero(case, ("bias",))
 
 
-def _zero(case: Case, kinds: tuple[str, ...]) -> list[Sign]:
+def _zero(case: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
     seen = constants(case)
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or without_gravity(case):
@@ -118,14 +118,14 @@ def _zero(case: Case, kinds: tuple[str, ...]) -> list[Sign]:
     degrees = np.degrees(np.arcsin(np.clip(error / case.machine.machine.gravity_m_s2, -1.0, 1.0)))
     said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
     return [
-        Sign(
+        Symptom(
             float(abs(error) / max(DEVIATIONS * std, LEAST_M_S2)),
             f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
             f"{degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}" if names else None,
-            change=lambda: mended(
+            change=lambda: refit_mended(
                 case,
                 lambda motion: accelerated(motion, lambda x: x - error),
                 min(std / abs(error), 1.0),
@@ -135,7 +135,7 @@ def _zero(case: Case, kinds: tuple[str, ...]) -> list[Sign]:
     ]
 
 
-def _kind(case: Case, error: float) -> str:
+def _kind(case: FindingInputs, error: float) -> str:
     """Whether the z axis tells a tilt from a bias: a tilt takes its share of gravity off it."""
     z, _ = case.level(_Z)
     pull = case.machine.machine.gravity_m_s2
@@ -149,7 +149,7 @@ def _kind(case: Case, error: float) -> str:
     return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
 
 
-def _yaw(case: Case) -> list[Sign]:
+def _yaw(case: FindingInputs) -> list[Symptom]:
     if _Y not in case.evidence.excitation.columns or ACC not in case.evidence.excitation.columns:
         return []
     settings = case.machine.settings
@@ -182,14 +182,14 @@ def _yaw(case: Case) -> list[Sign]:
         # what drives straight is seen by its share alone
         setting, value = case.scaled(case.measured(ACC), 1.0 / float(np.cos(angle)))
     return [
-        Sign(
+        Symptom(
             strength,
             f"{np.degrees(angle):+.1f} ± {np.degrees(std):.1f}° from the forward axis to the "
             "direction that it reads while the wheels speed up",
             channel=_Y,
             setting=setting,
             value=value,
-            change=lambda: mended(
+            change=lambda: refit_mended(
                 case,
                 lambda motion: accelerated(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
@@ -198,9 +198,9 @@ def _yaw(case: Case) -> list[Sign]:
     ]
 
 
-def low_passed(case: Case) -> list[Sign]:
+def low_passed(case: FindingInputs) -> list[Symptom]:
     """An accelerometer that sees a part of the wheels' acceleration, in whatever moves."""
-    late, found = low_pass(case), share_seen(case)
+    late, found = low_pass(case), share_of_accelerometer(case)
     if found is None:
         return late
     gain, std = found
@@ -209,7 +209,7 @@ def low_passed(case: Case) -> list[Sign]:
     if std < _TELLS_UNIT and any(abs(gain / unit - 1.0) < 0.06 for unit in _UNITS):
         return late
     seen = [
-        Sign(
+        Symptom(
             (_ATTENUATED - gain) / (_SURELY * std),
             f"it reads {gain:.2f} ± {std:.2f} of the acceleration of the wheels",
             channel=ACC,
@@ -219,7 +219,7 @@ def low_passed(case: Case) -> list[Sign]:
     return [max((*seen, *late), key=lambda sign: sign.strength)]
 
 
-def slope(case: Case) -> list[Sign]:
+def slope(case: FindingInputs) -> list[Symptom]:
     """Ground that slopes under an acceleration that has no gravity in it."""
     kinematic = case.machine.settings.forces.acceleration == "kinematic"
     if kinematic or not case.measured(ACC) or not has_pitch(case) or not without_gravity(case):
@@ -238,7 +238,7 @@ def slope(case: Case) -> list[Sign]:
             new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
     pull = gravity(case)
 
-    def with_gravity(motion: Equation) -> Equation:
+    def with_gravity(motion: MotionSamples) -> MotionSamples:
         return replace(
             motion,
             acceleration=motion.acceleration + pull,
@@ -248,19 +248,19 @@ def slope(case: Case) -> list[Sign]:
 
     z, _ = case.level(_Z)
     return [
-        Sign(
+        Symptom(
             strength,
             f"standing at {np.degrees(pitch):+.2f} ± {np.degrees(std):.2f}°, it reads {z:.2f} m/s² "
             "of gravity along z: gravity has been taken off",
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: mended(case, with_gravity, min(std / abs(pitch), 1.0)),
+            change=lambda: refit_mended(case, with_gravity, min(std / abs(pitch), 1.0)),
         )
     ]
 
 
-def _raw(case: Case, error: float) -> float:
+def _raw(case: FindingInputs, error: float) -> float:
     """An acceleration in the channel's own unit."""
     channel = case.machine.channels[ACC]
     if channel.unit is None:

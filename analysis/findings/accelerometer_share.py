@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
 from analysis.findings.constant_forces import gravity
-from analysis.findings.finding_inputs import ACC, Case
+from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import values
 
 #: Over so long, and so many of them.
@@ -18,7 +18,7 @@ _MOTION: Final = 0.3
 _NOISE: Final = 0.2
 
 
-def share_seen(case: Case) -> tuple[float, float] | None:
+def share_of_accelerometer(case: FindingInputs) -> tuple[float, float] | None:
     """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
     if ACC not in case.aligned.columns or not case.measured(ACC):
         return None

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 
 
-def moved(motion: Equation, channel: str, late_s: float) -> Equation:
+def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
     """The motion with `force`, `speed` or `imu` moved back by how late it is."""
     if channel == "force":
         return motion.with_force_moved_back(late_s)
@@ -23,7 +23,7 @@ def moved(motion: Equation, channel: str, late_s: float) -> Equation:
     return accelerated(motion, back)
 
 
-def accelerated(motion: Equation, of: Callable[[Floats], Floats]) -> Equation:
+def accelerated(motion: MotionSamples, of: Callable[[Floats], Floats]) -> MotionSamples:
     """The motion with its accelerometer changed."""
     measured, level = motion.specific_force, motion.without_gravity
     return replace(

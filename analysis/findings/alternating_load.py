@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.findings.constant_forces import constants
-from analysis.findings.finding_inputs import Case
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.whitened_rows import Explained, force_system
 
 
@@ -31,7 +31,7 @@ class ShareOfForce(NamedTuple):
     loads: int
 
 
-def share_instead_of_loads(case: Case) -> ShareOfForce | None:
+def share_instead_of_loads(case: FindingInputs) -> ShareOfForce | None:
     """One load with a share that changes, against the loads; None where there is one anyway."""
     fit, noise, motion = case.fit, case.column_noise, constants(case).motion
     if fit is None or noise is None or motion is None or fit.count == 1 or not motion.both_ways:

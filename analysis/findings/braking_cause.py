@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Bools, Evidence
-from analysis.findings.cause import Sign
-from analysis.findings.finding_inputs import Case
+from analysis.diagnosis.check_inputs import Bools, CheckInputs
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.fit_causes import POOR, share_of_u
 from analysis.stages.estimation import fit_quality
 
@@ -23,7 +23,7 @@ _AGREE: Final = 0.04
 _KNOWN: Final = 0.02
 
 
-def seen(case: Case) -> list[Sign]:
+def seen(case: FindingInputs) -> list[Symptom]:
     """Braking that takes most windows, of a log that tells little, and that the force sees."""
     if not case.machine.settings.gate.exclude_braking or share_of_u(case) < POOR:
         return []
@@ -34,7 +34,7 @@ def seen(case: Case) -> list[Sign]:
     if not abs(ratio - 1.0) < _AGREE:
         return []
     return [
-        Sign(
+        Symptom(
             refused / _REFUSED,
             f"braking refuses {refused:.0%} of the windows, and tells {ratio:.1%} of the mass that "
             "driving tells: the force sees the brakes",
@@ -45,7 +45,7 @@ def seen(case: Case) -> list[Sign]:
     ]
 
 
-def _braking_over_driving(evidence: Evidence) -> float:
+def _braking_over_driving(evidence: CheckInputs) -> float:
     """The mass by all braking over that by all driving, no window refused; NaN: no telling."""
     motion = evidence.straight
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])

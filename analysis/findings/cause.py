@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from analysis.findings.finding_inputs import Case
+from analysis.findings.finding_inputs import FindingInputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Sign:
+class Symptom:
     """What a log shows of a cause.
 
     Attributes:
@@ -68,7 +68,7 @@ class Cause:
     key: str
     says: str
     needs: str
-    find: Callable[[Case], list[Sign]]
+    find: Callable[[FindingInputs], list[Symptom]]
     withholds: bool = False
     as_judged: bool = False
     explains: tuple[str, ...] = ()

@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools
-from analysis.diagnosis.excluded_stretches import LeftOut
+from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import Floats, Ints, long_runs
-from analysis.findings.cause import Change, Sign
-from analysis.findings.finding_inputs import ACC, FORCES, Case
+from analysis.findings.cause import Change, Symptom
+from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.refit import left_out
 from analysis.model.windows import windows_with
 from analysis.stages.signals.filters import period_ns
@@ -41,7 +41,7 @@ _AROUND_NS: Final = 150_000_000
 _BESIDE: Final = 15
 
 
-def frozen(case: Case) -> list[Sign]:
+def frozen(case: FindingInputs) -> list[Symptom]:
     """A channel that repeats itself while another one changes."""
     signals = case.evidence.signals
     if signals is None:
@@ -63,7 +63,7 @@ def frozen(case: Case) -> list[Sign]:
         holds |= (t >= begin) & (t <= end)
     found = case.evidence.left_out.get("frozen")
     return [
-        Sign(
+        Symptom(
             total_s[name] / _FROZEN_S,
             f"it repeats one reading {len(spans)} times, {total_s[name]:.1f} s in all, while "
             f"others change{_became(found)}",
@@ -75,16 +75,16 @@ def frozen(case: Case) -> list[Sign]:
     ]
 
 
-def _became(found: LeftOut | None) -> str:
+def _became(found: ExcludedStretches | None) -> str:
     return "" if found is None else f"; {found.text}"
 
 
-def _harmless(case: Case, found: LeftOut | None) -> bool | None:
+def _harmless(case: FindingInputs, found: ExcludedStretches | None) -> bool | None:
     """Whether the answer is the same without it, or there is none; None where nobody has looked."""
     return None if found is None or case.fit is None else found.is_harmless
 
 
-def _noiseless(case: Case, name: str) -> list[tuple[int, int]]:
+def _noiseless(case: FindingInputs, name: str) -> list[tuple[int, int]]:
     """Where a channel that otherwise never repeats a reading does so for long."""
     signals = case.evidence.signals
     limits = {} if signals is None else signals.limits.get(name, {})
@@ -92,7 +92,7 @@ def _noiseless(case: Case, name: str) -> list[tuple[int, int]]:
     return [(run.begin_ns, run.end_ns) for run in runs if never and run.value not in limits]
 
 
-def saturated(case: Case) -> list[Sign]:
+def saturated(case: FindingInputs) -> list[Symptom]:
     """Readings of a force that pile up at its extreme."""
     signals = case.evidence.signals
     if signals is None or not signals.clipped:
@@ -113,7 +113,7 @@ def saturated(case: Case) -> list[Sign]:
         return left_out(case, windows_with(near, 5) | windows_with(near[::-1], 5)[::-1])
 
     return [
-        Sign(
+        Symptom(
             share / _CLIPPED,
             f"{share:.1%} of its readings are {extreme:.4g}, a limit{_became(found)}",
             channel=name,
@@ -125,15 +125,15 @@ def saturated(case: Case) -> list[Sign]:
     ]
 
 
-def quantised(case: Case) -> list[Sign]:
+def quantised(case: FindingInputs) -> list[Symptom]:
     """Moving readings that repeat the one before: the noise is below the resolution."""
-    found: list[Sign] = []
+    found: list[Symptom] = []
     for name in case.needed:
         repeats, lsb = _steps(case, name)
         if not lsb:
             continue
         found.append(
-            Sign(
+            Symptom(
                 repeats / _REPEATS,
                 f"{repeats:.0%} of its moving readings repeat the one before; it "
                 f"resolves {lsb:.3g}",
@@ -143,7 +143,7 @@ def quantised(case: Case) -> list[Sign]:
     return _largest(found)
 
 
-def _steps(case: Case, name: str) -> tuple[float, float]:
+def _steps(case: FindingInputs, name: str) -> tuple[float, float]:
     """The share of moving readings that repeat the one before, and what all steps are multiples of.
 
     0 where they are no multiples: then a channel holds its value, but resolves more.
@@ -162,7 +162,7 @@ def _steps(case: Case, name: str) -> tuple[float, float]:
     return case.kept[key]  # type: ignore[return-value]
 
 
-def _coarse(case: Case, name: str) -> bool:
+def _coarse(case: FindingInputs, name: str) -> bool:
     """Whether what repeats is the resolution."""
     repeats, lsb = _steps(case, name)
     return bool(lsb) and repeats > _REPEATS
@@ -185,11 +185,11 @@ class _Spikes:
     near: Bools
 
 
-def spikes(case: Case) -> list[Sign]:
+def spikes(case: FindingInputs) -> list[Symptom]:
     """Single readings far from both neighbours, which agree."""
     return _largest(
         [
-            Sign(
+            Symptom(
                 each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / 1.3,
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
                 f"{each.ratio:.0f} deviations",
@@ -202,14 +202,14 @@ def spikes(case: Case) -> list[Sign]:
     )
 
 
-def _spikes(case: Case) -> dict[str, _Spikes]:
+def _spikes(case: FindingInputs) -> dict[str, _Spikes]:
     """By channel; nothing of those without any."""
     if "spikes" not in case.kept:
         case.kept["spikes"] = _found_spikes(case)
     return case.kept["spikes"]  # type: ignore[return-value]
 
 
-def _found_spikes(case: Case) -> dict[str, _Spikes]:
+def _found_spikes(case: FindingInputs) -> dict[str, _Spikes]:
     found: dict[str, _Spikes] = {}
     for name in case.needed:
         t, x = case.series[name]
@@ -234,7 +234,7 @@ def _found_spikes(case: Case) -> dict[str, _Spikes]:
     return found
 
 
-def _jolts(case: Case, name: str, unix_ns: Ints, sign: Floats) -> Bools:
+def _jolts(case: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
     """(k,) whether force and acceleration are off at once, and alike: that is a stop or a knock."""
     topic = case.machine.channels[name].topic
     felt = np.zeros(unix_ns.size, np.bool_)
@@ -267,7 +267,7 @@ def _local_deviation(x: Floats) -> Floats:
     return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
 
 
-def _beside(case: Case, unix_ns: Ints) -> Bools:
+def _beside(case: FindingInputs, unix_ns: Ints) -> Bools:
     """Grid samples beside these stamps, (n,)."""
     t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
@@ -275,7 +275,7 @@ def _beside(case: Case, unix_ns: Ints) -> Bools:
     return windows_with(at, _BESIDE) | windows_with(at[::-1], _BESIDE)[::-1]
 
 
-def spiked(case: Case) -> Bools:
+def spiked(case: FindingInputs) -> Bools:
     """Grid samples beside a spike of any channel, (n,)."""
     near = np.zeros(case.aligned.height, np.bool_)
     for each in _spikes(case).values():
@@ -283,5 +283,5 @@ def spiked(case: Case) -> Bools:
     return near
 
 
-def _largest(found: list[Sign]) -> list[Sign]:
+def _largest(found: list[Symptom]) -> list[Symptom]:
     return [max(found, key=lambda sign: sign.strength)] if found else []

@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 
 from analysis.findings.altered_motion import accelerated
-from analysis.findings.finding_inputs import ACC, Case
+from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.whitened_rows import Explained, force_system
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 
 #: Each cause more must explain so much (squared deviations) to be there.
 _A_CAUSE: Final = 9.0
@@ -48,15 +48,15 @@ class Constants:
     error_m_s2: tuple[float, float]
     offset: bool | None
     tilt: bool | None
-    motion: Equation | None
+    motion: MotionSamples | None
 
 
-def has_pitch(case: Case) -> bool:
+def has_pitch(case: FindingInputs) -> bool:
     """Whether the log knows the slope."""
     return _PITCH in case.aligned.columns
 
 
-def gravity(case: Case) -> np.typing.NDArray[np.float64]:
+def gravity(case: FindingInputs) -> np.typing.NDArray[np.float64]:
     """Gravity along x by the pitch, (n,) in m/s²; 0 where there is none."""
     if not has_pitch(case):
         return np.zeros(case.aligned.height)
@@ -66,7 +66,7 @@ def gravity(case: Case) -> np.typing.NDArray[np.float64]:
     return case.kept["gravity"]  # type: ignore[return-value]
 
 
-def constants(case: Case) -> Constants:
+def constants(case: FindingInputs) -> Constants:
     """Explain the constant force of driving by as few causes as do."""
     if "constants" not in case.kept:
         case.kept["constants"] = _explained(case)
@@ -75,7 +75,7 @@ def constants(case: Case) -> Constants:
     return found
 
 
-def _explained(case: Case) -> Constants:
+def _explained(case: FindingInputs) -> Constants:
     rest = case.level_of(longitudinal_force(case.aligned, case.machine.machine))
     error = np.nan, np.nan
     if ACC in case.aligned.columns:
@@ -119,7 +119,7 @@ def _explained(case: Case) -> Constants:
     )
 
 
-def _without(motion: Equation, rest_N: float, error_m_s2: float) -> Equation:
+def _without(motion: MotionSamples, rest_N: float, error_m_s2: float) -> MotionSamples:
     if rest_N:
         motion = replace(motion, force=motion.force - rest_N)
     return accelerated(motion, lambda x: x - error_m_s2) if error_m_s2 else motion

@@ -5,12 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import moved
-from analysis.findings.cause import Sign
-from analysis.findings.finding_inputs import ACC, Case
-from analysis.findings.likelihood_search import NO_FAULTS, Pick, picks
+from analysis.findings.altered_motion import delay_channel
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.likelihood_search import NO_FAULTS, Pick, pick_causes
 from analysis.findings.long_delays import LongDelay, long_delay
-from analysis.findings.refit import mended
+from analysis.findings.refit import refit_mended
 
 #: Likelihood gains are this times the square root's limit.
 _LIMIT: Final = 3.45
@@ -31,18 +31,18 @@ EXPLAINED_BY_LONG: Final = (
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 
-def delays(case: Case) -> list[Sign]:
+def delays(case: FindingInputs) -> list[Symptom]:
     """The channels that are late, by the likelihood of f(t - d) = m a + b v with m, b refitted."""
     late = long_delay(case)
     if late is not None:
         return [_of_long(case, late)]
-    found = [pick for name, pick in picks(case).items() if name.startswith("delay")]
+    found = [pick for name, pick in pick_causes(case).items() if name.startswith("delay")]
     return [_sign(case, pick) for pick in found if not is_low_pass(pick)]
 
 
-def low_pass(case: Case) -> list[Sign]:
+def low_pass(case: FindingInputs) -> list[Symptom]:
     """An accelerometer that is later than stamps are."""
-    found = picks(case).get("delay:imu")
+    found = pick_causes(case).get("delay:imu")
     if found is None or not is_low_pass(found):
         return []
     return [replace(_sign(case, found), alternatives=("delay",), setting=None, value=None)]
@@ -58,7 +58,7 @@ def is_low_pass(pick: Pick) -> bool:
     return pick.name == "delay:imu" and pick.value > _SMOOTH_S
 
 
-def _sign(case: Case, pick: Pick) -> Sign:
+def _sign(case: FindingInputs, pick: Pick) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
     names = _channels(case, channel)
@@ -73,7 +73,7 @@ def _sign(case: Case, pick: Pick) -> Sign:
     others = [n for n in pick.rivals if not n.startswith("delay") and n not in NO_FAULTS]
     # what is early against an accelerometer may be in time, and the accelerometer filtered
     filtered = smooth or (late_s < 0.0 and "imu" in rivals)
-    return Sign(
+    return Symptom(
         min(float(np.sqrt(pick.gain)) / _LIMIT, abs(late_s) / _LEAST_S),
         said,
         channel=next(iter(names), None),
@@ -82,21 +82,23 @@ def _sign(case: Case, pick: Pick) -> Sign:
         # a low-pass is not mended by a delay
         change=None
         if smooth
-        else lambda: mended(
-            case, lambda motion: moved(motion, channel, late_s), min(std_s / abs(late_s), 1.0)
+        else lambda: refit_mended(
+            case,
+            lambda motion: delay_channel(motion, channel, late_s),
+            min(std_s / abs(late_s), 1.0),
         ),
         alternatives=(*others, *(("imu_low_passed",) if filtered else ())),
     )
 
 
-def _of_long(case: Case, late: LongDelay) -> Sign:
+def _of_long(case: FindingInputs, late: LongDelay) -> Symptom:
     names = _channels(case, late.channel)
     setting, value = case.shifted(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)
     others = f"; as likely the {_SHOWN[late.rival]} is off" if late.rival else ""
-    return Sign(
+    return Symptom(
         _LONG_STANDS_FIRST,
         f"{abs(late.late_s):.2f} s {words} against {against}: so they correlate by "
         f"{late.correlation[0]:.2f}, as they are by {late.correlation[1]:.2f}{others}",
@@ -109,7 +111,7 @@ def _of_long(case: Case, late: LongDelay) -> Sign:
     )
 
 
-def _channels(case: Case, name: str) -> tuple[str, ...]:
+def _channels(case: FindingInputs, name: str) -> tuple[str, ...]:
     if name == "force":
         return case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
     if name == "speed":

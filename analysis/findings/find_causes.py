@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.findings.cause import Cause, Change, Sign
+from analysis.findings.cause import Cause, Change, Symptom
 from analysis.findings.cause_table import CAUSES, UNKNOWN
-from analysis.findings.finding_inputs import Case
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.unexplained import SHOWN
 from analysis.model.schema import build, frame_schema
 
@@ -17,7 +17,7 @@ from analysis.model.schema import build, frame_schema
 _MATTERS: Final = 1.0
 
 
-def findings(case: Case) -> pl.DataFrame:
+def findings(case: FindingInputs) -> pl.DataFrame:
     """Look for every cause of the table.
 
     Args:
@@ -45,21 +45,21 @@ def findings(case: Case) -> pl.DataFrame:
     )
 
 
-def _explains(one: tuple[Cause, Sign], other: tuple[Cause, Sign]) -> bool:
+def _explains(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) -> bool:
     (cause, own), (seen, sign) = one, other
     if seen.key in own.explains:
         return True
     return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
 
 
-def suspected(case: Case) -> list[tuple[Cause, Sign]]:
+def suspected(case: FindingInputs) -> list[tuple[Cause, Symptom]]:
     """What the log shows of every cause, whether chance does as much or not."""
     with np.errstate(divide="ignore", invalid="ignore"):
         found = [(cause, sign) for cause in CAUSES for sign in cause.find(case)]
     return [(cause, sign) for cause, sign in found if np.isfinite(sign.strength)]
 
 
-def _row(rank: int, cause: Cause, sign: Sign, case: Case) -> dict[str, object]:
+def _row(rank: int, cause: Cause, sign: Symptom, case: FindingInputs) -> dict[str, object]:
     change = None if sign.change is None else sign.change()
     start, end = sign.span_ns or (None, None)
     return {
@@ -79,7 +79,7 @@ def _row(rank: int, cause: Cause, sign: Sign, case: Case) -> dict[str, object]:
     }
 
 
-def _severity(cause: Cause, sign: Sign, change: Change | None, case: Case) -> str:
+def _severity(cause: Cause, sign: Symptom, change: Change | None, case: FindingInputs) -> str:
     if sign.harmless:
         return "tell"
     if cause.withholds and not (cause.as_judged and case.can_weigh):

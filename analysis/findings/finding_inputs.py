@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis.check_inputs import Bools, Evidence, Floats
+from analysis.diagnosis.check_inputs import Bools, CheckInputs, Floats
 from analysis.diagnosis.measured_channels import Ints, Series
 from analysis.model.axes import X
 from analysis.model.machine import Channel, Machine
@@ -17,7 +17,7 @@ from analysis.model.verdict import Verdict
 from analysis.model.windows import windows_with
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import Equation, KeptNoise, NoiseOfColumns
+from analysis.weighing.motion_samples import KeptNoise, MotionSamples, NoiseOfColumns
 from estimators.compiled import compiled
 
 #: Channels of the force and of the speed, as a machine file may have them.
@@ -33,7 +33,7 @@ _FEWEST_BLOCKS: Final = 6
 
 
 @dataclass(frozen=True)
-class Case:
+class FindingInputs:
     """A log as the causes see it.
 
     Attributes:
@@ -47,7 +47,7 @@ class Case:
         kept: what one cause found and another one needs.
     """
 
-    evidence: Evidence
+    evidence: CheckInputs
     aligned: pl.DataFrame
     noise: pl.DataFrame
     raw: Mapping[str, pl.DataFrame]
@@ -184,7 +184,7 @@ class Case:
         blocks = x[: count * size].reshape(count, size).mean(axis=1)
         return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
 
-    def mass_of_samples(self, motion: Equation) -> Floats:
+    def mass_of_samples(self, motion: MotionSamples) -> Floats:
         """(n,) the mass that the joint fit has for the load of each sample, in kg."""
         fit = self.fit
         assert fit is not None

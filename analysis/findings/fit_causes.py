@@ -7,15 +7,15 @@ import numpy as np
 import polars as pl
 
 from analysis.findings.alternating_load import share_instead_of_loads
-from analysis.findings.cause import Change, Sign
+from analysis.findings.cause import Change, Symptom
 from analysis.findings.constant_forces import DEVIATIONS, LEAST_SHARE, constants
-from analysis.findings.finding_inputs import Case
-from analysis.findings.likelihood_search import APART, NO_FAULTS, Pick, picks
-from analysis.findings.refit import mended
+from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.likelihood_search import APART, NO_FAULTS, Pick, pick_causes
+from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.gating.digging import SURELY
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 from estimators.errors import counted
 
 #: So many deviations a term of the fit must be from 0.
@@ -46,9 +46,9 @@ _UNSEEN: Final = 0.002
 _OF_BRAKING: Final = 4.0
 
 
-def wheel_radius(case: Case) -> list[Sign]:
+def wheel_radius(case: FindingInputs) -> list[Symptom]:
     """The wheels' speed against the accelerometer's: a radius is in the force as well."""
-    pick = picks(case).get("wheel_radius")
+    pick = pick_causes(case).get("wheel_radius")
     if pick is None:
         return []
     gain, std = pick.value, pick.std
@@ -61,19 +61,19 @@ def wheel_radius(case: Case) -> list[Sign]:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
     keys, scales = case.scaled(case.speed_channels, 1.0 / (1.0 + gain))
 
-    def larger(motion: Equation) -> Equation:
+    def larger(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
         return replace(motion, force=force, speed=motion.speed / (1.0 + gain))
 
     return [
-        Sign(
+        Symptom(
             min(float(np.sqrt(pick.gain)) / _WHEELS, abs(gain) / _LEAST_GAIN),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
             "says: their radius, or the accelerometer's scale",
             channel=next(iter(case.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: mended(case, larger, min(std / abs(gain), 1.0)),
+            change=lambda: refit_mended(case, larger, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(*_others(pick), *(("imu_loose",) if gain < -_ROCKS else ())),
         )
@@ -88,7 +88,7 @@ def _others(pick: Pick) -> tuple[str, ...]:
     return tuple(key for key in dict.fromkeys(named) if key not in (own, *NO_FAULTS))
 
 
-def offset(case: Case) -> list[Sign]:
+def offset(case: FindingInputs) -> list[Symptom]:
     """A force while the machine stands, which driving has as well."""
     seen = constants(case)
     rest, std = seen.rest_N
@@ -100,14 +100,14 @@ def offset(case: Case) -> list[Sign]:
     names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
     at_rest = [case.level(name)[0] for name in names]
     return [
-        Sign(
+        Symptom(
             float(strength),
             f"standing, it reads {rest:+.0f} ± {std:.0f} N, and driving has it",
             channel=case.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(_zeroed(case, name, x) for name, x in zip(names, at_rest, strict=True))
             or None,
-            change=lambda: mended(
+            change=lambda: refit_mended(
                 case,
                 lambda motion: replace(motion, force=motion.force - rest),
                 min(std / abs(rest), 1.0),
@@ -117,7 +117,7 @@ def offset(case: Case) -> list[Sign]:
     ]
 
 
-def _zeroed(case: Case, name: str, reads: float) -> str:
+def _zeroed(case: FindingInputs, name: str, reads: float) -> str:
     channel = case.machine.channels[name]
     if channel.unit is None:
         return f"{channel.offset - reads:.6g}"
@@ -126,7 +126,7 @@ def _zeroed(case: Case, name: str, reads: float) -> str:
     return f"{channel.offset - reads / gain:.6g}"
 
 
-def _constant_alone(case: Case) -> list[Sign]:
+def _constant_alone(case: FindingInputs) -> list[Symptom]:
     """A constant force of a log that never stands: nothing tells whose it is."""
     fit = case.fit
     if fit is None:
@@ -134,7 +134,7 @@ def _constant_alone(case: Case) -> list[Sign]:
     place = [term.name for term in fit.terms].index("const")
     const, std = (float(each[place]) for each in fit.posterior)
     return [
-        Sign(
+        Symptom(
             abs(const) / (_TERM * std),
             f"driving has {const:+.0f} ± {std:.0f} N besides mass and friction",
             channel=case.force_channel,
@@ -143,9 +143,9 @@ def _constant_alone(case: Case) -> list[Sign]:
     ]
 
 
-def coulomb(case: Case) -> list[Sign]:
+def coulomb(case: FindingInputs) -> list[Symptom]:
     """A force against the motion that does not depend on it."""
-    fit, found = case.fit, picks(case)
+    fit, found = case.fit, pick_causes(case)
     if fit is None or case.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
@@ -161,7 +161,7 @@ def coulomb(case: Case) -> list[Sign]:
     seen = constants(case)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
-        Sign(
+        Symptom(
             min(float(np.sqrt(pick.gain)) / _TERM, force / (_LEAST_SHARE * motion.largest_force)),
             f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
@@ -172,7 +172,7 @@ def coulomb(case: Case) -> list[Sign]:
     ]
 
 
-def _own_term(case: Case, name: str) -> Pick | None:
+def _own_term(case: FindingInputs, name: str) -> Pick | None:
     """A term as the joint fit has it, beyond what standing explains of it.
 
     Where all starts have one throttle, their samples hardly tell it from mass and friction; the
@@ -190,10 +190,10 @@ def _own_term(case: Case, name: str) -> Pick | None:
 
 
 def _without_friction(
-    case: Case, force: float, std: float, others: tuple[str, ...]
+    case: FindingInputs, force: float, std: float, others: tuple[str, ...]
 ) -> Change | None:
     """What the mass would be without Coulomb friction, or whichever of the others it is."""
-    change = mended(
+    change = refit_mended(
         case,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),
         min(std / force, 1.0),
@@ -204,19 +204,19 @@ def _without_friction(
     return Change(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
 
 
-def _none(case: Case) -> Change | None:
+def _none(case: FindingInputs) -> Change | None:
     fit = case.fit
     return None if fit is None else Change(0.0, 0.5 * fit.u_kg)
 
 
-def slip(case: Case) -> list[Sign]:
+def slip(case: FindingInputs) -> list[Symptom]:
     """Wheels that turn faster than the ground under force."""
-    pick, fit = picks(case).get("slip"), case.fit
+    pick, fit = pick_causes(case).get("slip"), case.fit
     if pick is None or fit is None or pick.value <= 0.0:
         return []
     at = pick.value * fit.motion.largest_force
     return [
-        Sign(
+        Symptom(
             min(float(np.sqrt(pick.gain)) / _TERM, at / 0.005),
             f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
             "full force",
@@ -227,17 +227,17 @@ def slip(case: Case) -> list[Sign]:
     ]
 
 
-def driveline(case: Case) -> list[Sign]:
+def driveline(case: FindingInputs) -> list[Symptom]:
     """A force that is not linear in the acceleration: load transfer, or losses of the drive."""
     found = _one_load(case)
-    pick = picks(case).get("driveline")
+    pick = pick_causes(case).get("driveline")
     if pick is not None:
         found.append(
-            Sign(
+            Symptom(
                 min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_CHANGE),
                 _share_changes(pick.value, pick.std),
                 channel=case.force_channel,
-                change=lambda: mended(
+                change=lambda: refit_mended(
                     case,
                     lambda motion: replace(
                         motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
@@ -250,13 +250,13 @@ def driveline(case: Case) -> list[Sign]:
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def gain_drift(case: Case) -> list[Sign]:
+def gain_drift(case: FindingInputs) -> list[Symptom]:
     """A force whose gain changes over the log, or a load that changes steadily."""
-    pick = picks(case).get("gain_drift")
+    pick = pick_causes(case).get("gain_drift")
     if pick is None or case.fit is None or case.fit.count > 1:
         return []
     return [
-        Sign(
+        Symptom(
             min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_DRIFT),
             f"force over acceleration changes by {pick.value:+.1%} ± {pick.std:.1%} from the "
             "beginning of the log to its end: the force's gain, or the load",
@@ -276,13 +276,13 @@ def _share_changes(value: float, std: float) -> str:
     return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} a m/s²"
 
 
-def _one_load(case: Case) -> list[Sign]:
+def _one_load(case: FindingInputs) -> list[Symptom]:
     """The same where the answer has loads that take turns with the direction."""
     found = share_instead_of_loads(case)
     if found is None or found.worse > APART:
         return []
     return [
-        Sign(
+        Symptom(
             min(float(np.sqrt(found.gain)) / _TERM, abs(found.value) / _LEAST_CHANGE),
             f"{_share_changes(found.value, found.std)}, and there is one load, or there are "
             f"{found.loads} that go with the direction: this log does not tell",
@@ -291,7 +291,7 @@ def _one_load(case: Case) -> list[Sign]:
     ]
 
 
-def share_of_u(case: Case) -> float:
+def share_of_u(case: FindingInputs) -> float:
     """The answer's standard uncertainty as a share of it; infinite where there is none."""
     weighing = case.evidence.weighing
     if weighing is None:
@@ -302,16 +302,16 @@ def share_of_u(case: Case) -> float:
     return u_kg / abs(weighing.fit.mass_kg)
 
 
-def too_little(case: Case) -> list[Sign]:
+def too_little(case: FindingInputs) -> list[Symptom]:
     """No accepted stretch, or an answer that is hardly one."""
     if case.evidence.weighing is None:
         stretches = case.checks.get("accepted_stretches", 0.0)
-        return [Sign(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
+        return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
     share = share_of_u(case)
-    return [Sign(share / POOR, f"the answer's standard uncertainty is {share:.1%} of it")]
+    return [Symptom(share / POOR, f"the answer's standard uncertainty is {share:.1%} of it")]
 
 
-def collinear(case: Case) -> list[Sign]:
+def collinear(case: FindingInputs) -> list[Symptom]:
     """Terms that the motion does not tell from the mass."""
     fit = case.fit
     if fit is None:
@@ -321,20 +321,20 @@ def collinear(case: Case) -> list[Sign]:
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
     return [
-        Sign(
+        Symptom(
             share / _OPEN,
             f"the motion leaves {share:.1%} of the mass to priors, most of it to {worst}",
         )
     ]
 
 
-def braking(case: Case) -> list[Sign]:
+def braking(case: FindingInputs) -> list[Symptom]:
     """Braking that counts as driving, and moves the mass."""
     weighing = case.evidence.weighing
     if weighing is None or not np.isfinite(weighing.braking_kg):
         return []
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
-    pick = None if weighing.braking_left_out else picks(case).get("braking")
+    pick = None if weighing.braking_left_out else pick_causes(case).get("braking")
     if pick is None:  # what driving says is all there is
         strength = float(abs(weighing.braking_kg) / (_BRAKING * weighing.fit.u_kg))
         share, others = "", ()
@@ -342,7 +342,7 @@ def braking(case: Case) -> list[Sign]:
         strength = min(float(np.sqrt(pick.gain)) / _TERM, pick.value / _UNSEEN)
         share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", _others(pick)
     return [
-        Sign(
+        Symptom(
             strength,
             f"braking moves the mass by {weighing.braking_kg:+.0f} kg: the force does not see all "
             f"of the brakes{share}",
@@ -354,7 +354,7 @@ def braking(case: Case) -> list[Sign]:
     ]
 
 
-def external_force(case: Case) -> list[Sign]:
+def external_force(case: FindingInputs) -> list[Symptom]:
     """Starts against something that pushes back."""
     if not case.digs.height:
         return []
@@ -367,7 +367,7 @@ def external_force(case: Case) -> list[Sign]:
     worst = int(np.argmax(growth / std))
     begin, end = (int(digs[name][worst]) for name in ("start_t_ns", "end_t_ns"))
     return [
-        Sign(
+        Symptom(
             float(growth[worst] / std[worst]) / SURELY * np.sqrt(digs.height),
             f"in {counted(digs.height, 'start')} a resistance grows, by up to "
             f"{growth[worst]:.0f} ± {std[worst]:.0f} N; they are left out",

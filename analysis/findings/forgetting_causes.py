@@ -7,8 +7,8 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.diagnosis.measured_channels import Ints
-from analysis.findings.cause import Sign
-from analysis.findings.finding_inputs import Case
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.methods import METHODS, Feed
 from analysis.model.schema import values
 from analysis.weighing.load_frames import changes
@@ -20,13 +20,13 @@ _GROWS: Final = 2.0
 _FEWEST: Final = 100
 
 
-def wind_up(case: Case) -> list[Sign]:
+def wind_up(case: FindingInputs) -> list[Symptom]:
     """Estimates that forget while the machine keeps its speed (wind-up)."""
     found = [sign for name in case.estimates if (sign := _of_method(case, name)) is not None]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _of_method(case: Case, name: str) -> Sign | None:
+def _of_method(case: FindingInputs, name: str) -> Symptom | None:
     """The growth of the recursion's own deviation, which is there whatever else is wrong.
 
     Without excitation the covariance grows by 1 / forgetting a sample (Åström and Wittenmark 1995,
@@ -53,7 +53,7 @@ def _of_method(case: Case, name: str) -> Sign | None:
         return None
     worst = int(np.argmax(grown))
     mends = name == "rls"  # no other one can
-    return Sign(
+    return Symptom(
         float(grown[worst] / np.log(_GROWS)),
         f"{name}'s own deviation grows from {least_kg[worst]:.3g} to {std_kg[worst]:.3g} kg in "
         f"{steady[worst]:.0f} samples at a speed that is kept: it forgets faster than it learns "

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.findings.cause import Sign
+from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import constants
-from analysis.findings.finding_inputs import Case
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.whitened_rows import FORCE, blocks, force_system, sums, variance_of
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
@@ -43,13 +43,13 @@ class _Growth(NamedTuple):
     deviations: float
 
 
-def load_changed(case: Case) -> list[Sign]:
+def load_changed(case: FindingInputs) -> list[Symptom]:
     """Manoeuvres whose load grows or falls while they drive."""
     found = [*_left_out(case), *_fitted(case)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _fitted(case: Case) -> list[Sign]:
+def _fitted(case: FindingInputs) -> list[Symptom]:
     """Those that are fitted although their load grows."""
     found = _growths(case)
     if not found:
@@ -57,7 +57,7 @@ def _fitted(case: Case) -> list[Sign]:
     worst = max(found, key=lambda each: each.deviations)
     begin = int(case.aligned["t_ns"].to_numpy()[worst.first])
     return [
-        Sign(
+        Symptom(
             worst.deviations * len(found) ** 0.5,
             f"in {counted(len(found), 'manoeuvre')} the load changes, by up to "
             f"{worst.kg_s:+.0f} kg/s",
@@ -66,7 +66,7 @@ def _fitted(case: Case) -> list[Sign]:
     ]
 
 
-def _left_out(case: Case) -> list[Sign]:
+def _left_out(case: FindingInputs) -> list[Symptom]:
     """Those that the answer leaves out."""
     weighing = case.evidence.weighing
     if weighing is None or not weighing.growing:
@@ -75,7 +75,7 @@ def _left_out(case: Case) -> list[Sign]:
     t = case.aligned["t_ns"].to_numpy()
     begin = int(t[min(worst.first, t.size - 1)])
     return [
-        Sign(
+        Symptom(
             abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(weighing.growing))),
             f"in {counted(len(weighing.growing), 'manoeuvre')} the load changes, by up to "
             f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; they are left out",
@@ -84,7 +84,7 @@ def _left_out(case: Case) -> list[Sign]:
     ]
 
 
-def _growths(case: Case) -> list[_Growth]:
+def _growths(case: FindingInputs) -> list[_Growth]:
     """The manoeuvres whose load grows, or falls, by more than chance."""
     fit, noise, motion = case.fit, case.column_noise, constants(case).motion
     if fit is None or noise is None or motion is None:

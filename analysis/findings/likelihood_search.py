@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import moved
+from analysis.findings.altered_motion import delay_channel
 from analysis.findings.channel_causes import spiked
 from analysis.findings.constant_forces import constants
-from analysis.findings.finding_inputs import Case
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.refit import whole_stretches
 from analysis.findings.whitened_rows import Explained, force_system, wheel_system
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 
 #: Columns that sound machines have, and no cause.
 NO_FAULTS: Final = ("viscous_drift", "viscous_bend")
@@ -68,14 +68,14 @@ class Pick:
     rivals: tuple[str, ...]
 
 
-def picks(case: Case) -> Mapping[str, Pick]:
+def pick_causes(case: FindingInputs) -> Mapping[str, Pick]:
     """What each cause raises the likelihood by, those first that were taken."""
     if "picks" not in case.kept:
         case.kept["picks"] = _picked(case)
     return case.kept["picks"]  # type: ignore[return-value]
 
 
-def _picked(case: Case) -> dict[str, Pick]:
+def _picked(case: FindingInputs) -> dict[str, Pick]:
     fit, noise = case.fit, case.column_noise
     if fit is None or noise is None or constants(case).motion is None:
         return {}
@@ -150,17 +150,17 @@ def _can_be(pick: Pick) -> bool:
     return pick.name != "slip" or pick.value > 0.0
 
 
-def _late(case: Case, motion: Equation) -> Pick | None:
+def _late(case: FindingInputs, motion: MotionSamples) -> Pick | None:
     """A delay so long that no derivative makes up for it: the joint fit's, tried whole."""
     fit = case.fit
     if fit is None or abs(fit.lag_s) < _LONG_S:
         return None
-    late = moved(motion, "force", fit.lag_s)
+    late = delay_channel(motion, "force", fit.lag_s)
     before, after = (_left(case, of)[0] for of in (motion, late))
     if before.square_left * before.variance < (1.0 + _MUCH) * after.square_left * after.variance:
         return None
     # the wheels tell whether it is the accelerometer that is early or late
-    turned = moved(motion, "imu", -fit.lag_s)
+    turned = delay_channel(motion, "imu", -fit.lag_s)
     without, with_it = (_left(case, of)[1] for of in (motion, turned))
     by_imu = (
         without is not None
@@ -173,13 +173,15 @@ def _late(case: Case, motion: Equation) -> Pick | None:
     return Pick("delay:force", fit.lag_s, 1e-3, gain, ())
 
 
-def _settled(case: Case, motion: Equation, taken: list[str], pick: Pick) -> tuple[Equation, Pick]:
+def _settled(
+    case: FindingInputs, motion: MotionSamples, taken: list[str], pick: Pick
+) -> tuple[MotionSamples, Pick]:
     """Move the channel back by what was found, until nothing is left of its delay."""
     channel, total, std = pick.name.partition(":")[2], 0.0, pick.std
     begun, step = motion, pick.value
     for _ in range(_ROUNDS):
         total = float(np.clip(total + step, -_LONGEST_S, _LONGEST_S))
-        motion = moved(begun, channel, total)
+        motion = delay_channel(begun, channel, total)
         again = _tried(case, motion, taken).get(pick.name)
         if again is None:
             break
@@ -190,8 +192,8 @@ def _settled(case: Case, motion: Equation, taken: list[str], pick: Pick) -> tupl
 
 
 def _whose(
-    case: Case, begun: Equation, taken: list[str], settled: tuple[Equation, Pick]
-) -> tuple[Equation, Pick, tuple[str, ...]]:
+    case: FindingInputs, begun: MotionSamples, taken: list[str], settled: tuple[MotionSamples, Pick]
+) -> tuple[MotionSamples, Pick, tuple[str, ...]]:
     """Whether wheels are early or the accelerometer is late: alike to both, not to the force.
 
     Args:
@@ -206,7 +208,7 @@ def _whose(
     """
     motion, own = settled
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
-    other = moved(begun, turned.name.partition(":")[2], turned.value)
+    other = delay_channel(begun, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
     left, left_other = (_left(case, each, taken)[0] for each in (motion, other))
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
@@ -217,7 +219,7 @@ def _whose(
     return motion, own, (turned.name,) if near else ()
 
 
-def _tried(case: Case, motion: Equation, taken: list[str]) -> dict[str, Pick]:
+def _tried(case: FindingInputs, motion: MotionSamples, taken: list[str]) -> dict[str, Pick]:
     """Every cause beside those that were taken."""
     parts = _systems(case, motion, taken)
     names = list(dict.fromkeys(name for part in parts for name in part.information))
@@ -233,7 +235,7 @@ def _tried(case: Case, motion: Equation, taken: list[str]) -> dict[str, Pick]:
     return out
 
 
-def _systems(case: Case, motion: Equation, taken: list[str]) -> list[Explained]:
+def _systems(case: FindingInputs, motion: MotionSamples, taken: list[str]) -> list[Explained]:
     """Both equations without what was taken; the wheels' where it can be listened to."""
     force, wheels = _left(case, motion, taken)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
@@ -242,7 +244,7 @@ def _systems(case: Case, motion: Equation, taken: list[str]) -> list[Explained]:
 
 
 def _left(
-    case: Case, motion: Equation, taken: Sequence[str] = ()
+    case: FindingInputs, motion: MotionSamples, taken: Sequence[str] = ()
 ) -> tuple[Explained, Explained | None]:
     """Force and wheels without what was taken."""
     fit, noise = case.fit, case.column_noise

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.findings.constant_forces import gravity
-from analysis.findings.finding_inputs import ACC, Case
+from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import values
 from analysis.model.windows import windows_with
 from analysis.stages.motion.forces import longitudinal_force
@@ -53,21 +53,21 @@ class LongDelay:
     rival: str = ""
 
 
-def long_delay(case: Case) -> LongDelay | None:
+def long_delay(case: FindingInputs) -> LongDelay | None:
     """The channel that is late by much against the other two, which go together."""
     if "long delay" not in case.kept:
         case.kept["long delay"] = _found(case)
     return case.kept["long delay"]  # type: ignore[return-value]
 
 
-def _found(case: Case) -> LongDelay | None:
+def _found(case: FindingInputs) -> LongDelay | None:
     step_s, channels = _accelerations(case)
     if "speed" not in channels:
         return None
     speed, force = channels["speed"], channels["force"]
     drives = np.abs(force) > _DRIVES * float(np.quantile(np.abs(force), 0.98))
     if "imu" not in channels:
-        seen = _lag_of_force(force, speed, drives, step_s)
+        seen = _lag_of_force(force, speed, channels["v"], drives, step_s)
         return LongDelay("force", seen[0], seen[1:], "speed") if _is_long(seen) else None
     imu = channels["imu"]
     seen = _lag(speed, imu, step_s)
@@ -84,13 +84,14 @@ def _found(case: Case) -> LongDelay | None:
         if by_imu < by_speed:
             return LongDelay("speed", seen[0], seen[1:])
         return LongDelay("imu", -seen[0], seen[1:])
-    seen = _lag_of_force(force, imu, drives, step_s)
+    seen = _lag_of_force(force, imu, channels["v"], drives, step_s)
     return LongDelay("force", seen[0], seen[1:]) if _is_long(seen) else None
 
 
 def _is_long(seen: tuple[float, float, float]) -> bool:
     late_s, after, before = seen
-    return abs(late_s) > LEAST_S and after > _GOES_TOGETHER and before < _MUCH_LESS * after
+    # the other way as they are: a sign
+    return abs(late_s) > LEAST_S and after > _GOES_TOGETHER and abs(before) < _MUCH_LESS * after
 
 
 def _left(force: Floats, columns: Floats, rows: Bools) -> float:
@@ -100,27 +101,35 @@ def _left(force: Floats, columns: Floats, rows: Bools) -> float:
     return float(left @ left)
 
 
-def _along(force: Floats, acceleration: Floats, drives: Bools) -> float:
-    """Correlation of force and acceleration, about 0, where it drives."""
-    f, a = force[drives], acceleration[drives]
+def _together(force: Floats, acceleration: Floats, v: Floats) -> float:
+    """Partial correlation of force and acceleration, about 0, with friction taken out of both.
+
+    A force that rubs goes with the speed, which is the acceleration of later.
+    """
+    friction = np.column_stack([v, np.sign(v)])
+    both = np.column_stack([force, acceleration])
+    f, a = (both - friction @ np.linalg.lstsq(friction, both, rcond=None)[0]).T
     size = float(np.linalg.norm(f) * np.linalg.norm(a))
     return float(f @ a) / size if size else 0.0
 
 
 def _lag_of_force(
-    force: Floats, acceleration: Floats, drives: Bools, step_s: float
+    force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
     """As `_lag`, of a force that does not see the brakes."""
     longest = round(_LONGEST_S / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False
-    seen = [_along(force, np.roll(acceleration, k), inside) for k in range(-longest, longest + 1)]
+    seen = [
+        _together(force[inside], np.roll(acceleration, k)[inside], np.roll(v, k)[inside])
+        for k in range(-longest, longest + 1)
+    ]
     at = int(np.argmax(seen))
     return (at - longest) * step_s, seen[at], seen[longest]
 
 
-def _accelerations(case: Case) -> tuple[float, dict[str, Floats]]:
-    """Step in s, and by channel (n,) what goes with the acceleration, its mean taken off."""
+def _accelerations(case: FindingInputs) -> tuple[float, dict[str, Floats]]:
+    """Step in s; by channel (n,) what goes with the acceleration, less its mean; the speed `v`."""
     rate_hz = case.machine.settings.align.rate_hz
     size = rows_in(_MEAN_S, rate_hz)
     count = min(case.aligned.height, round(_BEGINNING_S * rate_hz)) // size
@@ -138,12 +147,13 @@ def _accelerations(case: Case) -> tuple[float, dict[str, Floats]]:
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
     # a central difference has the time of its middle
-    found = {"v": speed, "speed": np.gradient(speed) * rate_hz / size, "force": force}
+    found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if case.measured(ACC):
         found["imu"] = means(values(case.aligned, ACC) - gravity(case))
-    return size / rate_hz, {
+    channels = {
         name: known(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
     }
+    return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
 
 def _lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:

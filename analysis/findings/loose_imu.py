@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
-from analysis.findings.accelerometer_share import share_seen
-from analysis.findings.cause import Sign
-from analysis.findings.finding_inputs import ACC, Case
+from analysis.findings.accelerometer_share import share_of_accelerometer
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in
@@ -40,9 +40,9 @@ _ABOVE: Final = (1.35, 2.2)
 _OVER_STANDING: Final = 4.0
 
 
-def loose(case: Case) -> list[Sign]:
+def loose(case: FindingInputs) -> list[Symptom]:
     """A peak in what the force leaves of the accelerometer, in the first second of starts."""
-    share = share_seen(case)
+    share = share_of_accelerometer(case)
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
     if share is None or share[0] - _SURELY * share[1] < _READS_MORE:
         return []
@@ -64,7 +64,7 @@ def loose(case: Case) -> list[Sign]:
         if min(peak, own) > best:
             best, at = min(peak, own), int(k)
     return [
-        Sign(
+        Symptom(
             best,
             f"it reads {share[0]:.2f} of the wheels' acceleration, and in the first second of "
             f"{count} starts it rings at {hz[at]:.1f} Hz, with "
@@ -77,7 +77,7 @@ def loose(case: Case) -> list[Sign]:
     ]
 
 
-def _spectra(case: Case) -> tuple[Floats, Floats, Floats, int] | None:
+def _spectra(case: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
     """Frequencies, mean power after starts and at rest, (k,) each, and the number of starts."""
     rate_hz = case.machine.settings.align.rate_hz
     size = rows_in(_LOOKED_S, rate_hz)
@@ -110,7 +110,7 @@ def _spectra(case: Case) -> tuple[Floats, Floats, Floats, int] | None:
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
 
 
-def _starts(case: Case, force: Floats, size: int) -> list[int]:
+def _starts(case: FindingInputs, force: Floats, size: int) -> list[int]:
     """Where to look: behind the rise of a force after a standstill, that is then held."""
     rate_hz = case.machine.settings.align.rate_hz
     if not np.isfinite(force).any():

@@ -24,7 +24,7 @@ _HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
 _OF_CHANNEL: Final = ("scale", "unit", "delay_s")
 
 
-def beginning(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def first_findings(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """The first hour in which a log has all of its topics, and what is before it.
 
     Args:
@@ -34,7 +34,7 @@ def beginning(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     return {topic: frame.filter(pl.col("log_time_ns") < end_ns) for topic, frame in raw.items()}
 
 
-def behind(
+def add_masked_findings(
     found: pl.DataFrame,
     machine: Machine,
     look: Callable[[Machine], pl.DataFrame | None],

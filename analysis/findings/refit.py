@@ -12,11 +12,11 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.findings.cause import Change
-from analysis.findings.finding_inputs import Case
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.settings import PriorSettings
-from analysis.weighing.joint_fit import again
+from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import Equation, NoiseOfColumns, begins
+from analysis.weighing.motion_samples import MotionSamples, NoiseOfColumns, begins
 from analysis.weighing.wheel_kinematics import Kinematics, kinematics
 
 #: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
@@ -43,34 +43,34 @@ _TRIED: Final = 48
 _FEWEST: Final = 200
 _SHORTEST: Final = 20
 
-Mend = Callable[[Equation], Equation]
+Mend = Callable[[MotionSamples], MotionSamples]
 
 
-def left_out(case: Case, rows: Bools) -> Change | None:
+def left_out(case: FindingInputs, rows: Bools) -> Change | None:
     """Fit once more without samples, which leaves some starts as another answer would have them.
 
     Args:
         case: the log.
         rows: (n,) grid samples that say nothing.
     """
-    return anew(case, lambda motion: motion.without(rows), _CUT)
+    return refit_from_scratch(case, lambda motion: motion.without(rows), _CUT)
 
 
-def anew(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
+def refit_from_scratch(case: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
     """Fit once more where the answer as it is says little of what a replay will say.
 
     Args:
         case: the log.
         mend: makes the motion as it would be.
-        relative_u: as of `mended`.
+        relative_u: as of `refit_mended`.
     """
-    change = mended(case, mend, relative_u)
+    change = refit_mended(case, mend, relative_u)
     if change is None or case.fit is None:
         return None
     return Change(change.kg, float(np.hypot(change.u_kg, case.fit.u_kg)))
 
 
-def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
+def refit_mended(case: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
     """Fit once more from the joint fit on, and compare with the mass of the motion as it is.
 
     Args:
@@ -89,7 +89,7 @@ def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
     return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
 
 
-def _before_kg(case: Case, fit: JointFit) -> float | None:
+def _before_kg(case: FindingInputs, fit: JointFit) -> float | None:
     """The mass of the motion as it is: the fit's own, or that of the same part of a long log."""
     if "refitted" not in case.kept:
         whole = np.unique(fit.motion.group[fit.motion.used]).size <= _TRIED
@@ -101,7 +101,7 @@ def _before_kg(case: Case, fit: JointFit) -> float | None:
     return case.kept["refitted"]  # type: ignore[return-value]
 
 
-def _mass_kg(case: Case, motion: Equation) -> float | None:
+def _mass_kg(case: FindingInputs, motion: MotionSamples) -> float | None:
     fit, noise = case.fit, case.column_noise
     if fit is None or noise is None:
         return None
@@ -126,7 +126,7 @@ def _mass_kg(case: Case, motion: Equation) -> float | None:
     return found if np.isfinite(found) else None
 
 
-def _goes_alike(before: Equation, after: Equation) -> bool:
+def _goes_alike(before: MotionSamples, after: MotionSamples) -> bool:
     """Whether wheels and accelerometer say of each other what they said.
 
     Their comparison takes a constant of the accelerometer off.
@@ -163,19 +163,19 @@ def _refitted(
     """
     part = begun.motion.beginning(_PILOT)
     if part is begun.motion or not part.drives:
-        return again(begun, noise, priors, rounds=_ROUNDS - known)
+        return refit(begun, noise, priors, rounds=_ROUNDS - known)
     if known:
-        return again(begun, noise, priors)
+        return refit(begun, noise, priors)
     states = None if begun.states is None else begun.states.among(part)
-    pilot = again(replace(begun, motion=part, states=states), noise, priors)
+    pilot = refit(replace(begun, motion=part, states=states), noise, priors)
     if abs(pilot.found.lag_s - begun.found.lag_s) > _LAG_MOVES_S:
-        pilot = again(pilot, noise, priors)
+        pilot = refit(pilot, noise, priors)
     theta = begun.theta.copy()
     theta[begun.count] = pilot.viscous
-    return again(replace(begun, found=pilot.found, theta=theta), noise, priors)
+    return refit(replace(begun, found=pilot.found, theta=theta), noise, priors)
 
 
-def whole_stretches(motion: Equation) -> Equation:
+def whole_stretches(motion: MotionSamples) -> MotionSamples:
     """The motion with its stretches numbered anew: what was left out may have cut some in two."""
     parts = np.where(motion.used, np.cumsum(begins(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)

@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
-from analysis.findings.cause import Sign
-from analysis.findings.finding_inputs import Case
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 
@@ -42,7 +42,7 @@ class Spectra(NamedTuple):
     counts: tuple[int, int]
 
 
-def spectra(case: Case) -> Spectra | None:
+def spectra(case: FindingInputs) -> Spectra | None:
     """Of f - m a - b v; None where there is too little of either, or nothing fast on the grid."""
     if "spectra" in case.kept:
         return case.kept["spectra"]  # type: ignore[return-value]
@@ -50,7 +50,7 @@ def spectra(case: Case) -> Spectra | None:
     return found
 
 
-def _spectra(case: Case) -> Spectra | None:
+def _spectra(case: FindingInputs) -> Spectra | None:
     fit, aligned, machine = case.fit, case.aligned, case.machine
     rate_hz = machine.settings.align.rate_hz
     if rate_hz <= 2.0 * _FAST_HZ[0]:
@@ -74,7 +74,7 @@ def _spectra(case: Case) -> Spectra | None:
     return Spectra(hz, _usual(driving), _usual(standing), counts)
 
 
-def _mass_and_friction(case: Case) -> tuple[float, float]:
+def _mass_and_friction(case: FindingInputs) -> tuple[float, float]:
     """By the pooled estimate of moving means: shaking takes the mass of shorter ones away."""
     totals = case.evidence.totals
     if totals is not None:
@@ -114,7 +114,7 @@ def _level(hz: Floats, power: Floats, low: float, high: float) -> float:
     return float(np.median(power[(hz >= low) & (hz <= high)]))
 
 
-def resonance(case: Case) -> list[Sign]:
+def resonance(case: FindingInputs) -> list[Symptom]:
     """A peak of the driving spectrum over the standing one."""
     found = spectra(case)
     if found is None:
@@ -131,7 +131,7 @@ def resonance(case: Case) -> list[Sign]:
     at = int(np.argmax(np.where(band, stands_out, 0.0)))
     peak = float(stands_out[at])
     return [
-        Sign(
+        Symptom(
             peak / _PEAK,
             f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(peak):.1f} times as much as "
             "its noise",
@@ -139,7 +139,7 @@ def resonance(case: Case) -> list[Sign]:
     ]
 
 
-def heteroscedastic(case: Case) -> list[Sign]:
+def heteroscedastic(case: FindingInputs) -> list[Symptom]:
     """More noise while it drives than while it stands."""
     found = spectra(case)
     if found is None:
@@ -149,14 +149,14 @@ def heteroscedastic(case: Case) -> list[Sign]:
     )
     ratio = driving / max(standing, 1e-12)
     return [
-        Sign(
+        Symptom(
             ratio / _UNEVEN,
             f"what the fit leaves has {np.sqrt(ratio):.1f} times the noise of standing",
         )
     ]
 
 
-def coloured(case: Case) -> list[Sign]:
+def coloured(case: FindingInputs) -> list[Symptom]:
     """Slow noise of the channels at standstill, beyond white noise."""
     found = spectra(case)
     if found is None:
@@ -165,7 +165,7 @@ def coloured(case: Case) -> list[Sign]:
     fast = _level(found.hz, found.standing, *_FAST_HZ)
     ratio = slow / max(fast, 1e-12)
     return [
-        Sign(
+        Symptom(
             ratio / _COLOURED,
             f"below {_SLOW_HZ:g} Hz the noise has {ratio:.1f} times the power that white noise has",
         )

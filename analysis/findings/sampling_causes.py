@@ -6,8 +6,8 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools
 from analysis.diagnosis.measured_channels import Floats, Ints
-from analysis.findings.cause import Sign
-from analysis.findings.finding_inputs import Case
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import FindingInputs
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
 
@@ -28,9 +28,9 @@ _DRIFT_DEVIATIONS: Final = 6.0
 _DRIFT_S: Final = 0.003
 
 
-def gaps(case: Case) -> list[Sign]:
+def gaps(case: FindingInputs) -> list[Symptom]:
     """Steps of a topic longer than `gap_periods` of its own period."""
-    found: list[Sign] = []
+    found: list[Symptom] = []
     settings = case.machine.settings.align
     topics = _a_channel_a_topic(case)
     others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
@@ -44,7 +44,7 @@ def gaps(case: Case) -> list[Sign]:
         missing = float(steps[holes].sum()) / float(t[-1] - t[0])
         longest = int(holes[np.argmax(steps[holes])])
         found.append(
-            Sign(
+            Symptom(
                 1.0 + missing / _MISSING,
                 f"{holes.size} gaps, the longest {steps[longest] / 1e9:.2f} s, together "
                 f"{missing:.1%} of the log",
@@ -64,14 +64,14 @@ def _paused(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
     return ~alone & (end - begin > _PAUSE_NS) & bool(others)
 
 
-def irregular(case: Case) -> list[Sign]:
+def irregular(case: FindingInputs) -> list[Symptom]:
     """The scatter of a topic's steps, gaps aside, over its period."""
-    found: list[Sign] = []
+    found: list[Symptom] = []
     for name, (t, _) in _a_channel_a_topic(case).items():
         uneven = uneven_headers(case.raw[case.machine.channels[name].topic or "table"])
         if uneven is not None:
             found.append(
-                Sign(
+                Symptom(
                     uneven[0] / _UNEVEN,
                     f"the steps of its header stamps scatter by {uneven[0]:.0%} of the period, "
                     f"those of log time by {uneven[1]:.0%}: log time places it",
@@ -86,7 +86,7 @@ def irregular(case: Case) -> list[Sign]:
             continue
         scatter = float(np.std(steps))
         found.append(
-            Sign(
+            Symptom(
                 scatter / _UNEVEN,
                 f"its steps scatter by {scatter:.0%} of the period of {period / 1e6:.1f} ms",
                 channel=name,
@@ -95,9 +95,9 @@ def irregular(case: Case) -> list[Sign]:
     return _largest(found)
 
 
-def clock_jump(case: Case) -> list[Sign]:
+def clock_jump(case: FindingInputs) -> list[Symptom]:
     """A step in what log time lies behind header stamps, beyond its drift."""
-    found: list[Sign] = []
+    found: list[Symptom] = []
     for topic, (log, latency_s) in _latencies(case).items():
         level, std_s = _levels(latency_s)
         if level is None:
@@ -110,7 +110,7 @@ def clock_jump(case: Case) -> list[Sign]:
         place = at * log.size // _PARTS
         when = int(log[min(place, log.size - 1)])
         found.append(
-            Sign(
+            Symptom(
                 strength,
                 f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
                 "against log time",
@@ -121,7 +121,7 @@ def clock_jump(case: Case) -> list[Sign]:
     return _largest(found)
 
 
-def clock_drift(case: Case) -> list[Sign]:
+def clock_drift(case: FindingInputs) -> list[Symptom]:
     """Two topics' header stamps against their log times."""
     signals = case.evidence.signals
     if signals is None or signals.drift is None:
@@ -134,7 +134,7 @@ def clock_drift(case: Case) -> list[Sign]:
     wrong = _drifting(case, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"
     return [
-        Sign(
+        Symptom(
             float(np.nan_to_num(strength)),
             f"the clock of {drift.faster} runs {drift.drift_ppm:.0f} ± {drift.drift_std_ppm:.0f} "
             f"ppm faster than that of {drift.slower}{explains}",
@@ -143,14 +143,14 @@ def clock_drift(case: Case) -> list[Sign]:
     ]
 
 
-def _drifting(case: Case, faster: str, slower: str) -> str:
+def _drifting(case: FindingInputs, faster: str, slower: str) -> str:
     """Of two clocks that run apart, the one of the force where there is one."""
     force = case.force_channel
     topic = None if force is None else case.machine.channels[force].topic
     return slower if slower == topic else faster
 
 
-def _a_channel_a_topic(case: Case) -> dict[str, tuple[Ints, Floats]]:
+def _a_channel_a_topic(case: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """One channel of each topic that the equation needs."""
     topics: dict[str | None, str] = {}
     for name in case.needed:
@@ -158,7 +158,7 @@ def _a_channel_a_topic(case: Case) -> dict[str, tuple[Ints, Floats]]:
     return {name: case.series[name] for name in topics.values()}
 
 
-def _latencies(case: Case) -> dict[str, tuple[Ints, Floats]]:
+def _latencies(case: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """By topic: log times in ns, and log time less header stamp in s, from its least on."""
     out: dict[str, tuple[Ints, Floats]] = {}
     for topic, frame in case.raw.items():
@@ -197,5 +197,5 @@ def _off_line(level: Floats) -> float:
     return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))
 
 
-def _largest(found: list[Sign]) -> list[Sign]:
+def _largest(found: list[Symptom]) -> list[Symptom]:
     return [max(found, key=lambda sign: sign.strength)] if found else []

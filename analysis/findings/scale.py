@@ -2,16 +2,16 @@
 
 from typing import Final
 
-from analysis.findings.cause import Sign
-from analysis.findings.finding_inputs import Case
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import FindingInputs
 
 #: Standard uncertainties, with the scale's, that chance stays below.
 _SURELY_U: Final = 3.0
 
 
-def wrong_scale(case: Case) -> list[Sign]:
+def wrong_scale(case: FindingInputs) -> list[Symptom]:
     """The lightest load against the empty mass, in their standard uncertainty with the scale."""
     found = case.evidence.empty_mass
     if found is None or not found.tells:
         return []
-    return [Sign(abs(found.in_u) / _SURELY_U, found.text, channel=case.force_channel)]
+    return [Symptom(abs(found.in_u) / _SURELY_U, found.text, channel=case.force_channel)]

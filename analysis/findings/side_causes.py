@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
-from analysis.findings.cause import Change, Sign
-from analysis.findings.finding_inputs import Case
+from analysis.findings.cause import Change, Symptom
+from analysis.findings.finding_inputs import FindingInputs
 
 #: Sides of sound machines are unlike by up to 5 %; a difference is so large at least;
 _LEAST_1: Final = 0.07
@@ -18,20 +18,20 @@ _WRONG_1: Final = 0.04
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
 
-def unlike(case: Case) -> list[Sign]:
+def unlike(case: FindingInputs) -> list[Symptom]:
     """The largest difference between left and right."""
     found = [_sign(case, each) for each in case.evidence.sides.values()]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _sign(case: Case, seen: SideDifference) -> Sign:
+def _sign(case: FindingInputs, seen: SideDifference) -> Symptom:
     least = _LEAST_SLIP_1 if seen.kind == "slip" else _LEAST_1
     strength = abs(seen.value_1) / max(least, SURELY * seen.std_1)
     left, right = _CHANNELS[seen.kind]
     smaller, larger = (left, right) if seen.smaller == "left" else (right, left)
     other = "right" if seen.smaller == "left" else "left"
     if seen.kind == "torque":
-        return Sign(
+        return Symptom(
             strength,
             f"on straight drives the {seen.smaller} torque is {seen.share_1:.1%} "
             f"(± {seen.std_1:.1%}) of the {other} one: one of the two is wrong",
@@ -39,7 +39,7 @@ def _sign(case: Case, seen: SideDifference) -> Sign:
             change=lambda: _if_smaller_is_wrong(case, seen),
         )
     if seen.kind == "slip":
-        return Sign(
+        return Symptom(
             strength,
             f"in hard starts the {other} wheels turn faster than the {seen.smaller} ones by "
             f"{abs(seen.value_1):.1%} ± {seen.std_1:.1%} more than in soft ones, by the gyroscope",
@@ -50,7 +50,7 @@ def _sign(case: Case, seen: SideDifference) -> Sign:
     wrong = _wrong_speed(case, seen)
     setting, value = (None, None) if wrong is None else case.scaled((wrong[0],), wrong[1])
     by_imu = "" if wrong is None else f"; the accelerometer agrees with the {_other(wrong[0])} ones"
-    return Sign(
+    return Symptom(
         strength,
         f"on straight drives the {other} wheels turn faster than the {seen.smaller} ones by "
         f"{abs(seen.value_1):.1%} ± {seen.std_1:.1%}, by the gyroscope{by_imu}",
@@ -65,7 +65,7 @@ def _other(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def _wrong_speed(case: Case, seen: SideDifference) -> tuple[str, float] | None:
+def _wrong_speed(case: FindingInputs, seen: SideDifference) -> tuple[str, float] | None:
     """The speed that the accelerometer contradicts, and what its scale is to be multiplied by."""
     wheels = None if case.fit is None else case.fit.kinematics
     if wheels is None or not wheels.goes_together:
@@ -80,7 +80,7 @@ def _wrong_speed(case: Case, seen: SideDifference) -> tuple[str, float] | None:
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 
 
-def _if_smaller_is_wrong(case: Case, seen: SideDifference) -> Change | None:
+def _if_smaller_is_wrong(case: FindingInputs, seen: SideDifference) -> Change | None:
     """If the larger one is wrong, the mass is as much too large as it is else too small."""
     if case.fit is None or seen.share_1 <= -1.0:
         return None
@@ -88,7 +88,7 @@ def _if_smaller_is_wrong(case: Case, seen: SideDifference) -> Change | None:
     return Change(kg, kg)
 
 
-def _none(case: Case) -> Change | None:
+def _none(case: FindingInputs) -> Change | None:
     """The accelerometer weighs: what the wheels say hardly moves the mass."""
     fit = case.fit
     return None if fit is None or not fit.motion.by_accelerometer else Change(0.0, 0.5 * fit.u_kg)

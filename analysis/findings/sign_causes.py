@@ -6,14 +6,14 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
-from analysis.findings.accelerometer_share import share_seen
-from analysis.findings.cause import Sign
+from analysis.findings.accelerometer_share import share_of_accelerometer
+from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import INDEPENDENT_S
-from analysis.findings.finding_inputs import ACC, Case
-from analysis.findings.refit import anew, mended
+from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.refit import refit_from_scratch, refit_mended
 from analysis.model.schema import values
 from analysis.stages.signals.grid_rate import rows_in
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 
 #: A correlation beyond this has a sign.
 _SIGN: Final = 0.3
@@ -69,15 +69,15 @@ _NEAR_MASS: Final = 0.35
 _APART: Final = 0.015
 
 
-def flipped(case: Case) -> list[Sign]:
+def flipped(case: FindingInputs) -> list[Symptom]:
     """One of force, speed and accelerometer against the other two; one side against the other."""
     found = [*_axis_flipped(case), *_side_flipped(case)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _axis_flipped(case: Case) -> list[Sign]:
+def _axis_flipped(case: FindingInputs) -> list[Symptom]:
     of_force = case.checks.get("force_sign", np.nan)
-    gain, std = share_seen(case) or (np.nan, np.nan)
+    gain, std = share_of_accelerometer(case) or (np.nan, np.nan)
     by_imu = abs(gain) > _SURE_SIGN * std
     if not np.isfinite(of_force):
         return []
@@ -91,19 +91,19 @@ def _axis_flipped(case: Case) -> list[Sign]:
     setting, value = case.scaled(names, -1.0)
     strength = max(abs(of_force if of_force < -_SIGN else gain) / _SIGN, 1.0)
     return [
-        Sign(
+        Symptom(
             10.0 * strength,
             f"force and acceleration correlate by {of_force:+.2f} with the speed's share taken out"
             + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else ""),
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: anew(case, lambda motion: _turned(motion, names[0]), 0.05),
+            change=lambda: refit_from_scratch(case, lambda motion: _turned(motion, names[0]), 0.05),
         )
     ]
 
 
-def _side_flipped(case: Case) -> list[Sign]:
+def _side_flipped(case: FindingInputs) -> list[Symptom]:
     """Left and right torque that oppose each other while the machine drives straight."""
     sides = case.measured("torque_left_N_m", "torque_right_N_m")
     if len(sides) < 2:
@@ -123,7 +123,7 @@ def _side_flipped(case: Case) -> list[Sign]:
     ]
     setting, value = case.scaled((wrong,), -1.0)
     return [
-        Sign(
+        Symptom(
             _STANDS_FIRST * abs(together),
             f"left and right torque correlate by {together:+.2f} while it drives straight",
             channel=wrong,
@@ -133,7 +133,7 @@ def _side_flipped(case: Case) -> list[Sign]:
     ]
 
 
-def unsigned(case: Case) -> list[Sign]:
+def unsigned(case: FindingInputs) -> list[Symptom]:
     """A force that is never below zero, though it drives back or something brakes it."""
     name = case.force_channel
     if name is None:
@@ -151,7 +151,7 @@ def unsigned(case: Case) -> list[Sign]:
         return []
     high = float(np.quantile(case.series[name][1], 0.99))
     return [
-        Sign(
+        Symptom(
             _STANDS_FIRST,
             f"of up to {high:.3g}, not one of its readings is below zero, though the machine "
             + (
@@ -164,12 +164,12 @@ def unsigned(case: Case) -> list[Sign]:
     ]
 
 
-def _never_negative(case: Case, name: str) -> bool:
+def _never_negative(case: FindingInputs, name: str) -> bool:
     """Whether a channel has lost its sign: noise about zero would be below it as well."""
     return float((case.series[name][1] < 0.0).mean()) < _BELOW_0
 
 
-def swapped(case: Case) -> list[Sign]:
+def swapped(case: FindingInputs) -> list[Symptom]:
     """Wheels that turn the machine the other way than the gyroscope says."""
     gyro = "yaw_rate_rad_s"
     sides = case.measured("speed_left_m_s", "speed_right_m_s")
@@ -195,27 +195,27 @@ def swapped(case: Case) -> list[Sign]:
     keys = ", ".join(f"channels.{name}.field" for name, _ in pairs)
     fields = ", ".join(f'"{channels[other].field}"' for _, other in pairs)
     return [
-        Sign(
+        Symptom(
             10.0 * abs(together) / _SIGN,
             f"turns by the wheels correlate by {together:+.2f} with the gyroscope's",
             channel=sides[0],
             setting=keys,
             value=fields,
             # what drives straight does not know its sides
-            change=lambda: mended(case, lambda motion: motion),
+            change=lambda: refit_mended(case, lambda motion: motion),
             alternatives=("sign_flipped",),
         )
     ]
 
 
-def wrong_unit(case: Case) -> list[Sign]:
+def wrong_unit(case: FindingInputs) -> list[Symptom]:
     """Ratios of speed, acceleration and force that are those of usual units."""
     # a mass in the wrong unit may be the acceleration's
     found = _of_gravity(case) or _of_speed(case) or _of_force(case)
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _of_gravity(case: Case) -> list[Sign]:
+def _of_gravity(case: FindingInputs) -> list[Symptom]:
     """The accelerometer's z axis at standstill against gravity, whatever the wheels do."""
     names = case.measured(*_ACC_AXES)
     reads, _ = case.level(_ACC_AXES[2])
@@ -225,24 +225,26 @@ def _of_gravity(case: Case) -> list[Sign]:
         return []
     setting, value = case.scaled(names, 1.0 / near[0])
     return [
-        Sign(
+        Symptom(
             10.0 * abs(float(np.log(share))) / _SIGN,
             f"standing, it reads {reads:.4g} m/s² of gravity along z: {_ACC_UNITS[near[0]]}",
             channel=ACC,
             setting=setting,
             value=value,
-            change=lambda: anew(case, lambda motion: _times(motion, ACC, 1.0 / near[0]), 0.05),
+            change=lambda: refit_from_scratch(
+                case, lambda motion: _times(motion, ACC, 1.0 / near[0]), 0.05
+            ),
         )
     ]
 
 
-def _reads_gravity(case: Case) -> bool:
+def _reads_gravity(case: FindingInputs) -> bool:
     """Whether the z axis reads gravity at rest, either way up: then its unit is m/s²."""
     reads, _ = case.level(_ACC_AXES[2])
     return bool(abs(abs(reads) / case.machine.machine.gravity_m_s2 - 1.0) < _NEAR)
 
 
-def _speed_units(case: Case) -> dict[float, str]:
+def _speed_units(case: FindingInputs) -> dict[float, str]:
     """Ratios of the accelerometer to wheels in another unit, and which."""
     found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
     radius_m = case.machine.machine.wheel_radius_m
@@ -251,10 +253,10 @@ def _speed_units(case: Case) -> dict[float, str]:
     return {**{radius_m / times: what for times, what in _WHEEL_UNITS.items()}, **found}
 
 
-def _of_speed(case: Case) -> list[Sign]:
+def _of_speed(case: FindingInputs) -> list[Symptom]:
     """The accelerometer against the wheels, and against gravity."""
     gain = case.checks.get("acceleration_gain", np.nan)
-    seen = share_seen(case)
+    seen = share_of_accelerometer(case)
     # what hardly moves has any gain
     if not gain > 0.0 or seen is None or not seen[1] < _SURE * abs(seen[0]):
         return []
@@ -281,18 +283,20 @@ def _of_speed(case: Case) -> list[Sign]:
         {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
     )
     return [
-        Sign(
+        Symptom(
             10.0 * abs(float(np.log(gain))) / _SIGN,
             f"accelerometer over wheels is {gain:.4g}, near {ratio:.4g}: {what}",
             channel=names[0],
             setting=setting if told else None,
             value=value if told else None,
-            change=lambda: anew(case, lambda motion: _times(motion, names[0], times), 0.05),
+            change=lambda: refit_from_scratch(
+                case, lambda motion: _times(motion, names[0], times), 0.05
+            ),
         )
     ]
 
 
-def _of_force(case: Case) -> list[Sign]:
+def _of_force(case: FindingInputs) -> list[Symptom]:
     """The mass against the empty machine's."""
     ratio = case.checks.get("empty_mass_ratio", np.nan)
     empty_kg = case.machine.machine.empty_mass_kg
@@ -314,22 +318,24 @@ def _of_force(case: Case) -> list[Sign]:
         return []
     setting, value = case.scaled(names, 1.0 / near)
     return [
-        Sign(
+        Symptom(
             10.0 * abs(float(np.log(ratio))) / _SIGN,
             f"the mass is {ratio:.3g} times that of the empty machine: {_FORCE_UNITS[near]}",
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: anew(case, lambda motion: _times(motion, names[0], 1.0 / near), 0.05),
+            change=lambda: refit_from_scratch(
+                case, lambda motion: _times(motion, names[0], 1.0 / near), 0.05
+            ),
         )
     ]
 
 
-def _turned(motion: Equation, channel: str) -> Equation:
+def _turned(motion: MotionSamples, channel: str) -> MotionSamples:
     return _times(motion, channel, -1.0)
 
 
-def _times(motion: Equation, channel: str, times: float) -> Equation:
+def _times(motion: MotionSamples, channel: str, times: float) -> MotionSamples:
     """The motion with a channel multiplied."""
     if channel == ACC:
 

@@ -5,8 +5,8 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.findings.cause import Sign
-from analysis.findings.finding_inputs import Case
+from analysis.findings.cause import Symptom
+from analysis.findings.finding_inputs import FindingInputs
 
 #: Kept of the case: keys of the causes that it shows.
 SHOWN: Final = "shown causes"
@@ -27,14 +27,14 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 _AS_STRONG: Final = 1.0
 
 
-def unknown(case: Case) -> list[Sign]:
+def unknown(case: FindingInputs) -> list[Symptom]:
     """The failed checks of the mass that no cause accounts for."""
     kept = case.kept.get(SHOWN, ())
     found = unaccounted(case.judged, kept if isinstance(kept, tuple) else ())
     return [] if found is None else [found]
 
 
-def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Sign | None:
+def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
     """What fails and none of the causes accounts for; None where each does.
 
     Args:
@@ -45,7 +45,9 @@ def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Sign | None:
     if not failed:
         return None
     said = "; ".join(f"{row['check']} {_number(row)}: {row['meaning']}" for row in failed)
-    return Sign(max(map(_strength, failed)), f"no known cause accounts for what disagrees: {said}")
+    return Symptom(
+        max(map(_strength, failed)), f"no known cause accounts for what disagrees: {said}"
+    )
 
 
 def _is_open(row: Mapping[str, Any], shown: set[str]) -> bool:

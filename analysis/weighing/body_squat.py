@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.motion_samples import Equation, Floats, begins, ends, rolled_share
+from analysis.weighing.motion_samples import Floats, MotionSamples, begins, ends, rolled_share
 from analysis.weighing.pitch_squat import instrumented, squats_of_stretches
 from analysis.weighing.wheel_kinematics import Kinematics
 from estimators.numerics.autocorrelation import student_factor
@@ -68,7 +68,7 @@ class Squat:
 
 
 def find_squat(
-    motion: Equation,
+    motion: MotionSamples,
     wheels: Kinematics,
     loads: RelativeLoads,
     relative_load: Floats,
@@ -126,7 +126,7 @@ def _grown_squat(share: float, seen: tuple[float, float] | None) -> tuple[float,
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-def _stretches(motion: Equation, wheels: Kinematics, loads: RelativeLoads) -> list[_Stretch]:
+def _stretches(motion: MotionSamples, wheels: Kinematics, loads: RelativeLoads) -> list[_Stretch]:
     """Columns (means, 4), response and time of each stretch, without their means, and its load."""
     assert motion.specific_force is not None
     # such a squat is itself a reason why wheels and accelerometer do not go together
@@ -156,7 +156,7 @@ def _stretches(motion: Equation, wheels: Kinematics, loads: RelativeLoads) -> li
     return found
 
 
-def _by_pitch(motion: Equation, loads: RelativeLoads) -> tuple[float, float] | None:
+def _by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float] | None:
     """The change of gain by load that the pitch shows, and its variance; None: undetermined."""
     assert motion.specific_force is not None
     assert motion.without_gravity is not None

@@ -10,9 +10,9 @@ from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import (
     Bools,
-    Equation,
     Floats,
     Ints,
+    MotionSamples,
     NoiseOfColumns,
     begins,
     ends,
@@ -23,7 +23,7 @@ from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_mean import trailing_group_means
 from estimators.numerics.group_sums import NoiseMoments
-from estimators.threads import mapped
+from estimators.threads import map_in_threads
 
 #: So many rows a length of the mean hold nearly all that its means hold.
 _ROWS_A_MEAN: Final = 2
@@ -111,7 +111,7 @@ class EarlierRounds:
     route: Route | None = None
     uneven_1_s: float = 0.0
 
-    def acting(self, motion: Equation) -> Floats:
+    def acting(self, motion: MotionSamples) -> Floats:
         """The force on the ground, (n,) in N, of a motion whose force is in time."""
         gain = 1.0 + self.transfer_s2_m * motion.acceleration
         return (motion.force - self.offset_N) / np.maximum(gain, _LEAST_GAIN)
@@ -169,23 +169,25 @@ class FitColumns:
     @classmethod
     def of(
         cls,
-        motion: Equation,
+        motion: MotionSamples,
         noise: NoiseOfColumns,
         terms: tuple[Nuisance, ...],
         found: EarlierRounds,
     ) -> Self:
         """Make the columns; the arguments are those of `averages`."""
-        pieces = mapped(lambda piece: _columns(piece, noise, terms, found), list(motion.pieces))
+        pieces = map_in_threads(
+            lambda piece: _columns(piece, noise, terms, found), list(motion.pieces)
+        )
         return cls(pieces, terms, found, motion.rate_hz)
 
     def averaged(self, noise: NoiseOfColumns, samples: int) -> Averages:
         """Average them over so many samples."""
-        pieces = mapped(lambda piece: _averaged(piece, samples), self.pieces)
+        pieces = map_in_threads(lambda piece: _averaged(piece, samples), self.pieces)
         return _joined(pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz)
 
 
 def averages(
-    motion: Equation,
+    motion: MotionSamples,
     noise: NoiseOfColumns,
     terms: tuple[Nuisance, ...],
     samples: int,
@@ -201,7 +203,7 @@ def averages(
         found: by earlier rounds.
     """
     # a piece at a time: the columns of a whole shift are many
-    pieces = mapped(
+    pieces = map_in_threads(
         lambda piece: _averaged(_columns(piece, noise, terms, found), samples), list(motion.pieces)
     )
     return _joined(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
@@ -233,7 +235,7 @@ def _joined(
     covariances = np.stack([noise.covariance(int(length)) for length in lengths])
     weight = _weights(A[:, :2], f, covariances, which)
     ends_at = np.cumsum([piece.f.size for piece in pieces])[:-1]
-    added = mapped(
+    added = map_in_threads(
         lambda each: _noise_moments(terms, each[0], covariances, each[1], each[2]),
         list(zip(pieces, np.split(which, ends_at), np.split(weight, ends_at), strict=True)),
     )
@@ -289,7 +291,7 @@ class _Averaged:
 
 
 def _columns(
-    motion: Equation, noise: NoiseOfColumns, terms: tuple[Nuisance, ...], found: EarlierRounds
+    motion: MotionSamples, noise: NoiseOfColumns, terms: tuple[Nuisance, ...], found: EarlierRounds
 ) -> _PieceColumns:
     """Make the columns of a piece."""
     in_time = motion.with_force_moved_back(found.lag_s)
@@ -349,13 +351,13 @@ def _since(group: Ints) -> Ints:
     return row - np.maximum.accumulate(np.where(begins(group), row, 0))
 
 
-def _travelled(motion: Equation) -> Floats:
+def _travelled(motion: MotionSamples) -> Floats:
     """How far each sample is from the begin of its stretch, (n,) in m."""
     way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
     return way - way[np.arange(way.size) - _since(motion.group)]
 
 
-def _along_route(motion: Equation, found: EarlierRounds) -> tuple[Floats, float]:
+def _along_route(motion: MotionSamples, found: EarlierRounds) -> tuple[Floats, float]:
     """Where each sample is on the route, (n,), and how long that is; 0 where there is none."""
     loads, route = found.relative_loads, found.route
     if loads is None or route is None:

@@ -16,9 +16,9 @@ from analysis.weighing.joint_result import (
     place_of,
     resistance_slope,
 )
-from analysis.weighing.load_states import States, stretch_units
+from analysis.weighing.load_states import LoadStates, stretch_units
 from analysis.weighing.log_effects import NARROW
-from analysis.weighing.motion_samples import Equation, Floats, NoiseOfColumns
+from analysis.weighing.motion_samples import Floats, MotionSamples, NoiseOfColumns
 from analysis.weighing.nuisances import (
     Nuisance,
     const_width,
@@ -29,7 +29,7 @@ from analysis.weighing.nuisances import (
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.wheel_kinematics import Kinematics
 from estimators.joint import prior_fit
-from estimators.joint.group_effects import Units, units_of
+from estimators.joint.group_effects import GroupEffects, group_effects
 from estimators.joint.prior_fit import Grouping
 
 #: A lag that changes by less is found.
@@ -67,12 +67,12 @@ class _SlipCost:
 class FitTask:
     """What is to be fitted, and what is known."""
 
-    motion: Equation
+    motion: MotionSamples
     noise: NoiseOfColumns
     priors: PriorSettings
     terms: tuple[Nuisance, ...]
     wheels: Kinematics | None
-    states: States | None
+    states: LoadStates | None
     uneven_1_s: float = 0.0
 
     def beginning(self, stretches: int) -> "FitTask":
@@ -210,7 +210,7 @@ class FitTask:
         )
         return after, abs(late_s)
 
-    def units(self, fit: JointFit, rows: Averages) -> Units:
+    def units(self, fit: JointFit, rows: Averages) -> GroupEffects:
         """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
         mean, std = self._priors(self._cost(fit.theta, fit.solution, fit.terms))
         if 1 < self.motion.drives_apart < _FEWEST_OF_DRIFT:
@@ -221,7 +221,7 @@ class FitTask:
         std[ground] *= NARROW
         lag = place_of("lag", self.terms)
         mean[lag] -= fit.found.lag_s
-        return units_of(
+        return group_effects(
             rows.A,
             rows.f,
             rows.group,

@@ -16,10 +16,10 @@ from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
 from analysis.weighing.fit_columns import Averages, averages, stride_of
-from analysis.weighing.joint_fit import again
+from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit, place_of
 from analysis.weighing.load_states import sample_units, stretch_units
-from analysis.weighing.motion_samples import Equation, Floats, Ints, NoiseOfColumns
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, NoiseOfColumns
 from analysis.weighing.nuisances import FILLING
 from estimators.numerics.autocorrelation import student_factor
 from estimators.numerics.fit_loss import group_ids, group_rows
@@ -95,7 +95,7 @@ def filling(
         priors: of the nuisances.
         rows: of the fit and of `FILLING`, where they are at hand.
     """
-    grown = again(fit, noise, priors, (FILLING,), rows=rows)
+    grown = refit(fit, noise, priors, (FILLING,), rows=rows)
     names = [term.name for term in fit.terms]
     resistances = [place_of(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.count + 1 + place for place in resistances)]
@@ -112,7 +112,7 @@ def filling(
 
 
 def growing(
-    fit: JointFit, noise: NoiseOfColumns, motion: Equation | None = None
+    fit: JointFit, noise: NoiseOfColumns, motion: MotionSamples | None = None
 ) -> tuple[Growth, ...]:
     """The manoeuvres whose load changes by more than chance makes of so many.
 

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from analysis.weighing.motion_samples import Bools, Equation, Floats, Ints
+from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class Route:
     haul_m: float
 
     @classmethod
-    def of(cls, motion: Equation, unit: Ints, loaded: Bools) -> Self | None:
+    def of(cls, motion: MotionSamples, unit: Ints, loaded: Bools) -> Self | None:
         """Find the dumps; None where none is between two manoeuvres.
 
         Args:
@@ -43,7 +43,7 @@ class Route:
         hauls_m = dumps_m[before >= 0] - fills_m[before[before >= 0]]
         return cls(dumps_m, max(float(np.median(hauls_m)), 1.0))
 
-    def position(self, motion: Equation, loaded: Bools) -> Floats:
+    def position(self, motion: MotionSamples, loaded: Bools) -> Floats:
         """How far samples are from the dump, (n,): 0 there, 1 where the machine is loaded.
 
         Args:

@@ -19,10 +19,16 @@ from analysis.weighing.fit_columns import (
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
 from analysis.weighing.joint_result import JointFit, MotionResponses
-from analysis.weighing.load_states import States, found_states, places, stretch_units, untold_states
+from analysis.weighing.load_states import (
+    LoadStates,
+    find_states,
+    places,
+    single_unknown_state,
+    stretch_units,
+)
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.low_gears import LOW_GEARS
-from analysis.weighing.motion_samples import Equation, Floats, Ints, KeptNoise, NoiseOfColumns
+from analysis.weighing.motion_samples import Floats, Ints, KeptNoise, MotionSamples, NoiseOfColumns
 from analysis.weighing.nuisances import (
     NUISANCES,
     Nuisance,
@@ -68,7 +74,7 @@ _LARGER: Final = 0.01
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedLog:
     """What is fitted, and what is known of it.
 
     Attributes:
@@ -79,20 +85,20 @@ class Fitted:
         uneven_1_s: how much the ground's force differs from stretch to stretch (`EarlierRounds`).
     """
 
-    motion: Equation
+    motion: MotionSamples
     noise: NoiseOfColumns
     priors: PriorSettings
     wheels: Kinematics | None
     uneven_1_s: float = 0.0
 
     @classmethod
-    def of(cls, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Self:
+    def of(cls, motion: MotionSamples, noise: NoiseOfColumns, priors: PriorSettings) -> Self:
         """Ask the wheels."""
         noise = KeptNoise(noise)
         return cls(motion, noise, priors, _wheels(motion, noise, priors))
 
 
-def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
+def joint_fit(of: FittedLog, states: LoadStates | None = None) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     motion = of.motion
     several = states is not None and states.count > 1
@@ -137,7 +143,9 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
 
-def _wheels(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Kinematics | None:
+def _wheels(
+    motion: MotionSamples, noise: NoiseOfColumns, priors: PriorSettings
+) -> Kinematics | None:
     """What the wheels say, or what a calibration says of them."""
     found = kinematics(motion, noise, priors)
     return None if found is None else found.learnt(priors)
@@ -171,7 +179,7 @@ def _differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
     return difference_kg > max(_DIFFER * expected_kg, _DIFFER_SHARE * abs(one.mass_kg))
 
 
-def again(
+def refit(
     found: JointFit,
     noise: NoiseOfColumns,
     priors: PriorSettings,
@@ -219,7 +227,7 @@ def with_likely_effects(found: JointFit, noise: NoiseOfColumns, priors: PriorSet
     """Fit without the effects that the log is unlikely to have."""
     likely = LikelyEffects.of(found.fit, found.count, found.terms, found.prior_std)
     found = replace(found, effects=likely)
-    return again(found, noise, priors, rounds=2) if likely and likely.left_out else found
+    return refit(found, noise, priors, rounds=2) if likely and likely.left_out else found
 
 
 def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:
@@ -247,7 +255,7 @@ def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
     known, count = found.found, found.count
 
     def moved(changed: EarlierRounds, by: float) -> Floats:
-        other = again(replace(found, found=changed), noise, priors)
+        other = refit(replace(found, found=changed), noise, priors)
         return (other.theta[:count] - found.theta[:count]) / by
 
     later = replace(known, speed_late_s=known.speed_late_s + _LATER_S)
@@ -256,7 +264,7 @@ def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
     return replace(found, by_motion=responses)
 
 
-def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> JointFit:
+def with_states(found: JointFit, of: FittedLog, repeatability_kg: float | None) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes.
 
     A search that does not settle has the states about which manoeuvres scatter least, for as many.
@@ -271,14 +279,14 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
         )
         rows = rows_of(found, of.noise)
         units = task.units(found, rows)
-        states = found_states(replace(units, kind=hints), number, repeatability_kg)
+        states = find_states(replace(units, kind=hints), number, repeatability_kg)
         before = found.states
         if states.count == 1 and found.count == 1:
-            return again(replace(found, states=states), of.noise, of.priors, rows=rows)
+            return refit(replace(found, states=states), of.noise, of.priors, rows=rows)
         if before is not None and np.array_equal(states.of, before.of):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
-            return again(found, of.noise, of.priors, rounds=2, rows=rows)
+            return refit(found, of.noise, of.priors, rounds=2, rows=rows)
         of = _with_uneven_ground(found, of, rows.group)
         found = joint_fit(of, states)
         if not np.isfinite(found.theta).all():
@@ -293,16 +301,16 @@ def _without_answer(found: JointFit) -> JointFit:
     """The same fit, none of whose masses is known."""
     states = found.states
     if found.count == 1 or states is None:
-        states = untold_states(np.unique(stretch_units(found.motion)))
+        states = single_unknown_state(np.unique(stretch_units(found.motion)))
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 
-def _states(found: JointFit) -> States:
+def _states(found: JointFit) -> LoadStates:
     assert found.states is not None
     return found.states
 
 
-def _with_uneven_ground(found: JointFit, of: Fitted, group: Ints) -> Fitted:
+def _with_uneven_ground(found: JointFit, of: FittedLog, group: Ints) -> FittedLog:
     """Likewise with constants that differ from stretch to stretch."""
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of

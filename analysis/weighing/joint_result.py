@@ -9,19 +9,19 @@ import numpy as np
 from analysis.weighing.body_squat import Squat
 from analysis.weighing.fit_columns import EarlierRounds
 from analysis.weighing.force_by_place import BY_PLACE, forces_by_place
-from analysis.weighing.load_states import States
+from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
-from analysis.weighing.motion_samples import Equation, Floats
+from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.wheel_kinematics import TERMS, Kinematics
-from estimators.joint.prior_fit import PriorFit
+from estimators.joint.prior_fit import MapFit
 
 
 class Estimated(Protocol):
     """Estimates whose uncertainty is found when it is asked for."""
 
     @property
-    def fit(self) -> PriorFit:
+    def fit(self) -> MapFit:
         """The estimates, and the parts of their uncertainty."""
         ...
 
@@ -85,10 +85,10 @@ class JointFit:
     prior_std: Floats
     theta: Floats
     solution: Estimated
-    states: States | None
+    states: LoadStates | None
     kinematics: Kinematics | None
     mean_samples: int
-    motion: Equation
+    motion: MotionSamples
     lag_shape_kg: Floats
     found: EarlierRounds
     shifted: bool
@@ -99,7 +99,7 @@ class JointFit:
     squat: Squat | None = None
 
     @cached_property
-    def fit(self) -> PriorFit:
+    def fit(self) -> MapFit:
         """The estimates, and the parts of their uncertainty."""
         return replace(self.solution.fit, theta=self.theta)
 
@@ -360,7 +360,7 @@ def root_sum_of_squares(parts_kg: dict[str, float]) -> float:
     return float(np.sqrt(sum(part**2 for part in parts_kg.values())))
 
 
-def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: Equation) -> float:
+def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionSamples) -> float:
     """What the resistance grows by with the speed, at the mean speed, in N·s/m.
 
     Args:

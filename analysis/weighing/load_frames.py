@@ -11,7 +11,7 @@ from analysis.model.uncertainty_sources import combined, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.load_states import States, sample_units
+from analysis.weighing.load_states import LoadStates, sample_units
 from analysis.weighing.mass_budget import budget, relative_u
 from analysis.weighing.motion_samples import Floats, Ints
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
@@ -76,7 +76,7 @@ def _times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def _places(fit: JointFit, states: States) -> Ints:
+def _places(fit: JointFit, states: LoadStates) -> Ints:
     """Of each fitted sample, the place of its manoeuvre among those of the states."""
     return np.searchsorted(states.unit, sample_units(fit.motion))
 

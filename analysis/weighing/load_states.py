@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in
-from analysis.weighing.motion_samples import Equation, Floats, Ints, begins, ends
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, begins, ends
 from estimators.joint.changepoints import Partitions, partitions
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, Units
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.partition_posterior import Partition
-from estimators.joint.random_intercepts import Levels
+from estimators.joint.random_intercepts import RandomIntercepts
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0
@@ -42,7 +42,7 @@ _DISAGREE: Final = 5.0
 
 
 @dataclass(frozen=True)
-class OtherReading:
+class AlternativePartition:
     """What the manoeuvres may as well say, where the log cannot tell.
 
     Attributes:
@@ -59,7 +59,7 @@ class OtherReading:
 
 
 @dataclass(frozen=True)
-class States:
+class LoadStates:
     """Which load each manoeuvre carries.
 
     Attributes:
@@ -84,7 +84,7 @@ class States:
     freedom: float
     birge_ratio: float
     single_probability: float = 1.0
-    other: OtherReading | None = None
+    other: AlternativePartition | None = None
     comes_back: bool = False
 
     @property
@@ -116,7 +116,7 @@ class States:
         """Whether the scatter is more than a guess."""
         return self.freedom >= FEWEST_FREEDOM
 
-    def among(self, motion: Equation) -> "States":
+    def among(self, motion: MotionSamples) -> "LoadStates":
         """The same of a motion that may have fewer manoeuvres, or others: states are renumbered."""
         unit = np.unique(stretch_units(motion))
         place = np.searchsorted(self.unit, unit, "right") - 1
@@ -149,14 +149,14 @@ class States:
         variance = float(weights @ mean_kg) ** 2 + float(weights**2 @ (within / count))
         return float(np.sqrt(self.other.probability * variance))
 
-    def levels(self, motion: Equation) -> Levels:
+    def levels(self, motion: MotionSamples) -> RandomIntercepts:
         """The states of the stretches of the motion whose manoeuvres these are."""
         number = np.searchsorted(self.unit, stretch_units(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
-        return Levels(self.of[number], number, scatter_kg, self.freedom)
+        return RandomIntercepts(self.of[number], number, scatter_kg, self.freedom)
 
 
-def stretch_units(motion: Equation) -> Ints:
+def stretch_units(motion: MotionSamples) -> Ints:
     """The manoeuvre of each stretch, (stretches,).
 
     One that is too short to tell a mass goes with the one before it, or with the one after it where
@@ -180,12 +180,12 @@ def stretch_units(motion: Equation) -> Ints:
     return number[goes][of]
 
 
-def sample_units(motion: Equation) -> Ints:
+def sample_units(motion: MotionSamples) -> Ints:
     """The manoeuvre of each fitted sample, (used samples,)."""
     return stretch_units(motion)[motion.group[motion.used]]
 
 
-def places(motion: Equation) -> Ints:
+def places(motion: MotionSamples) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
@@ -202,7 +202,7 @@ def places(motion: Equation) -> Ints:
     return np.array([_place(motion, *span) for span in spans], np.int64)
 
 
-def _place(motion: Equation, end: int, begin: int, since: int, until: int) -> int:
+def _place(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
     """What tells a change of load between two manoeuvres.
 
     Args:
@@ -231,7 +231,7 @@ def _range(x: Floats) -> float:
     return float(np.ptp(known)) if known.size else 0.0
 
 
-def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> States:
+def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | None) -> LoadStates:
     """Find the states.
 
     Args:
@@ -240,7 +240,7 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         repeatability_kg: how manoeuvres of one load scatter, where the machine file knows.
     """
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
-        return untold_states(number)
+        return single_unknown_state(number)
     # manoeuvres of no mass have no scale of loads: that is then what their own noise lets them say
     typical_kg = float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
     found = partitions(
@@ -256,7 +256,7 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
     if repeatability_kg is not None:
         scatter_kg, freedom = repeatability_kg, np.inf
     probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
-    return States(
+    return LoadStates(
         number,
         best.state,
         level_kg,
@@ -277,8 +277,8 @@ def _turns(found: Partition) -> int:
 
 
 def _other_reading(
-    units: Units, best: Partition, other: Partition | None, probability: float
-) -> OtherReading | None:
+    units: GroupEffects, best: Partition, other: Partition | None, probability: float
+) -> AlternativePartition | None:
     """What the units may as well say; None where the log can tell."""
     doubted = _DOUBTED_SEVERAL if best.states == 1 else _DOUBTED
     if other is None or probability < doubted:
@@ -286,13 +286,13 @@ def _other_reading(
     level_kg = units.y - units.x @ other.effects
     scatter_kg, _, _ = _scatter(level_kg, units.variance, other)
     differs_kg = other.levels[other.state] - best.levels[best.state]
-    return OtherReading(other.state, differs_kg, scatter_kg, probability)
+    return AlternativePartition(other.state, differs_kg, scatter_kg, probability)
 
 
-def untold_states(number: Ints) -> States:
+def single_unknown_state(number: Ints) -> LoadStates:
     """One state of these manoeuvres, of which nothing is known."""
     one, nothing = np.zeros(number.size, np.int64), np.full(number.size, np.nan)
-    return States(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
+    return LoadStates(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
 
 def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:

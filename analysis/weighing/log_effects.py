@@ -18,7 +18,7 @@ from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.uneven_ground import GROUND
-from estimators.joint.prior_fit import PriorFit
+from estimators.joint.prior_fit import MapFit
 
 #: The settings that are the widths of an effect's priors.
 _WIDTHS: Final = {
@@ -64,7 +64,7 @@ class LikelyEffects:
 
     @classmethod
     def of(
-        cls, fit: PriorFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
+        cls, fit: MapFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
         """Weigh the choices by a fit that has all effects; None where it has none.
 

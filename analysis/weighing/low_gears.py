@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.weighing.motion_samples import Equation, Floats
+from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Moments, Nuisance
 
 #: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a lorry's
@@ -36,7 +36,7 @@ def _falls(speed: Floats, quarter_m_s: float) -> Floats:
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
 
 
-def _has_gears(motion: Equation) -> bool:
+def _has_gears(motion: MotionSamples) -> bool:
     """Whether it reaches the speed of a road from that of a first gear."""
     if motion.largest_speed <= _ROAD_M_S:
         return False
@@ -44,7 +44,7 @@ def _has_gears(motion: Equation) -> bool:
     return float(slow.mean()) > _LEAST_SHARE
 
 
-def _width(motion: Equation, priors: PriorSettings) -> float:
+def _width(motion: MotionSamples, priors: PriorSettings) -> float:
     return priors.low_gear_share * motion.about_kg
 
 

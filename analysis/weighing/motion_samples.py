@@ -89,7 +89,7 @@ class KeptNoise:
 
 
 @dataclass(frozen=True)
-class Equation:
+class MotionSamples:
     """The columns of f = m a + b v, (n,) each, and the manoeuvre of each sample.
 
     Attributes:
@@ -142,14 +142,14 @@ class Equation:
     stood: Ints | None = None
     silences: Ints | None = None
 
-    def beginning(self, stretches: int) -> "Equation":
+    def beginning(self, stretches: int) -> "MotionSamples":
         """The same up to the end of so many stretches."""
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
         return replace(self._cut(slice(0, end)), progress=_progress(end))
 
-    def around_fitted(self, reach_s: float) -> "Equation":
+    def around_fitted(self, reach_s: float) -> "MotionSamples":
         """The same without samples that are farther than so from any that may be fitted.
 
         What moves the force or the speed in time by no more finds what it would.
@@ -158,7 +158,7 @@ class Equation:
         near = windows_with(self.used, size) | windows_with(self.used[::-1], size)[::-1]
         return self._cut(np.flatnonzero(near))
 
-    def _cut(self, cut: slice | Ints) -> "Equation":
+    def _cut(self, cut: slice | Ints) -> "MotionSamples":
         """Some of the samples."""
         level, measured = self.without_gravity, self.specific_force
         wheels = self.wheel_acceleration
@@ -184,13 +184,13 @@ class Equation:
         )
 
     @cached_property
-    def pieces(self) -> tuple["Equation", ...]:
+    def pieces(self) -> tuple["MotionSamples", ...]:
         """The same in pieces of whole stretches, with the samples around that they reach to."""
         first = np.flatnonzero(begins(self.group))
         last = np.flatnonzero(ends(self.group))
         whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
         reach = math.ceil(_REACH_S * self.rate_hz)
-        found: list[Equation] = []
+        found: list[MotionSamples] = []
         for stretches in np.split(np.arange(first.size), whole):
             begin, end = int(first[stretches[0]]), int(last[stretches[-1]]) + 1
             piece = self._cut(slice(max(begin - reach, 0), end + reach))
@@ -198,18 +198,18 @@ class Equation:
             found.append(replace(piece, group=np.where(own, piece.group, -1)))
         return tuple(found)
 
-    def without(self, samples: Bools) -> "Equation":
+    def without(self, samples: Bools) -> "MotionSamples":
         """The same without some of the samples, stretches numbered anew."""
         group = np.where(samples, -1, self.group)
         left = group >= 0
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, group=group)
 
-    def with_force_moved_back(self, lag_s: float) -> "Equation":
+    def with_force_moved_back(self, lag_s: float) -> "MotionSamples":
         """The same with the force moved back by how late it is."""
         return replace(self, force=self._moved_back(self.force, lag_s))
 
-    def with_speed_moved_back(self, delay_s: float) -> "Equation":
+    def with_speed_moved_back(self, delay_s: float) -> "MotionSamples":
         """The same with the speed moved back by how late it is."""
         return replace(self, speed=self._moved_back(self.speed, delay_s))
 
@@ -297,7 +297,7 @@ class Equation:
         return min(forwards, 1.0 - forwards) > _BOTH_WAYS
 
 
-def equation(
+def motion_samples(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -305,7 +305,7 @@ def equation(
     noise: NoiseOfColumns,
     *,
     braking: bool = True,
-) -> Equation:
+) -> MotionSamples:
     """Take the columns of the manoeuvres that the gate found informative.
 
     Args:
@@ -349,7 +349,7 @@ def equation(
     unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
     silences = _silences(known, rows_in(_SILENT_S, settings.align.rate_hz))
     group = _cut_stretches(group, unit)
-    return Equation(
+    return MotionSamples(
         np.where(known, acceleration, 0.0),
         np.where(known, speed, 0.0),
         np.where(known, force, 0.0),

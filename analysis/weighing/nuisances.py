@@ -11,7 +11,7 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.weighing.motion_samples import Equation, Floats, Ints
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 
 #: Mean square of the progress, which goes from -1/2 to 1/2.
 _MEAN_SQUARE: Final = 1.0 / 12.0
@@ -112,13 +112,13 @@ class Nuisance:
     name: str
     unit: str
     column: Callable[[Moments], Floats]
-    width: Callable[[Equation, PriorSettings], float]
+    width: Callable[[MotionSamples, PriorSettings], float]
     meaning: str
     shrinks: str
     by_speed: Callable[[Moments], Floats] | None = None
     by_force: Callable[[Moments], Floats] | None = None
     by_acceleration: Callable[[Moments], Floats] | None = None
-    applies: Callable[[Equation], bool] = lambda _: True
+    applies: Callable[[MotionSamples], bool] = lambda _: True
     by_load: bool = False
     source: str = ""
 
@@ -135,17 +135,17 @@ def coulomb_std(largest_N: float, weight_N: float, priors: PriorSettings) -> flo
     )
 
 
-def const_width(motion: Equation, priors: PriorSettings) -> float:
+def const_width(motion: MotionSamples, priors: PriorSettings) -> float:
     """Standard deviation of the constant force's prior, in N."""
     return constant_force_std(motion.largest_force, motion.weight, priors)
 
 
-def direction_width(motion: Equation, priors: PriorSettings) -> float:
+def direction_width(motion: MotionSamples, priors: PriorSettings) -> float:
     """Standard deviation of Coulomb friction's prior, in N."""
     return coulomb_std(motion.largest_force, motion.weight, priors)
 
 
-def offset_in_const(motion: Equation, priors: PriorSettings) -> tuple[float, float]:
+def offset_in_const(motion: MotionSamples, priors: PriorSettings) -> tuple[float, float]:
     """Which share of a constant force is an error of the measured one, and what is not known of it.
 
     By the priors alone: the log tells the sum of what is measured wrong and of what acts.
@@ -182,7 +182,7 @@ class WeightShare:
         return cls((of_weight / both) ** 2, newtons * of_weight / both)
 
 
-def weight_in_const(motion: Equation, priors: PriorSettings) -> WeightShare:
+def weight_in_const(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
     """Split the constant force, which has Coulomb friction where all driving is one way."""
     newtons = priors.const_share * motion.largest_force
     of_weight = priors.const_weight_share * motion.weight
@@ -194,7 +194,7 @@ def weight_in_const(motion: Equation, priors: PriorSettings) -> WeightShare:
     )
 
 
-def weight_in_direction(motion: Equation, priors: PriorSettings) -> WeightShare:
+def weight_in_direction(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
     """Split the force against the direction of motion."""
     return WeightShare.of(
         priors.direction_share * motion.largest_force,
@@ -202,7 +202,7 @@ def weight_in_direction(motion: Equation, priors: PriorSettings) -> WeightShare:
     )
 
 
-def weight_const_width(motion: Equation, priors: PriorSettings) -> float:
+def weight_const_width(motion: MotionSamples, priors: PriorSettings) -> float:
     """Standard deviation of `weight_const`'s prior, in N: how it splits, and a body that sags."""
     sags = priors.sag_weight_share * motion.weight
     return float(np.hypot(weight_in_const(motion, priors).std_N, sags))

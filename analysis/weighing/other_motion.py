@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.weighing.joint_fit import Fitted, joint_fit
+from analysis.weighing.joint_fit import FittedLog, joint_fit
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import Equation, Floats, NoiseOfColumns
+from analysis.weighing.motion_samples import Floats, MotionSamples, NoiseOfColumns
 
 #: One sample of a central difference has half of the variance of one sample of the speed, by the
 #: step squared; a longer mean is the difference of two samples.
@@ -73,11 +73,11 @@ def by_other_motion(
         by_accelerometer=not by_wheels,
     )
     of_other = _OfOther(noise, motion.rate_hz, by_wheels=by_wheels)
-    found = joint_fit(Fitted.of(other, of_other, priors), fit.states)
+    found = joint_fit(FittedLog.of(other, of_other, priors), fit.states)
     return OtherMotion(found.mass_kg - fit.mass_kg, float(np.hypot(found.u_kg, fit.u_kg)))
 
 
-def _by_wheels(motion: Equation) -> Floats:
+def _by_wheels(motion: MotionSamples) -> Floats:
     """The change of the wheels' speed, with gravity by the pitch where there is one, (n,)."""
     rate_m_s2 = np.gradient(motion.speed) * motion.rate_hz
     if motion.specific_force is None or motion.without_gravity is None:

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.motion_samples import Equation, Floats, Ints
+from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.stretch_means import EVERY, MEAN, means
 from estimators.numerics.fit_loss import group_rows
 
@@ -50,7 +50,7 @@ class StretchSquats:
     columns: Floats
 
 
-def squats_of_stretches(gravity: Floats, motion: Equation) -> StretchSquats:
+def squats_of_stretches(gravity: Floats, motion: MotionSamples) -> StretchSquats:
     """Multiply them, each without a cubic of the distance.
 
     Args:
@@ -107,7 +107,7 @@ def instrumented(columns: Floats, response: Floats) -> tuple[Floats, Floats] | N
     return theta, bread @ scores.T @ scores @ bread.T * (count / (count - p))
 
 
-def pitch_squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None:
+def pitch_squat(gravity: Floats, motion: MotionSamples) -> tuple[float, float] | None:
     """By which share of the acceleration the pitch's gravity follows it; None where it does not.
 
     Returns:

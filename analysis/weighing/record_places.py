@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.force_by_place import forces_by_place, slopes_by_place
-from analysis.weighing.motion_samples import Equation, Floats
+from analysis.weighing.motion_samples import Floats, MotionSamples
 
 _ROUNDS: Final = 12
 #: A record is off by no more once all are centred on their paths, over the path.
@@ -23,7 +23,7 @@ _MOVED_1: Final = 1e-4
 _FREE: Final = 1e3
 
 
-def with_records_in_place(motion: Equation) -> Equation:
+def with_records_in_place(motion: MotionSamples) -> MotionSamples:
     """The same with the paths of its records moved onto each other, where a bench has several."""
     used = motion.used
     if motion.silences is None or not used.any() or not motion.on_a_bench:

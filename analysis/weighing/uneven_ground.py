@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.weighing.motion_samples import Equation, Floats
+from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Moments, Nuisance
 from estimators.compiled import compiled
 
@@ -65,7 +65,7 @@ class _Way:
         self,
         name: str,
         column: Callable[[Moments], Floats],
-        width: Callable[[Equation, PriorSettings], float],
+        width: Callable[[MotionSamples, PriorSettings], float],
     ) -> Nuisance:
         meaning = "by how much loaded starts are on other ground than empty ones"
         return self._term(f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning)
@@ -74,7 +74,7 @@ class _Way:
         self,
         name: str,
         column: Callable[[Moments], Floats],
-        width: Callable[[Equation, PriorSettings], float],
+        width: Callable[[MotionSamples, PriorSettings], float],
         meaning: str,
     ) -> Nuisance:
         return Nuisance(
@@ -90,10 +90,10 @@ class _Way:
         )
 
     @staticmethod
-    def _where_loads_begin(motion: Equation, priors: PriorSettings) -> float:
+    def _where_loads_begin(motion: MotionSamples, priors: PriorSettings) -> float:
         return priors.ground_share * motion.weight
 
-    def _applies(self, motion: Equation) -> bool:
+    def _applies(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.used] == self.sign
         return motion.manoeuvres >= FEWEST and float(ways.mean()) > _LEAST_SHARE
 
@@ -121,7 +121,7 @@ def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
     return out
 
 
-def _changes(over_m: float) -> Callable[[Equation, PriorSettings], float]:
+def _changes(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
     """Standard deviation of the change over a length of way: a random walk."""
     share = _walked(over_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight

@@ -15,9 +15,9 @@ from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 from analysis.weighing.fit_columns import Averages
 from analysis.weighing.growing_load import Filling, Growth, filling, growing
 from analysis.weighing.joint_fit import (
-    Fitted,
-    again,
+    FittedLog,
     joint_fit,
+    refit,
     rows_of,
     with_likely_effects,
     with_responses,
@@ -25,7 +25,7 @@ from analysis.weighing.joint_fit import (
     with_states,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import Equation, Floats, NoiseOfColumns, equation
+from analysis.weighing.motion_samples import Floats, MotionSamples, NoiseOfColumns, motion_samples
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import OtherMotion, by_other_motion, disagreement
 from analysis.weighing.record_places import with_records_in_place
@@ -183,12 +183,12 @@ def _weighed(
     rate_hz = settings.align.rate_hz
     columns = _OfDerivative(known, rate_hz) if machine.differentiates_speed else known
 
-    def motion(*, braking: bool) -> Equation:
-        found = equation(aligned, excitation, gated, machine, columns, braking=braking)
+    def motion(*, braking: bool) -> MotionSamples:
+        found = motion_samples(aligned, excitation, gated, machine, columns, braking=braking)
         return with_records_in_place(found)
 
-    def of_states(motion: Equation, begin: JointFit | None = None) -> JointFit:
-        fitted = Fitted.of(motion, columns, priors)
+    def of_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
+        fitted = FittedLog.of(motion, columns, priors)
         states = None if begin is None or begin.states is None else begin.states.among(motion)
         return with_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
@@ -207,7 +207,7 @@ def _weighed(
     if not settings.gate.exclude_braking:
         driving = _without(motion(braking=False), grown)
         if _tells(driving):
-            fitted = Fitted.of(driving, columns, priors)
+            fitted = FittedLog.of(driving, columns, priors)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
             beyond = max(alone.from_priors.values()) > settings.verdict.beyond_prior_max
@@ -230,7 +230,7 @@ def _weighed(
     own, own_priors = (fit, priors) if alone is None else (alone, _without_learnt(priors))
     rows = rows_of(fit, columns, (CURVATURE, FILLING))
     halved, doubled = (
-        again(fit, columns, _scaled(priors, times), rows=rows) for times in (0.5, 2.0)
+        refit(fit, columns, _scaled(priors, times), rows=rows) for times in (0.5, 2.0)
     )
     return Weighing(
         fit,
@@ -248,18 +248,18 @@ def _weighed(
         alone,
         None
         if alone is None
-        else again(fit, columns, informed_priors(priors), rounds=_TOLD_ROUNDS),
+        else refit(fit, columns, informed_priors(priors), rounds=_TOLD_ROUNDS),
         {**priors.learnt},
     )
 
 
-def _tells(motion: Equation) -> bool:
+def _tells(motion: MotionSamples) -> bool:
     """Whether there is enough to fit."""
     fewest = rows_in(_SHORTEST_S, motion.rate_hz, FEWEST_READINGS)
     return int(motion.used.sum()) >= fewest and motion.drives
 
 
-def _without(motion: Equation, grown: tuple[Growth, ...]) -> Equation:
+def _without(motion: MotionSamples, grown: tuple[Growth, ...]) -> MotionSamples:
     """The same without the manoeuvres whose load changes."""
     return motion.without(np.isin(motion.unit, [each.unit for each in grown]))
 
@@ -270,7 +270,7 @@ def _alone(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Joint
         return None
     wheels = fit.kinematics
     own = fit if wheels is None or wheels.own is None else replace(fit, kinematics=wheels.own)
-    return again(own, noise, _without_learnt(priors))
+    return refit(own, noise, _without_learnt(priors))
 
 
 def _without_learnt(priors: PriorSettings) -> PriorSettings:
@@ -313,7 +313,7 @@ def curvature(
         priors: of the nuisances.
         rows: of the fit and of `CURVATURE`, where they are at hand.
     """
-    curved = again(fit, noise, priors, (CURVATURE,), rows=rows).fit
+    curved = refit(fit, noise, priors, (CURVATURE,), rows=rows).fit
     moved = float(curved.theta[fit.main] - fit.theta[fit.main])
     return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 

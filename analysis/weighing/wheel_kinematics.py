@@ -15,9 +15,9 @@ import numpy as np
 
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import (
-    Equation,
     Floats,
     Ints,
+    MotionSamples,
     NoiseOfColumns,
     begins,
     ends,
@@ -132,7 +132,7 @@ class Kinematics:
 
 
 def kinematics(
-    motion: Equation,
+    motion: MotionSamples,
     noise: NoiseOfColumns,
     priors: PriorSettings,
     earlier: Kinematics | None = None,
@@ -171,7 +171,7 @@ def kinematics(
 
 def _compared(
     measured: Floats,
-    motion: Equation,
+    motion: MotionSamples,
     noise: NoiseOfColumns,
     priors: PriorSettings,
     earlier: Kinematics | None = None,
@@ -287,7 +287,7 @@ def _line(samples: int) -> Floats:
 
 
 def _rows(
-    measured: Floats, motion: Equation, noise: NoiseOfColumns, slip_1_N: float
+    measured: Floats, motion: MotionSamples, noise: NoiseOfColumns, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))

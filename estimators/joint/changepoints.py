@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, Units
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.optimal_partition import optimal_partition
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 
@@ -53,7 +53,7 @@ class Partitions:
 
 
 def partitions(
-    units: Units, spread: float, usual: float, scatter: float | None = None
+    units: GroupEffects, spread: float, usual: float, scatter: float | None = None
 ) -> Partitions:
     """Find the most probable partition.
 

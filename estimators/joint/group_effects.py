@@ -27,7 +27,7 @@ _LEAST_OWN: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Units:
+class GroupEffects:
     """What each unit says of its level, and all of what they share.
 
     Attributes:
@@ -49,7 +49,7 @@ class Units:
     kind: Ints
 
 
-def units_of(
+def group_effects(
     A: Floats,
     f: Floats,
     group: Ints,
@@ -57,7 +57,7 @@ def units_of(
     prior_mean: Floats,
     prior_std: Floats,
     unit: Ints,
-) -> Units:
+) -> GroupEffects:
     """What each unit says of the first parameter of A θ = f, all others shared.
 
     Every unit has a level of its own here, so that what changes between units is in no residual.
@@ -89,7 +89,7 @@ def units_of(
     kind = np.ones(own.size - 1, np.int64)
     if not (own > 0.0).all():
         nothing, r = np.full(own.size, np.nan), A.shape[1] - 1
-        return Units(
+        return GroupEffects(
             nothing, np.full((own.size, r), np.nan), nothing, np.zeros((r, r)), np.zeros(r), kind
         )
     y, x = bare[:, 0] / own, clean[:, 0, 1:] / own[:, None]
@@ -118,7 +118,7 @@ def units_of(
     )
     per_square = white * max(sandwiched / float(each.grams[:, 0, 0].sum()), 1.0)
     back = scale[1:]
-    return Units(
+    return GroupEffects(
         y / scale[0],
         x * back / scale[0],
         per_square * each.grams[:, 0, 0] / own**2 / scale[0] ** 2,

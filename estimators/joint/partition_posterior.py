@@ -20,7 +20,7 @@ from scipy.special import betaln
 
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, Units
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 
 Bools = NDArray[np.bool_]
 
@@ -104,7 +104,9 @@ class PartitionPosterior:
         usual: the same as it usually is; None where it is known.
     """
 
-    def __init__(self, units: Units, spread: float, scatter: float, usual: float | None) -> None:
+    def __init__(
+        self, units: GroupEffects, spread: float, scatter: float, usual: float | None
+    ) -> None:
         self.units, self.spread, self.scatter = units, spread, scatter
         self.variance = units.variance + scatter**2
         self._middle = float(units.y.mean())

@@ -17,7 +17,7 @@ from scipy.linalg import toeplitz
 
 from estimators.estimate import Floats, Ints
 from estimators.joint.prior_solution import Solved, doubted_share, solve_with_priors
-from estimators.joint.random_intercepts import Levels, LevelShape
+from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (
     autocovariance_loss,
     pooled_autocorrelation,
@@ -50,13 +50,13 @@ class Grouping:
 
     direction: Floats | None = None
     shortest: int = 50
-    levels: Levels | None = None
+    levels: RandomIntercepts | None = None
     taken: Floats | None = None
     loss: Floats | None = None
 
 
 @dataclass(frozen=True)
-class PriorFit:
+class MapFit:
     """Estimates, and the parts of their covariance.
 
     With levels of the first parameter, p counts each, and they come first.
@@ -117,19 +117,19 @@ class PriorSolution:
     _A: Floats
     _group: Ints
     _sums: GroupSums
-    _shape: LevelShape
+    _shape: InterceptShape
     _precision: Floats
     _scale: Floats
     _grouping: Grouping
     _solved: Solved
 
     @property
-    def fit(self) -> PriorFit:
+    def fit(self) -> MapFit:
         """The estimates with everything that is known of their uncertainty."""
         return self._fit
 
     @cached_property
-    def _fit(self) -> PriorFit:
+    def _fit(self) -> MapFit:
         A, group, sums, shape, grouping = (
             self._A,
             self._group,
@@ -171,7 +171,7 @@ class PriorSolution:
         doubt = doubted_share(kept) * gain @ turned.taken
         scale = shape.widened(self._scale)
         units = np.outer(scale, scale)
-        return PriorFit(
+        return MapFit(
             self.theta,
             covariance / units,
             (bread * np.sqrt(shape.widened(self._precision))).T / scale,
@@ -199,12 +199,12 @@ class NoSolution:
     _samples: int
 
     @property
-    def fit(self) -> PriorFit:
+    def fit(self) -> MapFit:
         """NaN throughout."""
         p, no = self.theta.size, float("nan")
         square = np.full((p, p), np.nan)
         zeros = np.zeros(self._samples)
-        return PriorFit(
+        return MapFit(
             self.theta, square, square, square, square, self.theta, no, no, no, 0, zeros, no
         )
 
@@ -229,7 +229,9 @@ def solve(
     A, f, scale = scaled_columns(A, f, group)
     sums = GroupSums.of(A, f, group, noise, scale)
     one = np.zeros(len(sums.rows), np.int64)
-    shape = LevelShape(Levels(one, np.arange(one.size)) if levels is None else levels, p, scale[0])
+    shape = InterceptShape(
+        RandomIntercepts(one, np.arange(one.size)) if levels is None else levels, p, scale[0]
+    )
     precision = np.where(np.isfinite(prior_std), (prior_std * scale) ** -2.0, 0.0)
     believed = precision * prior_mean * scale
     # a fit of few parameters takes nothing out of many groups
@@ -251,7 +253,7 @@ def fit(
     prior_mean: Floats,
     prior_std: Floats,
     grouping: Grouping | None = None,
-) -> PriorFit:
+) -> MapFit:
     """Fit θ of A θ = f.
 
     Args:
@@ -282,7 +284,7 @@ class _Told:
 
     rows: list[Ints]
     turns: Floats
-    shape: LevelShape
+    shape: InterceptShape
     number: list[int]
 
     def scores(self, A: Floats, direction: Floats, length: int) -> Floats:

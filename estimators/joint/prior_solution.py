@@ -12,7 +12,7 @@ import numpy as np
 
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.joint.random_intercepts import LevelShape
+from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.group_sums import GroupSums
 
@@ -24,7 +24,7 @@ _ROUNDS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Turned:
+class WeightedNormalEquations:
     """The normal equations of the whole, every unit weighted down by its scatter.
 
     A unit's scores G δ + e, δ the scatter, have the covariance S = σ² G + τ² g gᵀ with g the first
@@ -47,17 +47,19 @@ class Turned:
     scatter: Floats
 
 
-def _turned(
-    units: GroupSums, shape: LevelShape, of: Ints, kept: float, theta: Floats, variance: float
-) -> Turned:
+def _weight_units(
+    units: GroupSums, shape: InterceptShape, of: Ints, kept: float, theta: Floats, variance: float
+) -> WeightedNormalEquations:
     """Weigh down the sums of units, (units,) of a level each."""
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = shape.levels.scatter * shape.scale
-    return Turned(*_turn(sums, of, shape.levels.count, kept, theta, tau**2, variance))
+    return WeightedNormalEquations(
+        *_weighted_equations(sums, of, shape.levels.count, kept, theta, tau**2, variance)
+    )
 
 
 @compiled
-def _turn(
+def _weighted_equations(
     sums: tuple[Floats, Floats, Floats, Floats],
     of: Ints,
     count: int,
@@ -66,7 +68,7 @@ def _turn(
     scatter_square: float,
     variance: float,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-    """The attributes of `Turned`.
+    """The attributes of `WeightedNormalEquations`.
 
     Args:
         sums: of the units: AᵀA, Aᵀf, and what noise added to each.
@@ -150,7 +152,7 @@ class Solved(NamedTuple):
     white: float
     share: float
     kept: float
-    turned: Turned
+    turned: WeightedNormalEquations
 
 
 def solve_with_priors(
@@ -158,7 +160,7 @@ def solve_with_priors(
     f: Floats,
     group: Ints,
     sums: GroupSums,
-    shape: LevelShape,
+    shape: InterceptShape,
     priors: tuple[Floats, Floats],
     correlated: tuple[Floats | None, Floats],
 ) -> Solved:
@@ -199,11 +201,11 @@ def solve_with_priors(
             raise np.linalg.LinAlgError("no residuals")
         share = _noise_share(added, gram + variance * np.diag(precision))
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
-        turned = _turned(units, shape, of_units, kept, theta, variance)
+        turned = _weight_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
             found = np.linalg.inv(turned.clean / variance + np.diag(wide_precision))
             theta = found @ (turned.bare / variance + wide_believed)
-            turned = _turned(units, shape, of_units, kept, theta, variance)
+            turned = _weight_units(units, shape, of_units, kept, theta, variance)
         weighed = _weighed(turned.clean, turned.gram, variance, doubted_share(kept) * turned.taken)
         bread = np.asarray(
             np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64

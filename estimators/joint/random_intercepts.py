@@ -9,7 +9,7 @@ from estimators.estimate import Floats, Ints
 
 
 @dataclass(frozen=True, slots=True)
-class Levels:
+class RandomIntercepts:
     """The first parameter's levels.
 
     Attributes:
@@ -31,10 +31,10 @@ class Levels:
 
 
 @dataclass(frozen=True, slots=True)
-class LevelShape:
+class InterceptShape:
     """How p parameters of a group are those of the whole: a level first, then everyone's."""
 
-    levels: Levels
+    levels: RandomIntercepts
     p: int
     scale: float
 

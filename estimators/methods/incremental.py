@@ -175,7 +175,7 @@ def _deviations(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Floa
 
 
 @dataclass(frozen=True, slots=True)
-class Past:
+class WindowHistory:
     """What a recursive estimator keeps of the samples it was fed.
 
     Attributes:
@@ -189,18 +189,18 @@ class Past:
     weight: float
 
 
-def _fed(state: WindowState, past: Past, newest: int, forgetting: float) -> Past:
+def _fed(state: WindowState, past: WindowHistory, newest: int, forgetting: float) -> WindowHistory:
     """Feed the newest samples of the window."""
     A, f, _ = _as_log(state)
     fed = np.arange(f.size - newest, f.size)
     products, squares = past.products.copy(), past.squares.copy()
     feed_products(A, f, fed, forgetting, products)
     feed_products(A, f, fed, forgetting**2, squares)
-    return Past(products, squares, float(weights(newest, forgetting, past.weight)[-1]))
+    return WindowHistory(products, squares, float(weights(newest, forgetting, past.weight)[-1]))
 
 
 def _recursive_estimate(
-    theta: Floats, past: Past, R: Floats, rss: float, mean: int, condition: float
+    theta: Floats, past: WindowHistory, R: Floats, rss: float, mean: int, condition: float
 ) -> Estimate:
     """Of θ = R⁻¹ Aᵀf: its errors are R⁻¹ (p, p) times those of Aᵀf."""
     p = theta.size
@@ -211,8 +211,12 @@ def _recursive_estimate(
 
 
 def rls(
-    state: WindowState, past: Past | RlsState | None, newest: int, mean: int, options: RlsOptions
-) -> tuple[Past | RlsState, Estimate]:
+    state: WindowState,
+    past: WindowHistory | RlsState | None,
+    newest: int,
+    mean: int,
+    options: RlsOptions,
+) -> tuple[WindowHistory | RlsState, Estimate]:
     """Feed the newest samples of an accepted window, or begin with its OLS estimate.
 
     Args:
@@ -223,15 +227,15 @@ def rls(
         options: the forgetting; directional forgetting has its covariance for a past.
     """
     if options.directional:
-        assert not isinstance(past, Past)
+        assert not isinstance(past, WindowHistory)
         return _directional_rls(state, past, newest, mean, options)
     assert not isinstance(past, RlsState)
     return _exponential_rls(state, past, newest, mean, options)
 
 
 def _exponential_rls(
-    state: WindowState, past: Past | None, newest: int, mean: int, options: RlsOptions
-) -> tuple[Past, Estimate]:
+    state: WindowState, past: WindowHistory | None, newest: int, mean: int, options: RlsOptions
+) -> tuple[WindowHistory, Estimate]:
     p = len(state.z) - 1
     entries = len(state.products)
     if past is None:
@@ -240,7 +244,7 @@ def _exponential_rls(
         R, G = np.diag(1.0 / np.diagonal(begin.P)), unpack(state.products[:, 0], p + 1, p)
         squares = np.zeros((p + 1, p + 1))
         squares[:p, :p] = R @ inverse_spd(G) @ R
-        past = Past(
+        past = WindowHistory(
             in_lanes(pack(recursion.information(begin))), in_lanes(pack(squares)), begin.weight
         )
         theta, rss, condition = begin.theta, begin.square, condition_number(G)
@@ -273,15 +277,15 @@ def _directional_rls(
 
 
 def rtls(
-    state: WindowState, past: Past | None, newest: int, mean: int, options: RtlsOptions
-) -> tuple[Past, Estimate]:
+    state: WindowState, past: WindowHistory | None, newest: int, mean: int, options: RtlsOptions
+) -> tuple[WindowHistory, Estimate]:
     """Recursive total least squares; arguments as for `rls`."""
     p, entries = len(state.z) - 1, len(state.products)
     if past is None:
         A, f, _ = _as_log(state)
         begin = total_recursion.start(A, f, options)
         products = in_lanes(pack(total_recursion.unscaled(begin, options)))
-        past = Past(products, in_lanes(state.products[:, 0]), begin.weight)
+        past = WindowHistory(products, in_lanes(state.products[:, 0]), begin.weight)
     else:
         past = _fed(state, past, newest, options.forgetting)
     products = past.products[:entries].reshape(-1, 1)

@@ -25,7 +25,7 @@ from recordings.calibration.bundle_folder import (
     parse_sums,
     read_file,
 )
-from recordings.calibration.bundle_tables import StrangeTable, read_tables
+from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.chain_check import check_chain, check_counter
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, without
@@ -194,7 +194,7 @@ def _tables(
             checked.add(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
-    asked = [StrangeTable(bytes_of(held, name), schemas[name]) for name in there]
+    asked = [UntrustedTable(bytes_of(held, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_tables(asked), strict=True):
         if isinstance(table, str):

@@ -50,7 +50,7 @@ def write_table(frame: pl.DataFrame) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class StrangeTable:
+class UntrustedTable:
     """A table of a stranger.
 
     Attributes:
@@ -62,7 +62,7 @@ class StrangeTable:
     schema: Schema
 
 
-def read_tables(tables: Sequence[StrangeTable]) -> list[pl.DataFrame | str]:
+def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
     """Read what `write_table` wrote, of a stranger.
 
     Returns:
@@ -77,7 +77,7 @@ def read_tables(tables: Sequence[StrangeTable]) -> list[pl.DataFrame | str]:
     return [_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
 
 
-def _read(tables: Sequence[StrangeTable]) -> list[dict[str, Any]] | None:
+def _read(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
     """What the reader's process says of each; None where it ended without a word."""
     asked = [
         {

@@ -13,7 +13,13 @@ from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.write_bundle import predicate_of
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signed_by import SignedBy
-from recordings.signatures.signing import PREDICATE_TYPE, STATEMENT_TYPE, PublicKey, Signed, opened
+from recordings.signatures.signing import (
+    PREDICATE_TYPE,
+    STATEMENT_TYPE,
+    PublicKey,
+    Signed,
+    parse_envelope,
+)
 
 _UNKNOWN_KEY: Final = (
     "{}: whoever made this folder may have made the key as well, and any name; get the key from "
@@ -45,7 +51,7 @@ def check_signature(
         return
     checked.signed_by = SignedBy("broken")
     try:
-        signed = opened(bytes_of(held, STATEMENT), STATEMENT)
+        signed = parse_envelope(bytes_of(held, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.of_text(named.public_key)
     except EvidenceError as fault:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, without(STATEMENT, fault))

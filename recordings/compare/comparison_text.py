@@ -9,7 +9,7 @@ from recordings.report.number_text import number, plus_minus, table
 _MOST: Final = 12
 
 
-def compared_text(found: Comparison, a: str, b: str) -> str:
+def comparison_text(found: Comparison, a: str, b: str) -> str:
     """Say what differs, settings first, then what they moved.
 
     Args:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from analysis.explain import Determined, Explanation
-from analysis.explain.worst_manoeuvres import GateStretch, ManoeuvreSeen
+from analysis.explain.worst_manoeuvres import GateStretch, ManoeuvreReport
 from estimators.errors import counted
 from recordings.report.finding_text import (
     LEADS_TO,
@@ -125,7 +125,7 @@ def determined_lines(found: Determined | None) -> Iterator[str]:
         )
 
 
-def manoeuvre_line(seen: ManoeuvreSeen) -> str:
+def manoeuvre_line(seen: ManoeuvreReport) -> str:
     """A manoeuvre beside its load, or why it has no mass."""
     span = f"{seen.start_s:,.1f} to {seen.end_s:,.1f} s"
     if seen.mass_kg is None:

@@ -14,7 +14,7 @@ _Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Shown:
+class RenderedItem:
     """One table: its caption, header and rows, and how many columns in front are text."""
 
     caption: str
@@ -23,7 +23,7 @@ class Shown:
     texts: int = 1
 
 
-def table_1(frame: pl.DataFrame) -> list[Shown]:
+def table_1(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by window length, and the same over the bound."""
     errors = _beside_the_paper(
         frame, "window_s", "window, s", lambda row: _interval(row, "rmse_kg"), "bound_kg"
@@ -31,16 +31,16 @@ def table_1(frame: pl.DataFrame) -> list[Shown]:
     ratios = _by_method(frame, "window_s", "window, s", lambda row: _number(row["over_bound_1"], 2))
     trials = frame["trials"].max()
     return [
-        Shown(
+        RenderedItem(
             f"RMS error of the mass in kg over {trials} windows [95 % interval], beside the "
             "paper's one; bound: Cramér–Rao",
             *errors,
         ),
-        Shown("The same over the bound", *ratios),
+        RenderedItem("The same over the bound", *ratios),
     ]
 
 
-def table_2(frame: pl.DataFrame) -> list[Shown]:
+def table_2(frame: pl.DataFrame) -> list[RenderedItem]:
     """Slope and offset by method."""
     of = {(row["chain"], row["method"]): row for row in frame.iter_rows(named=True)}
     methods = frame["method"].unique(maintain_order=True)
@@ -58,7 +58,7 @@ def table_2(frame: pl.DataFrame) -> list[Shown]:
     campaigns = frame["trials"].max()
     chains = ("paper", "ideal chain", "assumed chain")
     return [
-        Shown(
+        RenderedItem(
             f"Slope α and offset β in kg, means over {campaigns} campaigns [95 % interval]",
             ["method", *(f"{of} {by}" for of in "αβ" for by in chains)],
             rows,
@@ -66,33 +66,33 @@ def table_2(frame: pl.DataFrame) -> list[Shown]:
     ]
 
 
-def table_3(frame: pl.DataFrame) -> list[Shown]:
+def table_3(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by threshold, own load in the fit and left out."""
     return _swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
-def table_4(frame: pl.DataFrame) -> list[Shown]:
+def table_4(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by window length, own load in the fit and left out."""
     return _swept(frame, campaign_tables.WINDOW, "samples")
 
 
-def _swept(frame: pl.DataFrame, setting: str, title: str) -> list[Shown]:
+def _swept(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedItem]:
     campaigns = frame["trials"].max()
     within = _beside_the_paper(
         frame, setting, title, lambda row: _interval(row, "run_kg"), "bound_kg"
     )
     without = _by_method(frame, setting, title, lambda row: _interval(row, "run_left_out_kg"))
     return [
-        Shown(
+        RenderedItem(
             f"RMS error of a run in kg, every load in the fit: mean over {campaigns} campaigns "
             "[95 % interval], beside the paper's; bound: Cramér–Rao",
             *within,
         ),
-        Shown("The same with the run's own load left out of the fit", *without),
+        RenderedItem("The same with the run's own load left out of the fit", *without),
     ]
 
 
-def figure_8(frame: pl.DataFrame) -> list[Shown]:
+def figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by load, in the fit and left out."""
     header, rows = _by_method(
         frame,
@@ -100,10 +100,10 @@ def figure_8(frame: pl.DataFrame) -> list[Shown]:
         "load, kg",
         lambda row: f"{_number(row['rms_kg'])} / {_number(row['rms_left_out_kg'])}",
     )
-    return [Shown("RMS error in kg: load in the fit / left out", header, rows)]
+    return [RenderedItem("RMS error in kg: load in the fit / left out", header, rows)]
 
 
-def claims(frame: pl.DataFrame) -> list[Shown]:
+def claims(frame: pl.DataFrame) -> list[RenderedItem]:
     """A row a finding."""
     rows = [
         [
@@ -119,7 +119,7 @@ def claims(frame: pl.DataFrame) -> list[Shown]:
     ]
     header = ["claim", "case", "paper", "found, kg [95 %]"]
     header += ["of the machine's mass", "of the payload range", "smaller"]
-    return [Shown("Each claim as we find it", header, rows, texts=3)]
+    return [RenderedItem("Each claim as we find it", header, rows, texts=3)]
 
 
 def _by_method(

@@ -19,7 +19,7 @@ from recordings.paper import (
     paper_pictures,
     table_sentences,
 )
-from recordings.paper.item_tables import Shown
+from recordings.paper.item_tables import RenderedItem
 from recordings.paper.paper_pictures import Picture
 from recordings.paper.paper_wording import Said
 
@@ -40,7 +40,7 @@ def _own_frame(numbers: Numbers) -> pl.DataFrame:
     return numbers.frame
 
 
-def _no_tables(_: pl.DataFrame) -> list[Shown]:
+def _no_tables(_: pl.DataFrame) -> list[RenderedItem]:
     return []
 
 
@@ -65,7 +65,7 @@ class Item(Generic[N]):
     numbers: Callable[[Extracts], N]
     said: Callable[[N], Said]
     frame: Callable[[N], pl.DataFrame] = _own_frame
-    tables: Callable[[pl.DataFrame], list[Shown]] = _no_tables
+    tables: Callable[[pl.DataFrame], list[RenderedItem]] = _no_tables
     picture: Picture | None = None
 
 

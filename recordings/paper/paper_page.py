@@ -10,7 +10,7 @@ import polars as pl
 from estimators.errors import OutputError
 from recordings.paper.paper_items import Found, Item
 from recordings.paper.paper_pictures import draw
-from recordings.report.atomic_output import check_output, staged
+from recordings.report.atomic_output import atomic_files, check_output
 
 #: The page that holds every item.
 PAGE: Final = "reproduction.md"
@@ -54,7 +54,7 @@ def write_reproduction(
         OutputError: one of them is there already, or cannot be written.
     """
     targets = _targets([each.item for each in found], folder, output_format)
-    with staged(targets, force=force) as stage:
+    with atomic_files(targets, force=force) as stage:
         for each in found:
             if each.item.picture:
                 draw(each.item.picture, each.frame, stage / _picture(each.item))

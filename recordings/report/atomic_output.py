@@ -14,7 +14,7 @@ _OURS: Final = ("metadata.yaml", "evidence.json", "payscope-log.json")
 
 
 @contextmanager
-def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
+def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
     """A hidden folder to write the targets in, under their own names; then they move into place.
 
     Args:
@@ -36,10 +36,10 @@ def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 
 
 @contextmanager
-def whole_file(target: Path, *, force: bool) -> Generator[Path]:
+def atomic_file(target: Path, *, force: bool) -> Generator[Path]:
     """A name to write one file under; it moves to `target` when it is whole."""
     _refuse_folder(target)
-    with staged([target], force=force) as stage:
+    with atomic_files([target], force=force) as stage:
         yield stage / target.name
 
 

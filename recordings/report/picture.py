@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 from warnings import catch_warnings, filterwarnings
 
 from estimators.errors import OutputError
-from recordings.report.atomic_output import check_output, whole_file
+from recordings.report.atomic_output import atomic_file, check_output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ def write_picture(figure: "Figure", path: Path, *, force: bool) -> Path:
         OutputError: as `check_picture`; or it cannot be written.
     """
     check_picture(path, force=force)
-    with whole_file(path, force=force) as partial, catch_warnings():
+    with atomic_file(path, force=force) as partial, catch_warnings():
         filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
         figure.savefig(partial, dpi=_DPI)
     return path

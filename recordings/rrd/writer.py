@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.model.run_record import Run
 from estimators.errors import OutputError, RecordingError
-from recordings.report.atomic_output import check_output, whole_file
+from recordings.report.atomic_output import atomic_file, check_output
 from recordings.report.finding_text import finding_line, findings_of
 from recordings.rrd.blueprint import blueprint, events_entity, text_entity
 from recordings.rrd.display_frames import display_frames, span_ns
@@ -134,7 +134,7 @@ def write_scene(
     path = Path(path)
     viewer = LiveView(viewer) if isinstance(viewer, str) else viewer
     check_recording(path, force=force)
-    with whole_file(path, force=force) as partial:
+    with atomic_file(path, force=force) as partial:
         with piped_file(partial) as piped:
             _write(run, scene_of, piped, path, viewer)
         _verify(run, partial, path)

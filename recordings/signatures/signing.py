@@ -231,7 +231,7 @@ class Signed:
         return key.signed(self.signature, pae(PAYLOAD_TYPE, self.payload))
 
 
-def opened(data: bytes, what: str) -> Signed:
+def parse_envelope(data: bytes, what: str) -> Signed:
     """Read an envelope of a stranger; nothing in it is to be believed before `Signed.by`.
 
     Raises:

@@ -9,7 +9,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
-from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrated_loads
+from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrate_loads
 from analysis.calibration.use.later_log import later_log
 from analysis.calibration.use.learnt_priors import as_later, with_learnt
 from analysis.model.machine import Machine
@@ -185,7 +185,7 @@ class MachineCalibration:
         """
         body = self.weighing(self.document.machine).machine
         log = later_log(frames, body, f"the calibration {other}" if other else "")
-        return calibrated_loads(frames["loads"], self.calibration, log)
+        return calibrate_loads(frames["loads"], self.calibration, log)
 
     def of_run(self, run: Run, other: str = "") -> Run:
         """A run with its calibrated masses, and a note of the evidence.

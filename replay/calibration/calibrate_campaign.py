@@ -44,7 +44,7 @@ from recordings.calibration.notary_stretch import stretch_bytes, unaccounted
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
 from recordings.calibration.write_bundle import tables_of, write_bundle
 from recordings.notary.notary_check import check_list
-from recordings.report.atomic_output import check_folder, check_output, staged, whole_file
+from recordings.report.atomic_output import atomic_file, atomic_files, check_folder, check_output
 from recordings.signatures.canonical_json import canonical
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, signing_key
@@ -163,7 +163,7 @@ def calibrate(
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
         check_timestamp_request(timestamp_request_file, key, force=force)
-    with staged([folder], force=force) as stage:
+    with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
 
@@ -214,7 +214,7 @@ def check_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) 
 def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
     """Write the query for the signature of a bundle."""
     query = timestamp_request((folder / STATEMENT).read_bytes())
-    with whole_file(file, force=force) as partial:
+    with atomic_file(file, force=force) as partial:
         partial.write_bytes(query)
 
 

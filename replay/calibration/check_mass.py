@@ -16,7 +16,7 @@ from analysis.calibration.campaign.mass_check import check_known_mass
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.atomic_output import check_folder, staged
+from recordings.report.atomic_output import atomic_files, check_folder
 from recordings.signatures.signing import signing_key
 from replay.calibration.calibrate_campaign import (
     Calibrated,
@@ -83,7 +83,7 @@ def check_mass(
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
     campaign = _campaign(last, log, known)
     check_folder(folder, force=force)
-    with staged([folder], force=force) as stage:
+    with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
         replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log)

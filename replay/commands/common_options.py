@@ -39,7 +39,7 @@ RequireSigned = Annotated[
 ]
 
 
-def asked_calibration(
+def read_calibration(
     folder: Path | None, key: Path | None, *, signed: bool
 ) -> "AskedCalibration | None":
     """What is asked for by these options.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.common_options import Calibration, RequireSigned, SignerKey, asked_calibration
+from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -62,7 +62,7 @@ def command(
         OverlayTo(output, force),
         rtol=rtol,
         other_logs=other_logs,
-        calibration=asked_calibration(calibration, key, signed=require_signed),
+        calibration=read_calibration(calibration, key, signed=require_signed),
     )
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})

@@ -54,12 +54,12 @@ def command(
     """
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import Stages
-    from replay.explain.explain_run import Asked, explain_run
+    from replay.explain.explain_run import ExplainRequest, explain_run
 
     picture, mended_file = _outputs(output or [], apply=apply)
     if overrides and machine is None:
         raise typer.BadParameter("--set overrides a machine file: name it with -m")
-    asked = Asked(
+    asked = ExplainRequest(
         recording, machine, tuple(overrides or ()), at_s, picture, mended_file, force=force
     )
     with Stages(_STAGES) as stages:

@@ -242,7 +242,7 @@ def open_command(
     """Open a recording in the viewer; one that is not kept is made of its log."""
     import shutil
 
-    from recordings.report.atomic_output import whole_file
+    from recordings.report.atomic_output import atomic_file
     from replay.fleet.gathered_tables import fleet_results
     from replay.fleet.open_recording import recording_of
     from replay.recording.open_viewer import view
@@ -251,7 +251,7 @@ def open_command(
         if output is None:
             view(recording, at_s=at_s)
             return
-        with whole_file(output, force=force) as written:
+        with atomic_file(output, force=force) as written:
             shutil.copyfile(recording, written)
     typer.echo(output)
 

@@ -10,7 +10,7 @@ import polars as pl
 import typer
 
 from estimators.errors import OutputError
-from recordings.report.atomic_output import whole_file
+from recordings.report.atomic_output import atomic_file
 from replay.commands.print_tables import json_text
 
 #: What `-o` may end in.
@@ -78,7 +78,7 @@ def print_frame(
         else:
             typer.echo(text(), nl=False)
         return
-    with whole_file(output, force=force) as partial:
+    with atomic_file(output, force=force) as partial:
         if output_format in _BINARY:
             # by way of memory: polars says of a full disk only that some computing failed
             written = BytesIO()

@@ -27,7 +27,7 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
-    from recordings.report.atomic_output import check_output, keep_apart, whole_file
+    from recordings.report.atomic_output import atomic_file, check_output, keep_apart
     from replay.commands.common_options import time_axis_of
     from replay.init.guess_by_replay import BRAKING, replayed_lines
     from replay.init.guess_machine import draft_machine_file
@@ -52,7 +52,7 @@ def command(
             found = BRAKING if missing else replayed_lines(opened, text)
             text += "\n".join(["", *found])
         lacking += [f"still missing: {sentence}" for sentence in missing]
-    with whole_file(output, force=force) as partial:
+    with atomic_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:
         typer.echo(sentence, err=True)

@@ -47,7 +47,7 @@ class Stages:
         self._bar.start()
         tell = self._bar.console.print
         self._until_exit.enter_context(
-            long_compiling_told(lambda: tell(_COMPILING, highlight=False, soft_wrap=True))
+            warn_on_slow_compile(lambda: tell(_COMPILING, highlight=False, soft_wrap=True))
         )
         return self
 
@@ -78,7 +78,7 @@ class Stages:
 
 
 @contextmanager
-def long_compiling_told(tell: Callable[[], None]) -> Generator[None]:
+def warn_on_slow_compile(tell: Callable[[], None]) -> Generator[None]:
     """Call `tell` once when numba has compiled for `LONG_S`; what it has kept is not compiled."""
     # numba is slow to import: whoever shows stages has loaded it already
     from numba.core import event

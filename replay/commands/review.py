@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from replay.commands.common_options import Calibration, RequireSigned, SignerKey, asked_calibration
+from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from replay.review.review_shift import Reviewed
+    from replay.review.review_shift import ShiftReview
 
 
 def command(
@@ -47,7 +47,7 @@ def command(
     from replay.pipeline import STAGES
     from replay.review.review_shift import ReviewOptions, review
 
-    asked = asked_calibration(calibration, key, signed=require_signed)
+    asked = read_calibration(calibration, key, signed=require_signed)
     options = ReviewOptions(overrides or [], asked, target, full)
     with Stages(len(STAGES) + 3, timing=timing) as stages:
         made = review(logs, machine, output, options, stages.begin)
@@ -60,7 +60,7 @@ def command(
         raise typer.Exit(1)
 
 
-def print_review(screen: "Console", made: "Reviewed") -> None:
+def print_review(screen: "Console", made: "ShiftReview") -> None:
     """Print a review's sums, what is wrong with it, and where its page is.
 
     Why there are no tonnes is a message, which the command prints on stderr.

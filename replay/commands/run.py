@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from replay.commands.common_options import Calibration, RequireSigned, SignerKey, asked_calibration
+from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -76,7 +76,7 @@ def command(
     if goal is not None and as_json:
         raise typer.BadParameter("--goal prints text: leave out --json")
     settings = [*(overrides or []), *_empty(empty)]
-    asked = asked_calibration(calibration, key, signed=require_signed)
+    asked = read_calibration(calibration, key, signed=require_signed)
 
     def replay(to: RecordTo) -> "Answer":
         with Stages(len(STEPS), timing=timing) as stages:

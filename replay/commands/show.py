@@ -10,7 +10,7 @@ from replay.commands.common_options import (
     FrameFormat,
     RequireSigned,
     SignerKey,
-    asked_calibration,
+    read_calibration,
 )
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def command(
     """Print a stage of a recording, or list its stages."""
     if stage is not None:
         wanted = output_format and output_format.value
-        asked = asked_calibration(calibration, key, signed=require_signed)
+        asked = read_calibration(calibration, key, signed=require_signed)
         if at_s is not None and (start_s, end_s) != (None, None):
             raise typer.BadParameter("--at is one moment, --from and --to are a range; take one")
         seconds = (start_s, end_s) if at_s is None else at_s

@@ -14,7 +14,7 @@ from replay.commands.common_options import (
     FrameFormat,
     RequireSigned,
     SignerKey,
-    asked_calibration,
+    read_calibration,
 )
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def command(
     weighs = _print_sweep(
         (logs, machine, overrides or [], over),
         reference_kg=reference_kg,
-        calibration=asked_calibration(calibration, key, signed=require_signed),
+        calibration=read_calibration(calibration, key, signed=require_signed),
         output_format=wanted and wanted.value,
         outputs=(output, figure),
         force=force,

@@ -121,14 +121,14 @@ def compare_recordings(
             )
         found = compare(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
-            from recordings.compare.comparison_text import compared_text
+            from recordings.compare.comparison_text import comparison_text
             from recordings.compare.overlay_recording import write_overlay
 
             write_overlay(
                 mine.drawn(),
                 theirs.drawn(),
                 output.path,
-                compared_text(found, a.name, b.name),
+                comparison_text(found, a.name, b.name),
                 one_log=not other_logs,
                 force=output.force,
             )

@@ -18,7 +18,7 @@ from analysis.simulation import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
-from recordings.report.atomic_output import check_folder, check_output, whole_file
+from recordings.report.atomic_output import atomic_file, check_folder, check_output
 from recordings.signatures.signing import new_key_pair
 from replay.calibration.apply_evidence import AskedCalibration
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
@@ -27,7 +27,7 @@ from replay.demo.demo_campaign import demo_campaign
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
-from replay.review.review_shift import Reviewed, ReviewOptions, check_review_folder, review
+from replay.review.review_shift import ReviewOptions, ShiftReview, check_review_folder, review
 from replay.simulation.log_truth import true_trials, truth_path
 from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
 
@@ -60,7 +60,7 @@ class Demo:
     calibration: pl.DataFrame
     errors: pl.DataFrame
     answer: Answer
-    reviewed: Reviewed
+    reviewed: ShiftReview
     files: tuple[Path, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,14 +109,14 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
         check_review_folder(page)
     else:
         check_folder(page, force=force)
-    with whole_file(machine_file, force=force) as partial:
+    with atomic_file(machine_file, force=force) as partial:
         shutil.copyfile(machine_path(_MACHINE), partial)
     on_stage("simulate")
     logs = simulate(scenario, folder / "campaign.bag", force=force)
-    with whole_file(campaign_file, force=force) as partial:
+    with atomic_file(campaign_file, force=force) as partial:
         partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
     for path, half in zip(keys, new_key_pair(), strict=True):
-        with whole_file(path, force=force) as partial:
+        with atomic_file(path, force=force) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)
     on_stage("calibrate")

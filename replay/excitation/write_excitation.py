@@ -5,7 +5,7 @@ from typing import Any
 
 from analysis.excitation import Design, Score
 from analysis.simulation import Scenario
-from recordings.report.atomic_output import whole_file
+from recordings.report.atomic_output import atomic_file
 from replay.simulation.scenario_file import scenario_text
 
 
@@ -17,7 +17,7 @@ def write_design(design: Design, base: Scenario, output: Path, *, force: bool = 
         OutputError: the file is there already, or its folder cannot be written to.
     """
     text = scenario_text(design.scenario(base))
-    with whole_file(output, force=force) as partial:
+    with atomic_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
 
 

@@ -30,7 +30,7 @@ _RECURSIVE: Final = ("estimates/rls", "estimates/rtls")
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class ExplainRequest:
     """What is to be explained.
 
     Attributes:
@@ -53,7 +53,7 @@ class Asked:
 
 
 def explain_run(
-    asked: Asked, on_stage: Callable[[str], None] = lambda _: None
+    asked: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
 ) -> "tuple[Explanation, Mended | None]":
     """Explain a recording or a log, draw that, and mend its machine file, as far as asked for.
 
@@ -85,7 +85,7 @@ def explain_run(
     return explained, mend(asked.path, source, whole, output, on_stage)
 
 
-def _check(asked: Asked) -> None:
+def _check(asked: ExplainRequest) -> None:
     if asked.at_s is not None and not math.isfinite(asked.at_s):
         raise RecordingError(f"--at {asked.at_s}: is no time; name seconds since the start")
     if asked.machine_file is None and asked.path.suffix != SUFFIX:
@@ -106,7 +106,7 @@ def _check(asked: Asked) -> None:
         check_output(asked.mended_file, force=asked.force)
 
 
-def _check_moment(asked: Asked, run: Run) -> None:
+def _check_moment(asked: ExplainRequest, run: Run) -> None:
     gate = run.frames.get("gate")
     if asked.at_s is None or gate is None or gate.is_empty():
         return
@@ -117,7 +117,7 @@ def _check_moment(asked: Asked, run: Run) -> None:
         )
 
 
-def _run(asked: Asked, on_stage: Callable[[str], None]) -> Run:
+def _run(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames that are explained: as recorded, or of a replay."""
     if asked.machine_file is None:
         with opened(asked.path) as held:

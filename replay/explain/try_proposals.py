@@ -21,11 +21,11 @@ from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
-from recordings.report.atomic_output import whole_file
+from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import findings_of, name_of
 from replay.explain.judge_proposal import Stretch, Tried, held_out_objection
 from replay.explain.mended_file import Proposal, mended, proposals
-from replay.inputs.cached_log import ReadOnce
+from replay.inputs.cached_log import CachedLog
 from replay.inputs.channel_inputs import channel_fields
 from replay.inputs.part_of_log import PartOfLog
 from replay.logs import Log, open_log
@@ -52,7 +52,7 @@ class MachineText:
 
 
 @dataclass(frozen=True, slots=True)
-class TakenBack:
+class RejectedProposal:
     """A proposal that was tried and does not pay, or was not tried.
 
     Attributes:
@@ -79,7 +79,7 @@ class Mended:
 
     path: Path | None
     changes: tuple[Proposal, ...]
-    taken_back: tuple[TakenBack, ...]
+    taken_back: tuple[RejectedProposal, ...]
     before: Answer
     after: Answer
     left: tuple[Finding, ...]
@@ -137,7 +137,7 @@ class Progress:
 
     run: Run
     changes: list[Proposal] = field(default_factory=list[Proposal])
-    taken_back: list[TakenBack] = field(default_factory=list[TakenBack])
+    taken_back: list[RejectedProposal] = field(default_factory=list[RejectedProposal])
     seen: set[tuple[str, str | None]] = field(default_factory=set[tuple[str, str | None]])
     while_withheld: list[Finding] = field(default_factory=list[Finding])
 
@@ -178,10 +178,10 @@ def mend(
             except MachineError as error:
                 raise MachineError(str(error).removeprefix(f"{trial}: ")) from None
 
-        progress = improve(before, Replays(ReadOnce(opened), text, load, file, on_stage))
+        progress = improve(before, Replays(CachedLog(opened), text, load, file, on_stage))
     if not progress.changes:
         return _outcome(None, progress, before)
-    with whole_file(output[0], force=output[1]) as partial:
+    with atomic_file(output[0], force=output[1]) as partial:
         partial.write_text(mended(text, progress.changes, file), encoding="utf-8")
     return _outcome(output[0], progress, before)
 
@@ -201,13 +201,15 @@ def improve(before: Run, replays: Replays) -> Progress:
         _try(tried, finding, replays)
     behind = _behind(tried)
     tried.taken_back += [
-        TakenBack(proposals(each)[0], f"{name_of(behind[each.cause])} explains it, and stays")
+        RejectedProposal(
+            proposals(each)[0], f"{name_of(behind[each.cause])} explains it, and stays"
+        )
         for each in _untried(tried)
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
         tried.taken_back += [
-            TakenBack(each, "the mass stays withheld") for each in _first_keys(tried.changes)
+            RejectedProposal(each, "the mass stays withheld") for each in _first_keys(tried.changes)
         ]
         return Progress(before, taken_back=tried.taken_back)
     _leave_out_needless(tried, replays)
@@ -230,7 +232,7 @@ def _leave_out_needless(tried: Progress, replays: Replays) -> None:
         shown = {each.cause for each in findings_of(without)}
         if answer(without).verdict.can_weigh and finding.cause not in shown:
             own = next(each for each in tried.changes if each.cause == finding.cause)
-            tried.taken_back.append(TakenBack(own, "the log weighs as well without it"))
+            tried.taken_back.append(RejectedProposal(own, "the log weighs as well without it"))
             tried.changes, tried.run = others, without
 
 
@@ -302,7 +304,7 @@ def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
             tried.run = replayed
             tried.changes += changes
             return
-    tried.taken_back.append(TakenBack(changes[0], why))
+    tried.taken_back.append(RejectedProposal(changes[0], why))
 
 
 def _outcome(path: Path | None, tried: Progress, before: Run) -> Mended:

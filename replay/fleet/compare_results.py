@@ -11,7 +11,7 @@ from typing import Final
 import polars as pl
 
 from analysis.fleet.daily_figures import UNDATED
-from analysis.fleet.results_comparison import FleetComparison, compared
+from analysis.fleet.results_comparison import FleetComparison, compare_results
 from estimators.errors import FleetError
 from replay.fleet.gathered_tables import FleetResults, fleet_results
 from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
@@ -101,7 +101,7 @@ def fleet_compare(a: FleetResults, b: FleetResults, days: Days) -> FleetComparis
     Raises:
         FleetError: no log is in both.
     """
-    found = compared(days.of(a.results), days.of(b.results))
+    found = compare_results(days.of(a.results), days.of(b.results))
     if found.logs.is_empty():
         raise FleetError(
             f"{a.store.place} and {b.store.place}: have no log in common on these days"

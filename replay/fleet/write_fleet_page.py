@@ -13,7 +13,7 @@ from analysis.fleet.calibration_steps import line_changes
 from analysis.fleet.daily_figures import daily, sums, weekly, whole
 from analysis.fleet.machine_drifts import MachineChart, machine_charts
 from recordings.fleet.fleet_page import FleetPage, fleet_html
-from recordings.report.atomic_output import whole_file
+from recordings.report.atomic_output import atomic_file
 from replay.fleet.gathered_tables import FleetResults
 
 _ABOUT: Final = 12
@@ -60,7 +60,7 @@ def fleet_report(
     Raises:
         OutputError: the page is there already, or cannot be written.
     """
-    with whole_file(page, force=force) as written:
+    with atomic_file(page, force=force) as written:
         shown = report_page(results, destination, name)
         written.write_text(fleet_html(shown), encoding="utf-8")
     return FleetReport(shown, page)

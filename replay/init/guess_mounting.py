@@ -8,7 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
-from analysis.stages.signals.timestamps import place
+from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import LogError
 from replay.logs import Log
 
@@ -90,7 +90,9 @@ def _read(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
     fields = [field for _, field in sources]
     start_ns = log.topics().filter(pl.col("topic") == topic)["start_ns"][0]
     read = log.read(topic, fields, end_ns=start_ns + _LOOK_NS)
-    placed = place({topic: read})[0][topic].unique("unix_ns", keep="last", maintain_order=True)
+    placed = assign_timestamps({topic: read})[0][topic].unique(
+        "unix_ns", keep="last", maintain_order=True
+    )
     x = np.stack([placed[field].cast(pl.Float64).to_numpy() for field in fields], axis=1)
     # not finite, or no reading of a machine in any unit
     finite = (np.abs(x) < _LARGEST).all(axis=1)

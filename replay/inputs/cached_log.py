@@ -9,7 +9,7 @@ from analysis.model.run_record import Loss
 from replay.logs import Checked, Log
 
 
-class ReadOnce(Log):
+class CachedLog(Log):
     """Another log, with what was read of it kept; leaving this one leaves that one open."""
 
     def __init__(self, log: Log) -> None:

@@ -14,8 +14,8 @@ from analysis.model.run_record import InputFile, Loss, Provenance
 from analysis.model.schema import HINTS
 from analysis.stages.signals.derive import unit_of
 from estimators.errors import LogError, MachineError, nearest
-from replay.inputs.merged_topics import joined
-from replay.inputs.time_line import moved, offsets_ns
+from replay.inputs.merged_topics import merge_topics
+from replay.inputs.time_line import offsets_ns, shift_times
 from replay.logs import TABLE, Log
 
 #: A field picked by name, `effort[left]`, beside the list of names that picks it.
@@ -73,11 +73,11 @@ def read_channels(
     raw: dict[str, pl.DataFrame] = {}
     for topic in wanted:
         parts = {
-            log: moved(frames.pop(topic), later[log])
+            log: shift_times(frames.pop(topic), later[log])
             for log, frames in read.items()
             if topic in frames
         }
-        frame = joined(topic, parts)
+        frame = merge_topics(topic, parts)
         holders = list(parts)
         if frame.is_empty() and topic in hints:
             losses.append(

@@ -16,7 +16,7 @@ _MOSTLY: Final = 0.5
 _STAMP: Final = "same_ns"
 
 
-def joined(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
+def merge_topics(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
     """One frame in log-time order; a message that two logs have counts once.
 
     A message is the same when its header stamp (its log time where it has none) and its fields are:

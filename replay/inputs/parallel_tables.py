@@ -64,7 +64,7 @@ class _NamedTable(Log):
         return self._log.check()
 
 
-def side_by_side(logs: Sequence[Log], machine: Machine) -> tuple[Sequence[Log], Machine]:
+def join_parallel_tables(logs: Sequence[Log], machine: Machine) -> tuple[Sequence[Log], Machine]:
     """Name the topics of tables that hold no column of the channels in common.
 
     Args:

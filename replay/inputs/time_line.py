@@ -84,7 +84,7 @@ def begins_ns(
     return dict(sorted(found.items(), key=lambda each: each[1]))
 
 
-def moved(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
+def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
     """The same messages later by so much, by whichever stamp they have."""
     if not by_ns:
         return frame

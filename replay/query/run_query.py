@@ -9,7 +9,7 @@ from pathlib import Path
 import polars as pl
 
 from estimators.errors import OutputError, PayscopeError
-from recordings.report.atomic_output import check_output, keep_apart, whole_file
+from recordings.report.atomic_output import atomic_file, check_output, keep_apart
 from replay.frames.select_statement import checked_select, query_fault, quoted_names, select_rows
 from replay.frames.topic_source import LossWarning
 from replay.logs import TimeAxis
@@ -55,7 +55,7 @@ class Query:
                 f"{path}: CSV has no lists, and {', '.join(listed)} are; leave them out, or write "
                 ".parquet or .arrow"
             )
-        with whole_file(path, force=force) as partial, self._faults():
+        with atomic_file(path, force=force) as partial, self._faults():
             match file_format:
                 case "csv":
                     self.rows.sink_csv(partial)

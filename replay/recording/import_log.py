@@ -6,7 +6,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.stages.signals.timestamps import place
+from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import LogError, PayscopeError, counted, one_line
 from recordings.rrd.viewer_stream import ViewerAsks, stream_run, stream_topics
 from replay.logs import Log, open_log
@@ -63,7 +63,7 @@ def _columns(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
             frame = log.read(row["topic"], fields)
         except LogError:
             continue  # a topic that cannot be decoded costs that topic
-        placed, _, _ = place({row["topic"]: frame})
+        placed, _, _ = assign_timestamps({row["topic"]: frame})
         yield row["topic"], placed[row["topic"]]
 
 

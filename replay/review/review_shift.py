@@ -14,7 +14,7 @@ import polars as pl
 from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradiction
-from analysis.cycles.calibrated_payloads import calibrated_cycles
+from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.mixed_machines import mixed_machines
 from analysis.cycles.payload_target import TargetCheck, check_target
 from analysis.cycles.shift_totals import recounted
@@ -22,9 +22,9 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, OutputError, RecordingError, ReviewError
 from estimators.file_digest import file_sha256
-from estimators.threads import mapped
+from estimators.threads import map_in_threads
 from recordings import read_frame, stages, write_recording
-from recordings.report.atomic_output import staged
+from recordings.report.atomic_output import atomic_files
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, no_tonnes, review_html
 from recordings.review.review_state import (
     FORMAT,
@@ -61,7 +61,7 @@ _TRACK_POINTS: Final = 400
 
 
 @dataclass(frozen=True)
-class Reviewed:
+class ShiftReview:
     """A review.
 
     Attributes:
@@ -125,7 +125,7 @@ def review(
     folder: Path,
     options: ReviewOptions,
     on_stage: Callable[[str], None] = lambda _: None,
-) -> Reviewed:
+) -> ShiftReview:
     """Review a shift.
 
     All logs are one time line with one fit, so that friction and nuisances are told by the whole
@@ -155,7 +155,7 @@ def review(
         )
         if by is not None:
             logged = by.check_logs(opened)
-        mapped(lambda log: log.digests, opened)
+        map_in_threads(lambda log: log.digests, opened)
         plain = _resolved(machine, options, by)
         key = _key(opened, machine, full=options.full)
         before = read_state(folder)
@@ -166,7 +166,7 @@ def review(
             told = _told(made, folder)
             against = contradiction(told["nuisances"])
             unlike = Unlike.of(told)
-            cycles = cycles if against else calibrated_cycles(cycles, by.calibration, unlike)
+            cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
         said = matched(verdicts, identities(cycles, made.t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in said.items() if each.reject]
         summary = recounted(summary, cycles, rejected)
@@ -180,7 +180,7 @@ def review(
         targets = [folder / name for name in (RECORDING, PARQUET, CSV, PAGE, STATE)]
         if kept is not None:
             del targets[0]
-        with staged(targets, force=True) as stage:
+        with atomic_files(targets, force=True) as stage:
             if made.run is not None:
                 write_recording(_thinned(made.run, full=options.full), stage / RECORDING)
                 digest = file_sha256(stage / RECORDING)
@@ -200,7 +200,9 @@ def review(
             write_ledger(rows, stage)
             (stage / PAGE).write_text(review_html(page), encoding="utf-8")
             (stage / STATE).write_text(state.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    return Reviewed(folder, rows, dict(page.shift), state, page.calibration, target, kept is None)
+    return ShiftReview(
+        folder, rows, dict(page.shift), state, page.calibration, target, kept is None
+    )
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError
-from replay.inputs.cached_log import ReadOnce
+from replay.inputs.cached_log import CachedLog
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
@@ -83,12 +83,12 @@ def sweep(
     truth = true_trials(logs) if has_truth(logs) else None
     rows: list[Row] = []
     with ExitStack() as stack:
-        opened: dict[LogSection, list[ReadOnce]] = {}
+        opened: dict[LogSection, list[CachedLog]] = {}
         for each, machine in zip(grid, machines, strict=True):
             on_stage(" ".join(part.removeprefix("settings.") for part in each))
             if machine.log not in opened:
                 opened[machine.log] = [
-                    ReadOnce(stack.enter_context(open_log(path, time=time_axis(machine))))
+                    CachedLog(stack.enter_context(open_log(path, time=time_axis(machine))))
                     for path in logs
                 ]
             if by is not None:
@@ -112,7 +112,7 @@ def sweep(
 
 
 def _replay(
-    logs: Sequence[ReadOnce],
+    logs: Sequence[CachedLog],
     machine: Machine,
     paths: Sequence[Path],
     machine_file: Path,

@@ -7,7 +7,7 @@ from typing import Final
 
 from analysis.simulation import SimulatedLog
 from estimators.errors import OutputError
-from recordings.report.atomic_output import staged
+from recordings.report.atomic_output import atomic_files
 from replay.logs.writers.bag_writer import write_bag
 from replay.logs.writers.mcap_writer import write_mcap
 from replay.logs.writers.rosbag2_writer import write_db3, write_rosbag2
@@ -51,7 +51,7 @@ def write_logs(
                 f"{target}: no format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
                 "or no suffix for a rosbag2 directory"
             )
-    with staged([*targets, *map(truth_path, targets), *beside], force=force) as stage:
+    with atomic_files([*targets, *map(truth_path, targets), *beside], force=force) as stage:
         for log, target in zip(logs, targets, strict=True):
             WRITERS[target.suffix](log, stage / target.name)
             if log.torn_share:

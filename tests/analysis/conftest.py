@@ -11,7 +11,7 @@ from analysis.stages.motion.forces import forces
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, measured
-from analysis.stages.signals.timestamps import place
+from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis.settings_by_name import staged
 
 T0_NS = 1_700_000_000_000_000_000
@@ -134,7 +134,7 @@ def channel_frames(unix_ns=None, **columns):
 def make_excitation(drive, machine=None):
     """The drive through every stage up to `forces`."""
     machine = machine or make_machine()
-    placed, _, _ = place(make_raw(drive))
+    placed, _, _ = assign_timestamps(make_raw(drive))
     channels, _ = derive(measured(placed, machine)[0], machine)
     aligned, _ = align(channels, machine)
     return forces(smooth(aligned, machine.settings.smooth), machine)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis import Evidence, verdict
+from analysis.diagnosis import CheckInputs, verdict
 from analysis.model.verdict import Verdict
 from analysis.simulation import Scenario, solve_motion
 from analysis.stages.estimation.masses import masses, withhold
@@ -15,7 +15,7 @@ from analysis.stages.motion.forces import forces
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, measured
-from analysis.stages.signals.timestamps import place
+from analysis.stages.signals.timestamps import assign_timestamps
 
 STARTS = 9
 TRUE_KG = 3614.0
@@ -62,7 +62,7 @@ def raw(seed=1, noise=1.0, **topics):
 
 def excitation(log, machine):
     """The log through every stage up to `forces`."""
-    channels, _ = derive(measured(place(log)[0], machine)[0], machine)
+    channels, _ = derive(measured(assign_timestamps(log)[0], machine)[0], machine)
     aligned, _ = align(channels, machine)
     return forces(smooth(aligned, machine.settings.smooth), machine)
 
@@ -73,7 +73,7 @@ def pooled(log, machine, method="pooled"):
     settings = machine.settings
     gated = gate(excited, settings)
     table = masses(excited, gated, trace(excited, gated, settings), machine)
-    opinion = Verdict.of(verdict(Evidence(excited, gated, machine)))
+    opinion = Verdict.of(verdict(CheckInputs(excited, gated, machine)))
     table = withhold(table, opinion, ())
     row = table.row(by_predicate=pl.col("method") == method, named=True)
     return row["mass_kg"], row["mass_std_kg"]

@@ -12,7 +12,7 @@ from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import derive, measured
-from analysis.stages.signals.timestamps import place
+from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis.conftest import T0_NS, make_machine, topic
 from tests.analysis.noisy_logs import KINEMATIC
 
@@ -56,7 +56,7 @@ def weighed(starts, force_of_speed, speed_noise_m_s, known=True, seed=1, index=N
     settings |= {"index": index} if index else {}
     machine = make_machine(settings, body={"empty_mass_kg": CAR_KG}, **KINEMATIC)
     t = T0_NS + np.arange(v.size) * 10_000_000
-    placed, _, _ = place({"/can": topic(t, force=f, speed=v)})
+    placed, _, _ = assign_timestamps({"/can": topic(t, force=f, speed=v)})
     channels, _ = derive(measured(placed, machine)[0], machine)
     aligned, _ = align(channels, machine)
     excitation = forces(smooth(aligned, machine.settings.smooth), machine)
@@ -123,7 +123,9 @@ def test_clean_starts_keep_their_windows(throttle_N):
         a, v, f = loader_starts(throttle_N, seed)
         machine = make_machine()
         t = T0_NS + np.arange(v.size) * 10_000_000
-        placed, _, _ = place({"/can": topic(t, force=f, speed=v), "/imu": topic(t, x=a)})
+        placed, _, _ = assign_timestamps(
+            {"/can": topic(t, force=f, speed=v), "/imu": topic(t, x=a)}
+        )
         channels, _ = derive(measured(placed, machine)[0], machine)
         aligned, _ = align(channels, machine)
         excitation = forces(smooth(aligned, machine.settings.smooth), machine)

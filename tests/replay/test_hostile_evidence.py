@@ -17,7 +17,7 @@ from recordings.calibration.bundle_folder import (
     SUMS,
     sums_text,
 )
-from recordings.calibration.bundle_tables import StrangeTable, read_tables
+from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.check_outcomes import BundleOutcome
 from replay.calibration.calibrate_campaign import calibrate
 from replay.calibration.verify_bundle import Verified, verify
@@ -157,18 +157,18 @@ def test_tables_are_read_by_another_process_that_may_die() -> None:
     row = dict.fromkeys(COLUMNS, None) | {"run_id": "a", "reading": 1, "used": False}
     frame = pl.DataFrame([row], schema=COLUMNS)
     data = write_table(frame)
-    (back,) = read_tables([StrangeTable(data, COLUMNS)])
+    (back,) = read_tables([UntrustedTable(data, COLUMNS)])
     assert isinstance(back, pl.DataFrame)
     assert back.equals(frame)
     bomb = io.BytesIO()
     pq.write_table(pa.table({"run_id": ["x" * 1000] * 1000}), bomb, compression="zstd")
     found = read_tables(
         [
-            StrangeTable(data[:200] + bytes([data[200] ^ 255]) + data[201:], COLUMNS),
-            StrangeTable(bomb.getvalue(), {"run_id": pl.String}),
-            StrangeTable(data, {"run_id": pl.String}),
-            StrangeTable(b"PAR1" * 100, COLUMNS),
-            StrangeTable(pickle.dumps([1]), COLUMNS),
+            UntrustedTable(data[:200] + bytes([data[200] ^ 255]) + data[201:], COLUMNS),
+            UntrustedTable(bomb.getvalue(), {"run_id": pl.String}),
+            UntrustedTable(data, {"run_id": pl.String}),
+            UntrustedTable(b"PAR1" * 100, COLUMNS),
+            UntrustedTable(pickle.dumps([1]), COLUMNS),
         ]
     )
     assert all(isinstance(each, str) for each in found[1:]), found
@@ -182,11 +182,11 @@ def test_no_flipped_byte_of_a_table_ends_the_check(genuine: Path) -> None:
 
     whole = (genuine / READINGS).read_bytes()
     for first in range(0, len(whole), 64):
-        tables: list[StrangeTable] = []
+        tables: list[UntrustedTable] = []
         for place in range(first, min(first + 64, len(whole)), 4):
             data = bytearray(whole)
             data[place] ^= 1 << place % 8
-            tables.append(StrangeTable(bytes(data), COLUMNS))
+            tables.append(UntrustedTable(bytes(data), COLUMNS))
         assert len(read_tables(tables)) == len(tables)
 
 

@@ -21,7 +21,7 @@ from replay.calibration.apply_evidence import AskedCalibration
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.commands.review import print_review
 from replay.logs import logs_in
-from replay.review.review_shift import Reviewed, ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, ShiftReview, review
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
@@ -46,7 +46,7 @@ def machine(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def reviewed(folder: Path, machine: Path) -> Reviewed:
+def reviewed(folder: Path, machine: Path) -> ShiftReview:
     return review([folder / "shift"], machine, folder / "reviewed", ReviewOptions())
 
 
@@ -87,7 +87,7 @@ def test_a_review_that_is_refused_leaves_nothing_behind(machine: Path, tmp_path:
 
 
 def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
-    machine: Path, reviewed: Reviewed, tmp_path: Path
+    machine: Path, reviewed: ShiftReview, tmp_path: Path
 ) -> None:
     parts = write_parts(sledge_shift(SHORT), tmp_path / "shift", 4, overlap_s=6.0)
     assert sum(pl.read_csv(part).height for part in parts) > sledge_shift(SHORT).height
@@ -99,7 +99,7 @@ def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
 
 
 def test_ten_cuts_anywhere_give_the_ledger_of_the_whole(
-    machine: Path, reviewed: Reviewed, tmp_path: Path
+    machine: Path, reviewed: ShiftReview, tmp_path: Path
 ) -> None:
     whole = sledge_shift(SHORT)
     cuts = [0, *sorted(random.Random(14).sample(range(1, whole.height), 10)), whole.height]
@@ -110,7 +110,7 @@ def test_ten_cuts_anywhere_give_the_ledger_of_the_whole(
 
 
 def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
-    folder: Path, machine: Path, reviewed: Reviewed, evidence: Calibrated, tmp_path: Path,
+    folder: Path, machine: Path, reviewed: ShiftReview, evidence: Calibrated, tmp_path: Path,
     payscope: Payscope,
 ) -> None:  # fmt: skip
     out = tmp_path / "review"
@@ -182,7 +182,7 @@ def test_wrong_input_is_one_line(
 
 
 @given(st.text(min_size=1, max_size=60))
-def test_no_name_reaches_the_terminal_as_a_command(reviewed: Reviewed, name: str) -> None:
+def test_no_name_reaches_the_terminal_as_a_command(reviewed: ShiftReview, name: str) -> None:
     check = FailedCheck(
         check=name, value=1.0, limit=name, consequence="tell", meaning=name, remedy=name
     )

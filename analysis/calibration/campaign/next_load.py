@@ -10,7 +10,7 @@ from analysis.calibration.line.line_model import DAY, DAYS_ENOUGH, Points, scatt
 from analysis.calibration.line.variance_components import (
     Floats,
     Variances,
-    Within,
+    WithinRunVariance,
     expected_information,
 )
 
@@ -104,7 +104,7 @@ def _with(calibration: Calibration, points: list[Point]) -> Inversion:
         day=np.array([days.index(point.day) for point in points], np.int64),
         reference_kg=reference_kg,
         covariance_kg2=np.array(calibration.references_covariance_kg2),
-        within=Within(0.0, int((readings - 1).sum())),
+        within=WithinRunVariance(0.0, int((readings - 1).sum())),
     )
     components = calibration.components
     value = np.array([one.variance_kg2 for one in components if one.estimated])

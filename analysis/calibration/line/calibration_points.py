@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.line.line_model import Points
-from analysis.calibration.line.variance_components import Floats, Within
+from analysis.calibration.line.variance_components import Floats, WithinRunVariance
 from estimators.errors import DataError, counted
 
 #: A line that is to show whether it is one needs a load more than it has parameters.
@@ -79,7 +79,7 @@ def campaign_of(
         day=np.array([days[day] for day in part["day"]], np.int64),
         reference_kg=references["reference_kg"].to_numpy().astype(np.float64),
         covariance_kg2=covariance_kg2,
-        within=Within(float(part["squares"].sum()), int((part["readings"] - 1).sum())),
+        within=WithinRunVariance(float(part["squares"].sum()), int((part["readings"] - 1).sum())),
     )
     _check_points(points)
     return Campaign(

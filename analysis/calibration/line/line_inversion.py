@@ -17,7 +17,7 @@ _UNBOUNDED: Final = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
-class Inverted:
+class InverseReading:
     """Masses: each (n,), NaN limits where the slope cannot be told from 0."""
 
     mass_kg: Floats
@@ -82,7 +82,7 @@ class Inversion:
 
     def inverted(
         self, y_kg: Floats, readings: Floats, u_random_kg: Floats, confidence_1: float
-    ) -> Inverted:
+    ) -> InverseReading:
         """The mass of each later m̂.
 
         Its random part is that of the campaign, for so many readings, and what its own standard
@@ -101,7 +101,7 @@ class Inversion:
         beyond = self._beyond_kg2(new, u_random_kg)
         return self._solved(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
-    def exact(self, y_kg: float, confidence_1: float) -> Inverted:
+    def exact(self, y_kg: float, confidence_1: float) -> InverseReading:
         """Where the line itself has the value `y_kg`: nothing scatters it."""
         none = np.zeros((1, self.variance_kg2.size))
         return self._solved(np.array([y_kg]), none, np.zeros(1), confidence_1)
@@ -187,7 +187,9 @@ class Inversion:
             new[:, self.effects[REPEATABILITY]] /= readings
         return new
 
-    def _solved(self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float) -> Inverted:
+    def _solved(
+        self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float
+    ) -> InverseReading:
         """Mass, uncertainty and interval of values with the given share of each effect anew."""
         away = (y_kg - self.level_kg) / self.slope_1
         at = np.stack([np.ones_like(away), away], -1)
@@ -205,7 +207,7 @@ class Inversion:
         bounded = a > 0.0
         a = np.where(bounded, a, 1.0)
         half = np.sqrt(np.maximum(b**2 - a * c, 0.0)) / a
-        return Inverted(
+        return InverseReading(
             mass_kg=self.centre_kg + away,
             u_kg=u_kg,
             low_kg=np.where(bounded, self.centre_kg + b / a - half, _UNBOUNDED),

@@ -10,7 +10,7 @@ from analysis.calibration.line.distance_regression import distance_regression
 from analysis.calibration.line.variance_components import (
     Floats,
     Variances,
-    Within,
+    WithinRunVariance,
     restricted_likelihood,
 )
 
@@ -53,7 +53,7 @@ class Points:
     day: Ints
     reference_kg: Floats
     covariance_kg2: Floats
-    within: Within
+    within: WithinRunVariance
 
     @property
     def x_kg(self) -> Floats:

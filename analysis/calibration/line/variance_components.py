@@ -18,7 +18,7 @@ _FLOOR: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Within:
+class WithinRunVariance:
     """What single readings say of their own variance: a sum of squares about their means.
 
     Attributes:
@@ -61,7 +61,7 @@ def restricted_likelihood(
     design: Floats,
     effects: Floats,
     known: Floats,
-    within: Within,
+    within: WithinRunVariance,
     start: Floats | None = None,
 ) -> Variances:
     """Estimate the variances of random effects by Fisher scoring.
@@ -97,7 +97,7 @@ def restricted_likelihood(
     return Variances(value, np.asarray(np.linalg.pinv(information, hermitian=True), np.float64))
 
 
-def _start(residual: Floats, design: Floats, effects: Floats, within: Within) -> Floats:
+def _start(residual: Floats, design: Floats, effects: Floats, within: WithinRunVariance) -> Floats:
     """Equal shares of what plain least squares leaves; the readings' own as they say it."""
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     freedom = max(residual.size - design.shape[1], 1)
@@ -109,7 +109,7 @@ def _start(residual: Floats, design: Floats, effects: Floats, within: Within) ->
 
 
 def expected_information(
-    design: Floats, effects: Floats, known: Floats, within: Within, value: Floats
+    design: Floats, effects: Floats, known: Floats, within: WithinRunVariance, value: Floats
 ) -> Floats:
     """(effects, effects) information on the variances that such observations are expected to have.
 
@@ -129,7 +129,7 @@ def _projection(design: Floats, effects: Floats, known: Floats, value: Floats) -
     return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
 
 
-def _information(through: Floats, within: Within, value: Floats) -> Floats:
+def _information(through: Floats, within: WithinRunVariance, value: Floats) -> Floats:
     information = 0.5 * np.einsum("kij,lji->kl", through, through)
     if within.freedom:
         information[0, 0] += 0.5 * within.freedom / value[0] ** 2
@@ -141,7 +141,7 @@ def _score(
     design: Floats,
     effects: Floats,
     known: Floats,
-    within: Within,
+    within: WithinRunVariance,
     value: Floats,
 ) -> tuple[Floats, Floats]:
     """Derivative of the restricted log-likelihood, and its expected information."""

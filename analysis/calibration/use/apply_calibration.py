@@ -46,7 +46,7 @@ class LaterLog:
 _NOTHING_MORE: Final = LaterLog()
 
 
-def calibrated_loads(
+def calibrate_loads(
     loads: pl.DataFrame, calibration: Calibration, log: LaterLog = _NOTHING_MORE
 ) -> pl.DataFrame:
     """Put the calibrated mass and payload of each load beside the raw ones.

@@ -33,7 +33,7 @@ NORMAL: Final = 1.96
 
 
 @dataclass(frozen=True)
-class OnLine:
+class DifferenceOnLine:
     """Payloads on a line, (n,) each, in kg of mass.
 
     Attributes:
@@ -62,7 +62,7 @@ def difference_on_line(
     unlike: Unlike | None,
     numbers: Sequence[tuple[str, int]],
     payload_kg: Floats,
-) -> OnLine:
+) -> DifferenceOnLine:
     """Put payloads on the line.
 
     Args:
@@ -100,7 +100,7 @@ def difference_on_line(
     if absolute:
         level, both, _ = calibration.covariance
         variance = level + 2.0 * both * mass_kg + variance
-    return OnLine(
+    return DifferenceOnLine(
         mass_kg,
         np.sqrt(np.maximum(variance, 0.0)) / size,
         taken_kg,

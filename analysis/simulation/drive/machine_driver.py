@@ -12,7 +12,7 @@ from analysis.simulation.plant import plant
 from analysis.simulation.plant.integrated_motion import BRAKING, FREE, OPEN, REST, STEADY, TURNING
 from analysis.simulation.plant.plant_inputs import DriveStage, plant_of
 from analysis.simulation.plant.resistance import left_of_cold, rolling_resistance
-from analysis.simulation.plant.row_buffer import KeptRows
+from analysis.simulation.plant.row_buffer import RowBuffer
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.random_streams import generator
@@ -64,7 +64,7 @@ class MachineDriver:
 
     def __init__(self, scenario: Scenario, load_kg: float, load_index: int) -> None:
         self.time_s = 0.0
-        self.kept = KeptRows()
+        self.kept = RowBuffer()
         self.scenario = scenario
         self.state = plant.still()
         self.starts = 0

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from analysis.simulation.logs.simulated_campaign import SimulatedLog
-from analysis.simulation.scenario.drawn_designs import LOADER_KG, LOADER_N, Sections, joined
+from analysis.simulation.scenario.drawn_designs import LOADER_KG, LOADER_N, Sections, join_designs
 from analysis.simulation.scenario.waveforms import Floats
 
 Frames = dict[str, pl.DataFrame]
@@ -104,7 +104,7 @@ def _start(design: Sections, **keys: float) -> Sections:
 
 def _little(design: Sections, size: float) -> Sections:
     throttle = max(0.05 / max(size, 0.3), 0.01)
-    return joined(_start(design, throttle=throttle), {"starts": {"throttle_least": 1.0}})
+    return join_designs(_start(design, throttle=throttle), {"starts": {"throttle_least": 1.0}})
 
 
 def _pile(design: Sections, size: float) -> Sections:

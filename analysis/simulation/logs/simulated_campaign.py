@@ -15,7 +15,7 @@ from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.recorder import TOPICS, instants_ns, phase_s
 from analysis.simulation.sensors.sensors import measure
 from analysis.simulation.trials.solve_trial import solve_motion
-from analysis.simulation.trials.switches import integrated_for
+from analysis.simulation.trials.switches import integrate_for
 from analysis.simulation.trials.trial_limits import check_limits
 from estimators.errors import ScenarioError
 
@@ -104,7 +104,7 @@ def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
 
 def _timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
     """The log of a load: one exact trial repeated where that can be, integrated otherwise."""
-    if integrated_for(scenario) is None:
+    if integrate_for(scenario) is None:
         return repeated(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
     from analysis.simulation.drive.log_drive import integrate_log
 

@@ -16,7 +16,7 @@ from analysis.simulation.plant.row_interpolation import (
     JERK,
     SLOPES,
     TURN,
-    between,
+    interpolate_rows,
 )
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.waveforms import Floats
@@ -51,7 +51,7 @@ class IntegratedLog:
         machine, terrain = self.scenario.machine, self.scenario.terrain
         now, rate = np.empty((plant.COLUMNS, time_s.size)), np.empty((SLOPES, time_s.size))
         last = np.empty(time_s.size, np.int64)
-        between(self.rows, np.ascontiguousarray(time_s, np.float64), now, rate, last)
+        interpolate_rows(self.rows, np.ascontiguousarray(time_s, np.float64), now, rate, last)
         wheel, body, acc = now[1 + plant.WHEEL], now[1 + plant.BODY], now[plant.ACCELERATION]
         position = now[1 + plant.POSITION]
         slope = terrain.slope_at_rad(position)

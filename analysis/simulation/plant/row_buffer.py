@@ -7,7 +7,7 @@ from analysis.simulation.plant import plant
 from analysis.simulation.scenario.waveforms import Floats
 
 
-class KeptRows:
+class RowBuffer:
     """Rows of a log, and the kind of stage that each belongs to."""
 
     def __init__(self) -> None:

@@ -59,7 +59,7 @@ def _slope(rows: Floats, at: int, which: int) -> float:
 
 
 @uncounted
-def between(
+def interpolate_rows(
     rows: Floats, time_s: Floats, now: Floats, slopes: Floats, last: NDArray[np.int64]
 ) -> None:
     """Interpolate rows at times; before the first and after the last row nothing changes.

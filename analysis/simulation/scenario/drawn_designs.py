@@ -33,7 +33,7 @@ _MOST_ROLLING: Final = 0.5
 _FULL_BUCKET: Final = 0.25
 
 
-def drawn(seed: int) -> Sections:
+def draw_design(seed: int) -> Sections:
     """A machine and a campaign: from 800 to 8000 kg, 4 to 15 starts, every rate and noise its own.
 
     Args:
@@ -119,10 +119,10 @@ def with_field_physics(design: Sections, seed: int) -> Sections:
         },
         "brakes": brakes if dice.random() < 0.5 else {},
     }
-    return joined(design, physics)
+    return join_designs(design, physics)
 
 
-def joined(*parts: Mapping[str, Mapping[str, Any]]) -> Sections:
+def join_designs(*parts: Mapping[str, Mapping[str, Any]]) -> Sections:
     """Sections under sections: a later part's keys win."""
     names = {name: None for part in parts for name in part}
     return {

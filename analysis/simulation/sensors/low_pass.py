@@ -14,7 +14,7 @@ _STEP_S: Final = 0.001
 _STEPS_A_LAG: Final = 10
 
 
-def lagged(
+def low_pass(
     signals: Callable[[NDArray[np.int64]], Mapping[str, Floats]],
     at_ns: NDArray[np.int64],
     lag_s: float,

@@ -45,7 +45,7 @@ def instants_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[n
     return first_ns + np.rint(np.arange(samples) * period_ns).astype(np.int64)
 
 
-def recorded(
+def record(
     scenario: Scenario,
     topic: TopicName,
     at_ns: NDArray[np.int64],

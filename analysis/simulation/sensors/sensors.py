@@ -18,9 +18,9 @@ from analysis.simulation.scenario.sampling import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.hint_sensors import boom, gnss, odometry
-from analysis.simulation.sensors.low_pass import lagged
+from analysis.simulation.sensors.low_pass import low_pass
 from analysis.simulation.sensors.random_streams import Streams
-from analysis.simulation.sensors.recorder import instants_ns, phase_s, rate_hz, recorded, topics_of
+from analysis.simulation.sensors.recorder import instants_ns, phase_s, rate_hz, record, topics_of
 
 _SIDES: Final = (("left", -1.0), ("right", 1.0))
 
@@ -48,7 +48,7 @@ def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str
         if scenario.defects.frozen_topic == topic:
             held = _frozen(scenario, at_ns - timeline.start_ns)
             readings = {name: values[held] for name, values in readings.items()}
-        frames[topic] = recorded(scenario, topic, at_ns, streams, timeline, readings)
+        frames[topic] = record(scenario, topic, at_ns, streams, timeline, readings)
     return frames
 
 
@@ -80,7 +80,7 @@ def _signals(
     def signals(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
         return of(timeline.sample(time_ns), (time_ns - timeline.start_ns) / length_ns)
 
-    return lagged(signals, at_ns - round(delay_s * 1e9), lag_s)
+    return low_pass(signals, at_ns - round(delay_s * 1e9), lag_s)
 
 
 def _imu(

@@ -15,7 +15,7 @@ import numpy as np
 from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.motion.solved_motion import MotionPhase
 from analysis.simulation.scenario.waveforms import Floats
-from analysis.simulation.trials.stiction import LEAST_GRIP, RATES, Commands, Gripped
+from analysis.simulation.trials.stiction import LEAST_GRIP, RATES, Commands, Stiction
 from estimators.errors import DataError
 
 #: Far beyond any stop: a scenario keeps below 50 m/s and brakes with at least 0.1 m/s².
@@ -25,7 +25,7 @@ _MOST_CHANGES_AT_ONCE: Final = 20
 
 
 @dataclass(frozen=True)
-class Driven:
+class DrivenMotion:
     """The machine under commands; an axis that is not free is kept still by the drive."""
 
     body: RigidBody
@@ -82,7 +82,7 @@ class Driven:
 
     def _gripped(
         self, state: Floats, free: tuple[bool, bool], loose: Sequence[int] = ()
-    ) -> Gripped:
+    ) -> Stiction:
         """The grip of friction in `state`; it has just let go of the `loose` axes."""
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
@@ -92,7 +92,7 @@ class Driven:
             else:
                 choices.append((1.0, -1.0) if axis in loose else (None, 1.0, -1.0))
         grips = product(choices[0], choices[1])
-        machines = [Gripped(self.body, self.valve_lag_s, free, grip) for grip in grips]
+        machines = [Stiction(self.body, self.valve_lag_s, free, grip) for grip in grips]
         return min(machines, key=lambda machine: machine.contradiction(state))
 
 

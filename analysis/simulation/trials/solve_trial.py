@@ -25,9 +25,9 @@ from analysis.simulation.scenario.manoeuvres import (
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.waveforms import Floats, ForceWave, TorqueWave
 from analysis.simulation.trials.arc import arc_phases
-from analysis.simulation.trials.driven_motion import Driven
+from analysis.simulation.trials.driven_motion import DrivenMotion
 from analysis.simulation.trials.stiction import Commands
-from analysis.simulation.trials.switches import integrated_for
+from analysis.simulation.trials.switches import integrate_for
 from analysis.simulation.trials.trial_limits import check_limits
 from estimators.errors import ScenarioError
 
@@ -50,7 +50,7 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
         ScenarioError: the machine cannot be driven as asked.
     """
     check_limits(scenario, [load_kg])
-    asked = integrated_for(scenario)
+    asked = integrate_for(scenario)
     if asked is not None:
         raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
     trial = _Trial(scenario, RigidBody.loaded(scenario, load_kg))
@@ -94,7 +94,7 @@ class _Trial:
             case Excite():
                 return self._excited(manoeuvre, begin_s, heading_rad)
             case Travel():
-                raise AssertionError("needs a whole log, which `integrated_for` says")
+                raise AssertionError("needs a whole log, which `integrate_for` says")
 
     def standing(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Stand at a heading; the brakes hold."""
@@ -118,7 +118,7 @@ class _Trial:
         steady_s = begin_s + manoeuvre.start_s
         braking_s = steady_s + manoeuvre.cruise_s
         names = ("accelerating", "cruising", "braking") if axis == 0 else ("spinning",) * 3
-        machine = Driven(self.body, lag_s, (axis == 0, axis == 1))
+        machine = DrivenMotion(self.body, lag_s, (axis == 0, axis == 1))
 
         stalled, state = self._stalled(axis, sign, full, begin_s, heading_rad)
         asked = Commands(_constant(axis, sign * full))
@@ -180,7 +180,7 @@ class _Trial:
         kinks = [begin_s + kink for wave in waves for kink in wave.kinks_s(manoeuvre.duration_s)]
         hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
         state = np.array([0.0, 0.0, -hold.x, 0.0, 0.0, -hold.z, heading_rad])
-        machine = Driven(
+        machine = DrivenMotion(
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
         )
         asked = Commands(drive, kinks_s=kinks)

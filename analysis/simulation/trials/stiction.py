@@ -30,7 +30,7 @@ class Commands(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Gripped:
+class Stiction:
     """The machine under commands, friction as it is.
 
     Attributes:
@@ -182,7 +182,7 @@ class _Change:
 
     terminal = True
 
-    def __init__(self, machine: Gripped, axis: int, full: Callable[[Floats], Floats]) -> None:
+    def __init__(self, machine: Stiction, axis: int, full: Callable[[Floats], Floats]) -> None:
         sign = machine.grip[axis]
         self.direction = 1.0 if sign is None else -sign
         self._machine, self._axis, self._full = machine, axis, full

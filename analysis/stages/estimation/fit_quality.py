@@ -14,14 +14,14 @@ ENOUGH = 10
 _LEAST_TOLD = 0.1
 
 
-def enough(A: Floats, moving: Bools) -> bool:
+def has_enough_samples(A: Floats, moving: Bools) -> bool:
     """Whether so many samples move that they can decide something."""
     return bool(moving.sum() >= ENOUGH * A.shape[1])
 
 
 def ungated_fit(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, float]:
     """The first parameter, its standard deviation and R² of one fit over every moving sample."""
-    if not enough(A, moving):
+    if not has_enough_samples(A, moving):
         return float("nan"), float("nan"), float("nan")
     traced = pooled.trace(A, f, np.where(moving, 0, -1))
     residual = f[moving] - A[moving] @ traced.theta[0]
@@ -32,7 +32,7 @@ def ungated_fit(A: Floats, f: Floats, moving: Bools) -> tuple[float, float, floa
 
 def partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
     """Correlation of a and F after both have been regressed on the other columns and a mean."""
-    if not enough(A, moving):
+    if not has_enough_samples(A, moving):
         return float("nan")
     others = np.column_stack([A[moving, 1:], np.ones(int(moving.sum()))])
     both = np.column_stack([A[moving, 0], f[moving]])

@@ -91,7 +91,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class _Met:
+class _PileContact:
     """A start whose resistance surely changes.
 
     Attributes:
@@ -106,7 +106,7 @@ class _Met:
     stops: bool
 
 
-def _met(excitation: pl.DataFrame, machine: Machine) -> list[_Met]:
+def _met(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
     """The starts whose resistance surely grows or falls by what may be a pile's size, in time."""
     A, force = regressor(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
@@ -115,7 +115,7 @@ def _met(excitation: pl.DataFrame, machine: Machine) -> list[_Met]:
     whole = np.isfinite(A).all(axis=1) & np.isfinite(force)
     driving &= whole
     t_ns = excitation["t_ns"].to_numpy()
-    found: list[_Met] = []
+    found: list[_PileContact] = []
     # a force that reads zero throughout digs nowhere
     if np.count_nonzero(driving) >= _FEWEST and (largest_N := _largest(force[driving])) > 0.0:
         fastest = _largest(speed[driving])
@@ -151,11 +151,11 @@ def _met(excitation: pl.DataFrame, machine: Machine) -> list[_Met]:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
                 stops = _next(ends[way], int(rows[-1])) <= _next(goes_on, int(rows[-1]))
                 stops &= float(np.abs(speed[rows]).max()) <= _FASTEST_M_S
-                found.append(_Met(row, way, stops))
+                found.append(_PileContact(row, way, stops))
     return found
 
 
-def _piles(met: list[_Met]) -> list[_Met]:
+def _piles(met: list[_PileContact]) -> list[_PileContact]:
     """Those that are driven into a pile; none where the log's resistances change by themselves."""
     grows = [each for each in met if each.row[2] > 0.0]
     # the bucket is where most of them go: a log may have its signs turned round

@@ -25,7 +25,7 @@ _EVENER = 0.25
 _FEWEST = 100
 
 
-def place(
+def assign_timestamps(
     raw: Mapping[str, pl.DataFrame],
 ) -> tuple[dict[str, pl.DataFrame], dict[str, str], list[Loss]]:
     """Give every sample its `unix_ns` and sort by it.

@@ -29,6 +29,6 @@ def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
         from replay.logs.decoding.decode_plan import Plan
 
         return Plan(kind.record, ros1=kind.ros1, fields=fields)
-    from replay.logs.decoding.per_message import MessageByMessage
+    from replay.logs.decoding.per_message import PerMessageDecoder
 
-    return MessageByMessage(kind, fields)
+    return PerMessageDecoder(kind, fields)

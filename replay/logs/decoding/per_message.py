@@ -13,7 +13,7 @@ from replay.logs.messages.message_types import MessageType
 from replay.logs.messages.raw_batch import RawBatch
 
 
-class MessageByMessage:
+class PerMessageDecoder:
     """How to read fields of one type without a plan."""
 
     def __init__(self, kind: MessageType, fields: Sequence[Field]) -> None:

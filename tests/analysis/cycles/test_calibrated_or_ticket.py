@@ -6,7 +6,7 @@ import pytest
 
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.cycles.calibrated_payloads import calibrated_cycles
+from analysis.cycles.calibrated_payloads import calibrate_cycles
 from tests.analysis.calibration.campaigns import readings, references
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
@@ -32,15 +32,15 @@ def cycles(ticket_u_1: float, told_by: str = "empty machine") -> pl.DataFrame:
 
 def test_a_ticket_that_tells_more_than_the_line_stands():
     known = cycles(0.0)
-    assert calibrated_cycles(known, LINE).equals(known)
+    assert calibrate_cycles(known, LINE).equals(known)
 
 
 def test_a_line_that_tells_more_than_the_ticket_takes_payloads_of_the_log_alone():
-    made = calibrated_cycles(cycles(0.5), LINE)
+    made = calibrate_cycles(cycles(0.5), LINE)
     assert made["scale_from"].unique().to_list() == ["calibration"]
     assert made["payload_kg"].to_list() == pytest.approx([OWN_KG / LINE.c1_1] * 5)
 
 
 def test_a_ticket_beside_which_something_stays_unknown_gives_way_to_the_line():
-    made = calibrated_cycles(cycles(0.0, told_by=""), LINE)
+    made = calibrate_cycles(cycles(0.0, told_by=""), LINE)
     assert made["scale_from"].unique().to_list() == ["calibration"]

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.diagnosis import CHECKS, Evidence, verdict
+from analysis.diagnosis import CHECKS, CheckInputs, verdict
 from analysis.diagnosis.measured_channels import Signals
 from analysis.diagnosis.method_disagreement import disagreements
 from analysis.simulation.scenario.situations import SITUATIONS
@@ -219,7 +219,7 @@ class TestDisagreement:
         forces = machine.settings.forces.model_copy(update=overrides)
         settings = machine.settings.model_copy(update={"forces": forces})
         machine = machine.model_copy(update={"settings": settings})
-        return Evidence(frames["excitation"], frames["gate"], machine, log.weighing, totals=said)
+        return CheckInputs(frames["excitation"], frames["gate"], machine, log.weighing, totals=said)
 
     def contradicted(self, *args, **kwargs):
         return {each.contradicted for each in disagreements(self.evidence(*args, **kwargs))}
@@ -304,7 +304,7 @@ class TestSignals:
 def test_frames_alone_are_judged_by_what_they_tell():
     log = clean("one way")
     frames = log.replayed.frames
-    judged = verdict(Evidence(frames["excitation"], frames["gate"], log.machine))
+    judged = verdict(CheckInputs(frames["excitation"], frames["gate"], log.machine))
     unknown = set(judged.filter(pl.col("passed").is_null())["check"])
     assert {"lag", "gain", "scatter", "frozen", "methods", "raw_opposing_share"} <= unknown
     assert not judged["passed"].fill_null(value=True).not_().any()

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.excitation.error_prediction import (
     Filters,
-    Measured,
+    MeasuredSignals,
     noise_of,
     parameters,
     window_system,
@@ -53,11 +53,11 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     samples = round(window_s * filters.rate_hz) + filters.margin
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
     motion = solve_motion(driving(made, longer), 0.0)
-    truth = Measured.of(motion.sample(score.start_s + np.arange(samples) / filters.rate_hz))
+    truth = MeasuredSignals.of(motion.sample(score.start_s + np.arange(samples) / filters.rate_hz))
     random = np.random.default_rng(5)
     found = []
     for _ in range(TRIALS):
-        raw = Measured(
+        raw = MeasuredSignals(
             *(
                 each + float(std) * random.standard_normal(samples)
                 for each, std in zip(truth, noise, strict=True)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from analysis.simulation.logs.fault_injection import FAULTS, Fault
-from analysis.simulation.scenario.drawn_designs import joined
+from analysis.simulation.scenario.drawn_designs import join_designs
 from benchmarks.findings_rows import design, needed, replayed
 
 PATH: Final = Path(__file__).with_suffix(".json")
@@ -41,7 +41,7 @@ def findings(seed: int) -> dict[str, list[Kept]]:
 def _found(seed: int, fault: Fault, size: float) -> list[Kept]:
     sections = needed(design(seed, odd=False), [fault])
     if fault.ground is not None:
-        sections = joined(sections, fault.ground(sections, size))
+        sections = join_designs(sections, fault.ground(sections, size))
     rows = replayed(sections, [(fault, size)]).frames["findings"].to_dicts()
     return [
         (

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.findings import CAUSES
 from analysis.simulation.logs.fault_injection import FAULTS
-from analysis.simulation.scenario.drawn_designs import joined
+from analysis.simulation.scenario.drawn_designs import join_designs
 from benchmarks.findings_rows import AXES, design, needed, replayed
 from tests.analysis.findings.conftest import BY_NAME, Named
 
@@ -53,7 +53,9 @@ def test_a_payload_in_the_last_start_is_no_wind_up() -> None:
     loading = {"change_kg": 0.3 * sections["machine"]["mass_kg"]}
     loading["change_before_start"] = sections["campaign"]["runs"] - 1
     methods = ['settings.trace.methods=["pooled", "rls"]']
-    found = replayed(joined(sections, {"loading": loading}), (), AXES, methods).frames["findings"]
+    found = replayed(join_designs(sections, {"loading": loading}), (), AXES, methods).frames[
+        "findings"
+    ]
     assert "wind_up" not in found["cause"]
 
 
@@ -147,7 +149,7 @@ def test_a_load_transfer_that_looks_like_loads_by_direction_is_named_with_them(
 def test_loads_at_every_second_start_are_no_load_transfer(seed: int) -> None:
     machine = design(seed, odd=False)
     carried = {"change_kg": 0.25 * machine["machine"]["mass_kg"], "alternating": True}
-    log = joined(machine, {"starts": {"directions": "alternating"}, "loading": carried})
+    log = join_designs(machine, {"starts": {"directions": "alternating"}, "loading": carried})
     assert replayed(log).frames["findings"].is_empty()
 
 
@@ -158,7 +160,7 @@ def test_a_load_transfer_beside_a_load_taken_once_keeps_its_kilograms(seed: int)
         "change_kg": 0.1 * machine["machine"]["mass_kg"],
         "change_before_start": machine["campaign"]["runs"] // 2,
     }
-    log = joined(machine, {"starts": {"directions": "alternating"}, "loading": half})
+    log = join_designs(machine, {"starts": {"directions": "alternating"}, "loading": half})
     found = replayed(log, [(BY_NAME["load transfer"], 2.0)]).frames["findings"]
     row = found.filter(pl.col("cause") == "driveline").row(0, named=True)
     assert "go with the direction" not in row["evidence"]
@@ -219,7 +221,7 @@ def test_what_steps_leave_at_low_frequencies_is_no_swing(
 
 def test_a_slow_swing_is_one() -> None:
     swing = {"vibration_m_s2": 0.1, "vibration_hz": 2.5, "vibration_bandwidth_hz": 0.4}
-    slow = joined(design(8, odd=False), {"defects": swing})
+    slow = join_designs(design(8, odd=False), {"defects": swing})
     assert replayed(slow, (), AXES).frames["findings"]["cause"][0] == "resonance"
 
 

@@ -10,7 +10,7 @@ from analysis.fleet.attention import needs_a_look
 from analysis.fleet.calibration_steps import FleetCalibration, line_changes
 from analysis.fleet.daily_figures import daily, sums, weekly, whole
 from analysis.fleet.fleet_tables import TABLES, table, table_schema
-from analysis.fleet.results_comparison import compared
+from analysis.fleet.results_comparison import compare_results
 
 OF = {"key": "k", "machine": "m", "day": "2026-01-05", "t0_unix_ns": 1}
 
@@ -161,7 +161,7 @@ def test_a_comparison_is_of_the_logs_that_both_have_the_largest_change_first() -
         {"log_sha256": "2", "payload_kg": 6500.0, "cycles_counted": 9},
         {"log_sha256": "4"},
     )
-    found = compared(a, b)
+    found = compare_results(a, b)
     assert found.logs["change_kg"].to_list() == [-500.0, 100.0]
     assert (found.only_a, found.only_b) == (1, 1)
     assert found.whole == {

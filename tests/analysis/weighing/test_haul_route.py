@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 from analysis.weighing.haul_route import Route
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 
 HAUL_M = 40.0
 RATE_HZ = 10.0
 
 
-def shuttle(cycles: int, first_loaded: bool = True) -> tuple[Equation, np.ndarray, np.ndarray]:
+def shuttle(cycles: int, first_loaded: bool = True) -> tuple[MotionSamples, np.ndarray, np.ndarray]:
     """A machine that hauls 40 m and comes back in reverse, its manoeuvres, and which haul."""
     legs = 2 * cycles
     speed_m_s = np.tile([2.0, -2.0], cycles).repeat(round(HAUL_M / 2.0 * RATE_HZ))
     number = np.arange(legs).repeat(round(HAUL_M / 2.0 * RATE_HZ))
     zeros = np.zeros(speed_m_s.size)
-    motion = Equation(
+    motion = MotionSamples(
         zeros, speed_m_s, zeros, number, np.sign(speed_m_s), number, RATE_HZ, None, None, None,
         zeros, np.cumsum(np.abs(speed_m_s)) / RATE_HZ, zeros, 0.0, True, 1.0, 40_000.0,
     )  # fmt: skip

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import brought_to_size, drawn, joined
+from analysis.simulation.scenario.drawn_designs import brought_to_size, draw_design, join_designs
 from analysis.simulation.scenario.situations import SITUATIONS, sections
 from replay import load_machine
 from replay.inputs.memory_log import MemoryLog, reading_memory
@@ -67,27 +67,27 @@ def test_what_is_harmless_is_weighed(name, machine):
 
 @pytest.mark.parametrize("seed", DESIGNS)
 def test_a_machine_that_was_drawn_is_weighed(seed, machine):
-    load, true_kg = weighed(Scenario.model_validate(drawn(seed)), machine)
+    load, true_kg = weighed(Scenario.model_validate(draw_design(seed)), machine)
     assert not load["withheld"], load["withheld_for"]
     assert holds(load, true_kg)
     assert np.isfinite(load["u_kg"])
 
 
 def test_a_situation_comes_to_the_size_of_its_machine():
-    design = drawn(1)
+    design = draw_design(1)
     small = {
         "machine": {"mass_kg": 1807.0},
         "campaign": {"throttle_force_N": 3000.0},
     }
-    sized = brought_to_size(SITUATIONS["digging"], joined(design, small))
+    sized = brought_to_size(SITUATIONS["digging"], join_designs(design, small))
     start = sized["campaign"]["manoeuvres"][1]
     assert start["digging_N"] == 1500.0
     assert start["digging_s"] == 3.0
-    share = brought_to_size(SITUATIONS["share grows with the load"], joined(design, small))
+    share = brought_to_size(SITUATIONS["share grows with the load"], join_designs(design, small))
     assert share["campaign"]["loads_kg"] == [125.0]
     assert share["defects"]["force_share_1_kg"] == pytest.approx(3.4e-4)
 
 
 def test_a_draw_is_repeated_bit_for_bit():
-    assert drawn(7) == drawn(7)
-    assert drawn(7) != drawn(8)
+    assert draw_design(7) == draw_design(7)
+    assert draw_design(7) != draw_design(8)

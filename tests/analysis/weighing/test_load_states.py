@@ -9,7 +9,7 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing import joint_fit
-from analysis.weighing.load_states import OtherReading, States, places
+from analysis.weighing.load_states import AlternativePartition, LoadStates, places
 from analysis.weighing.weigh import weigh
 from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
@@ -199,9 +199,13 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
 
 def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
     """By the law of total variance: of each start's mass, and of the difference of two states."""
-    other = OtherReading(np.array([0, 1, 0, 1]), np.array([-100.0, 100.0, -80.0, 120.0]), 5.0, 0.4)
+    other = AlternativePartition(
+        np.array([0, 1, 0, 1]), np.array([-100.0, 100.0, -80.0, 120.0]), 5.0, 0.4
+    )
     nothing = np.zeros(4)
-    one = States(np.arange(4), np.zeros(4, np.int64), nothing, nothing, 0.0, 3.0, 1.0, 0.6, other)
+    one = LoadStates(
+        np.arange(4), np.zeros(4, np.int64), nothing, nothing, 0.0, 3.0, 1.0, 0.6, other
+    )
     of_one = np.sqrt(0.4 * np.mean(other.differs_kg**2))
     assert one.other_reading_kg(np.ones(1)) == pytest.approx(of_one)
     # two states, which one load with a scatter may as well be

@@ -3,21 +3,21 @@
 import numpy as np
 import pytest
 
-from analysis.weighing.load_states import found_states
-from estimators.joint.group_effects import Units, units_of
+from analysis.weighing.load_states import find_states
+from estimators.joint.group_effects import GroupEffects, group_effects
 
 
-def units(*levels_kg: float, std_kg: float = 1.0) -> Units:
+def units(*levels_kg: float, std_kg: float = 1.0) -> GroupEffects:
     """Manoeuvres that say these masses and share nothing."""
     n = len(levels_kg)
     shared, kind = np.zeros((n, 0)), np.ones(n - 1, np.int64)
     variance = np.full(n, std_kg**2)
-    return Units(np.array(levels_kg), shared, variance, np.zeros((0, 0)), np.zeros(0), kind)
+    return GroupEffects(np.array(levels_kg), shared, variance, np.zeros((0, 0)), np.zeros(0), kind)
 
 
 @pytest.mark.parametrize("repeatability_kg", [None, 2.0])
 def test_manoeuvres_of_0_0_and_99_kg_have_states(repeatability_kg: float | None) -> None:
-    found = found_states(units(0.0, 0.0, 99.0), np.arange(3), repeatability_kg)
+    found = find_states(units(0.0, 0.0, 99.0), np.arange(3), repeatability_kg)
     assert found.of.size == 3
     assert np.isfinite(found.level_kg).all()
     assert found.of[0] == found.of[1]
@@ -25,18 +25,20 @@ def test_manoeuvres_of_0_0_and_99_kg_have_states(repeatability_kg: float | None)
 
 @pytest.mark.parametrize("levels_kg", [(0.0,), (0.0, 0.0, 0.0), (-1e-12, 0.0, 1e-12)])
 def test_manoeuvres_of_no_mass_are_one_state(levels_kg: tuple[float, ...]) -> None:
-    found = found_states(units(*levels_kg), np.arange(len(levels_kg)), None)
+    found = find_states(units(*levels_kg), np.arange(len(levels_kg)), None)
     assert found.count == 1
 
 
 def test_a_mass_far_above_its_noise_is_split_as_before() -> None:
-    found = found_states(units(100.0, 100.5, 130.0, 129.5), np.arange(4), None)
+    found = find_states(units(100.0, 100.5, 130.0, 129.5), np.arange(4), None)
     assert found.of.tolist() == [0, 0, 1, 1]
 
 
 def test_a_unit_that_never_accelerates_tells_no_level() -> None:
     A = np.column_stack([np.repeat([1.0, 0.0], 50), np.linspace(1.0, 2.0, 100)])
     group = np.repeat([0, 1], 50)
-    of_each = units_of(A, A.sum(axis=1), group, None, np.zeros(1), np.full(1, np.inf), group[::50])
+    of_each = group_effects(
+        A, A.sum(axis=1), group, None, np.zeros(1), np.full(1, np.inf), group[::50]
+    )
     assert np.isnan(of_each.y).all()
-    assert found_states(of_each, np.arange(2), None).count == 1
+    assert find_states(of_each, np.arange(2), None).count == 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import joined
+from analysis.simulation.scenario.drawn_designs import join_designs
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.nuisances import WeightShare
 from benchmarks.honesty_rows import LOADER, POOLED
@@ -36,7 +36,9 @@ PHYSICS = {
 def weighed(sections: str, settings: tuple[str, ...] = ()):
     """Row of the load, and the frame of the nuisances, of five empty and five loaded starts."""
     plan = {"campaign": {"loads_kg": [0.0, LOAD_KG], "runs": 5}, "sensors": {"seed": 5}}
-    whole = joined(LOADER, plan, {"log": {"load_change_s": 5.0}}, dict(PHYSICS.get(sections, {})))
+    whole = join_designs(
+        LOADER, plan, {"log": {"load_change_s": 5.0}}, dict(PHYSICS.get(sections, {}))
+    )
     scenario = Scenario.model_validate(whole)
     logs = list(simulate_campaign(scenario))
     times = logs[0].trials.select("start_ns", "end_ns").to_numpy()
@@ -65,7 +67,7 @@ def test_without_any_of_it_the_payload_is_little_wider_for_it():
 
 
 def test_one_load_has_no_terms_that_differ_by_load():
-    scenario = Scenario.model_validate(joined(LOADER, {"campaign": {"runs": 3}}))
+    scenario = Scenario.model_validate(join_designs(LOADER, {"campaign": {"runs": 3}}))
     logs = list(simulate_campaign(scenario))
     own = machine((POOLED,))
     found = run([MemoryLog(log) for log in logs], reading_memory(own, logs[0]))

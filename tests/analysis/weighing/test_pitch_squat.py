@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.weighing.motion_samples import Equation, Floats
+from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.pitch_squat import pitch_squat
 
 RATE_HZ = 100.0
@@ -35,7 +35,7 @@ def lagged(x: Floats, lag_s: float) -> Floats:
 
 def starts(
     squat_1: float, hills_m_s2: float, seed: int, count: int = 60
-) -> tuple[Floats, Equation]:
+) -> tuple[Floats, MotionSamples]:
     """The pitch's gravity, and the motion, of starts in turn at two places of a hilly track."""
     dice = np.random.default_rng(seed)
     t_s = np.arange(round(START_S * RATE_HZ)) / RATE_HZ
@@ -55,7 +55,7 @@ def starts(
     measured = a + gravity + dice.normal(0.0, 0.01, a.size)
     force = 4000.0 * (a + gravity - squat_1 * a) + 900.0 * v + dice.normal(0.0, 60.0, a.size)
     number = np.repeat(np.arange(count), t_s.size)
-    motion = Equation(
+    motion = MotionSamples(
         measured, v, force, number, np.ones(a.size), number, RATE_HZ, measured, measured - seen,
         None, np.linspace(-0.5, 0.5, a.size), np.cumsum(v) / RATE_HZ,
         np.zeros(a.size), 0.0, True, 1.0, 4000.0 * G_M_S2,

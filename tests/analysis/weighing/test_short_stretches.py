@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from analysis.weighing.load_states import places, stretch_units
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 from estimators.joint.group_effects import FILLED, HINTED
 
 #: Samples of a manoeuvre, of one too short to tell a mass, and of the stand between.
 LONG, SHORT, STAND = 200, 20, 100
 
 
-def manoeuvres(boom: list[float], digs: list[bool]) -> Equation:
+def manoeuvres(boom: list[float], digs: list[bool]) -> MotionSamples:
     """A long manoeuvre, a short one and a long one, with stands between them.
 
     Args:
@@ -28,7 +28,7 @@ def manoeuvres(boom: list[float], digs: list[bool]) -> Equation:
         arm[here[30:60]] = boom[stand]
         dug[here] = digs[stand]
     ones = np.ones(n)
-    return Equation(
+    return MotionSamples(
         acceleration=ones,
         speed=ones,
         force=ones,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.model.settings import PriorSettings
-from analysis.weighing.motion_samples import Equation
+from analysis.weighing.motion_samples import MotionSamples
 from analysis.weighing.nuisances import Moments
 from analysis.weighing.uneven_ground import FEWEST, GROUND
 
@@ -34,11 +34,11 @@ def moments(direction: float = 1.0, contrast: float = 1.0) -> Moments:
     )
 
 
-def motion(manoeuvres: int, reverse: bool = True) -> Equation:
+def motion(manoeuvres: int, reverse: bool = True) -> MotionSamples:
     """A sample a manoeuvre, every other one in reverse."""
     zeros, number = np.zeros(manoeuvres), np.arange(manoeuvres)
     direction = np.where((number % 2 == 1) & reverse, -1.0, 1.0)
-    return Equation(
+    return MotionSamples(
         zeros, zeros, zeros, number, direction, number, 100.0, None, None, None, zeros, zeros,
         zeros, 0.0, True, 1.0, 40_000.0,
     )  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimators.joint.prior_fit import Grouping, fit
-from estimators.joint.random_intercepts import Levels
+from estimators.joint.random_intercepts import RandomIntercepts
 from estimators.numerics.group_sums import NoiseMoments, noise_moments
 
 FREE = np.inf
@@ -294,7 +294,7 @@ class TestWhatWidens:
         # half of the starts have a column of their own, with its sign turned in the others
         own = np.where(level[GROUP] == 1, 1.0, -1.0) * A[:, 2]
         believed = prior(FREE, FREE, *WIDTHS, 100.0)
-        grouping = Grouping(levels=Levels(level, np.arange(STARTS)))
+        grouping = Grouping(levels=RandomIntercepts(level, np.arange(STARTS)))
         found = fit(np.column_stack([A, own]), f + shape, GROUP, None, *believed, grouping)
         of_one = found.misfit[0, 0]
         of_difference = found.misfit[0, 0] + found.misfit[1, 1] - 2.0 * found.misfit[0, 1]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.simulation.scenario.drawn_designs import Sections, joined
+from analysis.simulation.scenario.drawn_designs import Sections, join_designs
 from benchmarks.findings_trials import BY_NAME, base
 from benchmarks.mended import AXES, MendedTrial, table, trial
 
@@ -15,7 +15,9 @@ _TURNED_BACK = ("roll_rate", "pitch_rate")
 def design(name: str) -> Sections:
     fault = BY_NAME[name]
     sections = base(1_300_000, [fault])
-    return sections if fault.ground is None else joined(sections, fault.ground(sections, SIZE))
+    return (
+        sections if fault.ground is None else join_designs(sections, fault.ground(sections, SIZE))
+    )
 
 
 def off_kg(mended: MendedTrial) -> float:

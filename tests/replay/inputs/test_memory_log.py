@@ -8,7 +8,7 @@ import pytest
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import LogError
 from replay import Log, TimeAxis, open_log
-from replay.inputs.cached_log import ReadOnce
+from replay.inputs.cached_log import CachedLog
 from replay.inputs.memory_log import MemoryLog
 from tests.replay.sledge import sledge
 
@@ -17,7 +17,7 @@ def test_a_log_that_is_read_once_gives_the_same_again_without_its_file(tmp_path:
     path = tmp_path / "s.csv"
     sledge(5.0).write_csv(path)
     with open_log(path, time=TimeAxis("time_s")) as log:
-        once = ReadOnce(log)
+        once = CachedLog(log)
         first = once.read("table", ["force_N"])
         assert first.equals(log.read("table", ["force_N"]))
         topics = once.topics()

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import LogError
-from replay.inputs.merged_topics import joined
+from replay.inputs.merged_topics import merge_topics
 from replay.logs import Log
 
 ROWS = 400
@@ -17,7 +17,7 @@ LATE_NS = 3_000_000
 
 
 class Named:
-    """What `joined` asks of a log: its name."""
+    """What `merge_topics` asks of a log: its name."""
 
     def __init__(self, number: int) -> None:
         self.path = Path(f"part_{number}.mcap")
@@ -37,7 +37,7 @@ def messages(*, stamped: bool = True) -> pl.DataFrame:
 
 def of(*parts: pl.DataFrame) -> pl.DataFrame:
     logs: dict[Log, pl.DataFrame] = {Named(n): part for n, part in enumerate(parts)}  # pyright: ignore[reportAssignmentType]
-    return joined("/topic", logs)
+    return merge_topics("/topic", logs)
 
 
 spans = st.lists(st.tuples(st.integers(0, ROWS), st.integers(1, ROWS)), min_size=1, max_size=6)

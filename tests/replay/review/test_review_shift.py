@@ -19,7 +19,7 @@ import pytest
 from estimators.errors import PayscopeError, ReviewError
 from recordings import read_frame
 from recordings.review.review_state import RECORDING, STATE
-from replay.review.review_shift import Reviewed, ReviewOptions, review
+from replay.review.review_shift import ReviewOptions, ShiftReview, review
 from tests.replay.shift_review import shift_folder, verdict
 
 OUTPUTS = {"ledger.csv", "ledger.parquet", "review.html", "review.json", "shift.rrd"}
@@ -31,20 +31,20 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Path], Path, 
 
 
 @pytest.fixture(scope="module")
-def reviewed(driven: tuple[list[Path], Path, Any], tmp_path_factory: Any) -> Reviewed:
+def reviewed(driven: tuple[list[Path], Path, Any], tmp_path_factory: Any) -> ShiftReview:
     logs, machine, _ = driven
     folder = tmp_path_factory.mktemp("reviewed") / "review"
     return review(logs, machine, folder, ReviewOptions(target_kg=700.0))
 
 
 @pytest.fixture
-def folder(reviewed: Reviewed, tmp_path: Path) -> Path:
+def folder(reviewed: ShiftReview, tmp_path: Path) -> Path:
     """A copy of the review, to be changed."""
     return Path(shutil.copytree(reviewed.folder, tmp_path / "review"))
 
 
 def test_every_cycle_is_found_at_its_dump_and_the_tonnes_are_within_their_interval(
-    driven: tuple[Any, Any, dict[str, Any]], reviewed: Reviewed
+    driven: tuple[Any, Any, dict[str, Any]], reviewed: ShiftReview
 ) -> None:
     cycles = driven[2]["cycles"]
     dumped = np.array([each["dump_ns"] for each in cycles])
@@ -58,7 +58,9 @@ def test_every_cycle_is_found_at_its_dump_and_the_tonnes_are_within_their_interv
     assert total < 2.0 * reviewed.shift["payload_u_kg"]
 
 
-def test_the_folder_holds_the_ledger_twice_the_recording_and_the_page(reviewed: Reviewed) -> None:
+def test_the_folder_holds_the_ledger_twice_the_recording_and_the_page(
+    reviewed: ShiftReview,
+) -> None:
     shown = {each.name for each in reviewed.folder.iterdir() if not each.name.startswith(".")}
     assert shown == OUTPUTS
     assert pl.read_parquet(reviewed.folder / "ledger.parquet").equals(reviewed.ledger)
@@ -85,7 +87,7 @@ def test_a_second_review_does_not_replay_unless_something_that_counts_has_change
 
 
 def test_a_rejected_cycle_is_listed_with_author_and_time_and_is_not_counted(
-    driven: tuple[list[Path], Path, Any], reviewed: Reviewed, folder: Path
+    driven: tuple[list[Path], Path, Any], reviewed: ShiftReview, folder: Path
 ) -> None:
     logs, machine, _ = driven
     third = reviewed.ledger.row(2, named=True)
@@ -156,7 +158,7 @@ def _command(logs: list[Path], machine: Path, folder: Path) -> list[str]:
 
 
 def test_a_review_that_is_killed_leaves_no_half_file_and_the_next_gives_the_same_ledger(
-    driven: tuple[list[Path], Path, Any], reviewed: Reviewed, tmp_path: Path
+    driven: tuple[list[Path], Path, Any], reviewed: ShiftReview, tmp_path: Path
 ) -> None:
     logs, machine, _ = driven
     folder = tmp_path / "review"
@@ -180,7 +182,7 @@ def test_a_review_that_is_killed_leaves_no_half_file_and_the_next_gives_the_same
 
 @pytest.mark.slow
 def test_ten_reviews_that_are_killed_at_any_moment_leave_no_half_file(
-    driven: tuple[list[Path], Path, Any], reviewed: Reviewed, tmp_path: Path
+    driven: tuple[list[Path], Path, Any], reviewed: ShiftReview, tmp_path: Path
 ) -> None:
     logs, machine, _ = driven
     folder = tmp_path / "review"

@@ -7,7 +7,7 @@ from scipy.stats import t as student_t
 
 from analysis.calibration.line.line_inversion import Inversion, student
 from analysis.calibration.line.line_model import Points, fit_line
-from analysis.calibration.line.variance_components import Within
+from analysis.calibration.line.variance_components import WithinRunVariance
 
 X = np.array([0.0, 50.0, 100.0, 150.0, 200.0, 250.0])
 NONE = np.array([np.nan])
@@ -17,7 +17,9 @@ def inverse(y, x=X):
     """Of single readings with exact references: plain regression."""
     count = y.size
     ones = np.ones(count, np.int64)
-    points = Points(y, ones, np.arange(count), 0 * ones, x, np.zeros((count, count)), Within(0, 0))
+    points = Points(
+        y, ones, np.arange(count), 0 * ones, x, np.zeros((count, count)), WithinRunVariance(0, 0)
+    )
     return Inversion.of(fit_line(points))
 
 
@@ -79,7 +81,7 @@ def test_the_chi_square_of_the_readings_is_the_freedom_of_their_repeatability():
     squares = 400.0 * chi2.rvs(54, random_state=dice)
     points = Points(
         X + dice.normal(0.0, 6.0, 6), np.full(6, 10), np.arange(6), np.zeros(6, np.int64), X,
-        np.zeros((6, 6)), Within(squares, 54),
+        np.zeros((6, 6)), WithinRunVariance(squares, 54),
     )  # fmt: skip
     found = Inversion.of(fit_line(points))
     assert found.variance_kg2[0] == pytest.approx(squares / 54, rel=1e-6)

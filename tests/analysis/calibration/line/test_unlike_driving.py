@@ -7,7 +7,7 @@ import pytest
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.line.unlike_driving import RunResponse, Unlike
-from analysis.calibration.use.apply_calibration import LaterLog, calibrated_loads
+from analysis.calibration.use.apply_calibration import LaterLog, calibrate_loads
 from analysis.calibration.use.mass_differences import difference_on_line
 from tests.analysis.calibration.campaigns import readings, references
 
@@ -60,8 +60,8 @@ def loads(**more):
 
 def test_a_log_driven_as_its_campaign_was_pays_nothing_for_what_they_share():
     line = calibration()
-    alone = calibrated_loads(loads(), line).row(0, named=True)
-    alike = calibrated_loads(loads(), line, LaterLog(unlike=log(-48.0))).row(0, named=True)
+    alone = calibrate_loads(loads(), line).row(0, named=True)
+    alike = calibrate_loads(loads(), line, LaterLog(unlike=log(-48.0))).row(0, named=True)
     assert alike["calibrated_kg"] == pytest.approx(alone["calibrated_kg"])
     assert alike["calibrated_u_kg"] == pytest.approx(alone["calibrated_u_kg"])
     assert alike["calibrated_unlike_u_kg"] == pytest.approx(0.0, abs=1e-6)
@@ -69,7 +69,7 @@ def test_a_log_driven_as_its_campaign_was_pays_nothing_for_what_they_share():
 
 def test_a_log_driven_otherwise_pays_for_the_difference_of_the_responses():
     line = calibration()
-    found = calibrated_loads(loads(), line, LaterLog(unlike=log(2.0))).row(0, named=True)
+    found = calibrate_loads(loads(), line, LaterLog(unlike=log(2.0))).row(0, named=True)
     assert found["calibrated_unlike_u_kg"] == pytest.approx(50.0, rel=0.01)
     half = (found["calibrated_high_kg"] - found["calibrated_low_kg"]) / 2.0
     assert half > 1.9 * 50.0
@@ -77,9 +77,9 @@ def test_a_log_driven_otherwise_pays_for_the_difference_of_the_responses():
 
 def test_what_the_log_says_of_the_error_is_taken_off_and_narrows():
     line = calibration()
-    plain = calibrated_loads(loads(), line, LaterLog(unlike=log(2.0))).row(0, named=True)
+    plain = calibrate_loads(loads(), line, LaterLog(unlike=log(2.0))).row(0, named=True)
     told = log(2.0, error_1=0.4, std_1=0.1)
-    found = calibrated_loads(loads(), line, LaterLog(unlike=told)).row(0, named=True)
+    found = calibrate_loads(loads(), line, LaterLog(unlike=told)).row(0, named=True)
     assert found["calibrated_kg"] == pytest.approx(plain["calibrated_kg"] - 0.4 * 50.0, abs=0.2)
     assert found["calibrated_unlike_u_kg"] == pytest.approx(5.0, rel=0.01)
 
@@ -89,9 +89,9 @@ def test_masses_that_have_an_error_off_already_lack_what_the_line_has_of_it():
     # as what the log says is taken off masses that have it: 3739 - 0.4 (2 - -48), both ways
     fixed = log(2.0, error_1=0.4, std_1=0.1)
     told = log(2.0, error_1=0.4, std_1=0.1, told=True)
-    one = calibrated_loads(loads(), line, LaterLog(unlike=fixed)).row(0, named=True)
+    one = calibrate_loads(loads(), line, LaterLog(unlike=fixed)).row(0, named=True)
     off = loads(mass_kg=3739.0 - 0.4 * 2.0)
-    other = calibrated_loads(off, line, LaterLog(unlike=told)).row(0, named=True)
+    other = calibrate_loads(off, line, LaterLog(unlike=told)).row(0, named=True)
     assert other["calibrated_kg"] == pytest.approx(one["calibrated_kg"], abs=0.1)
     assert other["calibrated_u_kg"] == pytest.approx(one["calibrated_u_kg"], rel=0.01)
 
@@ -160,7 +160,7 @@ def test_a_payload_by_difference_is_on_the_line_with_its_interval():
         "own_payload_u_random_kg": 3.0,
         "payload_to": 1,
     }
-    found = calibrated_loads(loads(**row), line).row(0, named=True)
+    found = calibrate_loads(loads(**row), line).row(0, named=True)
     assert found["calibrated_payload_kg"] == pytest.approx(line.alpha_1 * 120.0)
     low, high = found["calibrated_payload_low_kg"], found["calibrated_payload_high_kg"]
     assert found["calibrated_payload_u_kg"] >= 6.0 * abs(line.alpha_1)
@@ -176,27 +176,27 @@ def test_an_empty_part_that_weighs_otherwise_refuses_the_calibration_of_the_log(
         ],
         how="vertical_relaxed",
     )
-    reasons = calibrated_loads(both, line, LaterLog(empty_kg=3614.0))["calibrated_reason"]
+    reasons = calibrate_loads(both, line, LaterLog(empty_kg=3614.0))["calibrated_reason"]
     assert all("the empty machine 3,614 kg" in reason for reason in reasons)
     right = both.with_columns(mass_kg=pl.Series([3616.0, 3700.0]))
-    reasons = calibrated_loads(right, line, LaterLog(empty_kg=3614.0))["calibrated_reason"]
+    reasons = calibrate_loads(right, line, LaterLog(empty_kg=3614.0))["calibrated_reason"]
     assert reasons.to_list() == ["", ""]
 
 
 def test_evidence_of_one_day_says_so_unless_the_log_has_an_empty_part():
     line = calibration(days=1)
     unseen = {0: "evidence of one day", 1: "evidence of one day"}
-    said = calibrated_loads(loads(), line, LaterLog(unseen=unseen))["calibrated_said"]
+    said = calibrate_loads(loads(), line, LaterLog(unseen=unseen))["calibrated_said"]
     assert said.to_list() == ["evidence of one day"]
     empty = pl.concat([loads(mass_kg=3614.0, empty=True), loads(load_id=1)], how="vertical_relaxed")
     told = LaterLog(unseen=unseen, empty_kg=3614.0)
-    assert calibrated_loads(empty, line, told)["calibrated_said"].to_list() == ["", ""]
-    several = calibrated_loads(loads(), calibration(), LaterLog(unseen=unseen))
+    assert calibrate_loads(empty, line, told)["calibrated_said"].to_list() == ["", ""]
+    several = calibrate_loads(loads(), calibration(), LaterLog(unseen=unseen))
     assert several["calibrated_said"].to_list() == [""]
 
 
 def test_an_interval_that_says_less_than_the_range_is_no_calibrated_mass():
     line = calibration()
-    wide = calibrated_loads(loads(), line, LaterLog(unlike=log(200.0))).row(0, named=True)
+    wide = calibrate_loads(loads(), line, LaterLog(unlike=log(200.0))).row(0, named=True)
     assert wide["calibrated_kg"] is None
     assert "is more than the calibrated range" in wide["calibrated_reason"]

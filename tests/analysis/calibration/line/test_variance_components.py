@@ -11,7 +11,7 @@ from analysis.calibration.line.line_model import (
     fit_line,
     mean_squares,
 )
-from analysis.calibration.line.variance_components import Within, restricted_likelihood
+from analysis.calibration.line.variance_components import WithinRunVariance, restricted_likelihood
 
 
 def balanced(dice, days=4, runs=6, readings=5, deviations=(20.0, 8.0, 12.0)):
@@ -33,7 +33,9 @@ def points_of(y):
         day=np.repeat(np.arange(days), runs),
         reference_kg=np.arange(runs) * 50.0,
         covariance_kg2=np.zeros((runs, runs)),
-        within=Within(float(((y - y.mean(2, keepdims=True)) ** 2).sum()), days * runs * 4),
+        within=WithinRunVariance(
+            float(((y - y.mean(2, keepdims=True)) ** 2).sum()), days * runs * 4
+        ),
     )
 
 
@@ -85,7 +87,7 @@ def test_unbalanced_readings_settle():
         day=np.array([0, 0, 0, 0, 0, 1, 1, 2]),
         reference_kg=np.arange(8) * 50.0,
         covariance_kg2=np.eye(8),
-        within=Within(400.0 * 25, 25),
+        within=WithinRunVariance(400.0 * 25, 25),
     )
     line = fit_line(points)
     assert np.linalg.eigvalsh(line.point_covariance_kg2).min() > 0.0

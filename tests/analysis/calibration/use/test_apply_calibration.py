@@ -6,7 +6,7 @@ import pytest
 
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.use.apply_calibration import calibrated_loads
+from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.model.schema import CALIBRATED
 from estimators.errors import DataError
 from tests.analysis.calibration.campaigns import readings, references
@@ -35,7 +35,7 @@ LOADS = pl.DataFrame(
 
 def test_each_load_has_its_calibrated_mass_or_the_reason_why_not():
     calibration = fitted()
-    table = calibrated_loads(LOADS, calibration)
+    table = calibrate_loads(LOADS, calibration)
     expected = calibration.calibrated(3900.0, 12.0, 4)
     row = table.row(1, named=True)
     assert row["calibrated_kg"] == expected.mass_kg
@@ -53,16 +53,16 @@ def test_each_load_has_its_calibrated_mass_or_the_reason_why_not():
 
 
 def test_a_calibration_of_payloads_takes_payloads():
-    table = calibrated_loads(LOADS, fitted("joint_payload"))
+    table = calibrate_loads(LOADS, fitted("joint_payload"))
     expected = fitted("joint_payload").calibrated(3800.0, 15.0, 4)
     assert table["calibrated_kg"][1] == expected.mass_kg
 
 
 def test_another_calibration_replaces_the_columns():
-    once = calibrated_loads(LOADS, fitted())
-    assert calibrated_loads(once, fitted()).equals(once)
+    once = calibrate_loads(LOADS, fitted())
+    assert calibrate_loads(once, fitted()).equals(once)
 
 
 def test_a_calibration_of_another_estimator_is_refused():
     with pytest.raises(DataError, match="joint_mass"):
-        calibrated_loads(LOADS, fitted("ls"))
+        calibrate_loads(LOADS, fitted("ls"))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import drawn, with_field_physics
+from analysis.simulation.scenario.drawn_designs import draw_design, with_field_physics
 from benchmarks.shift_logs import drawn_shift
 from estimators.errors import ScenarioError
 
@@ -11,20 +11,20 @@ SEEDS = range(200)
 
 
 def physics(seed):
-    return Scenario.model_validate(with_field_physics(drawn(seed), seed))
+    return Scenario.model_validate(with_field_physics(draw_design(seed), seed))
 
 
 def test_field_physics_leaves_the_design_as_it_was_drawn():
     for seed in SEEDS:
-        design = drawn(seed)
+        design = draw_design(seed)
         laid = with_field_physics(design, seed + 1)
-        assert drawn(seed) == design
+        assert draw_design(seed) == design
         for name, keys in design.items():
             assert {key: laid[name][key] for key in keys} == keys
 
 
 def test_field_physics_is_of_its_seed_alone():
-    one, other = drawn(1), drawn(2)
+    one, other = draw_design(1), draw_design(2)
     laid = [with_field_physics(design, 7) for design in (one, other, one)]
     assert laid[0] == laid[2]
     assert laid[0]["sensors"]["acc_bias_m_s2"] == laid[1]["sensors"]["acc_bias_m_s2"]

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.stages.signals import filters
 from analysis.stages.signals.derive import derive, measured
-from analysis.stages.signals.timestamps import place
+from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
 
 MS = 1_000_000
@@ -14,7 +14,7 @@ T = np.arange(500) * 10 * MS + 1_700_000_000_000_000_000
 
 
 def derived(raw, machine):
-    read, losses = measured(place(raw)[0], machine)
+    read, losses = measured(assign_timestamps(raw)[0], machine)
     frames, notes = derive(read, machine)
     return frames, losses, notes
 

@@ -5,14 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.stages.signals.timestamps import place
+from analysis.stages.signals.timestamps import assign_timestamps
 
 SECOND = 1_000_000_000
 LOG = np.arange(200) * 10_000_000 + 1_700_000_000 * SECOND
 
 
 def placed_one(raw_topic, log=LOG, header="same", name="/imu"):
-    frames, labels, losses = place({name: raw_topic(log, header, x=np.arange(log.size) * 1.0)})
+    frames, labels, losses = assign_timestamps(
+        {name: raw_topic(log, header, x=np.arange(log.size) * 1.0)}
+    )
     return frames[name], labels[name], [loss.what for loss in losses]
 
 
@@ -80,7 +82,7 @@ def test_headers_of_another_clock_are_not_mixed_with_log_times(raw_topic):
         "/imu": raw_topic(LOG, LOG - 3600 * SECOND, x=LOG * 1.0),
         "/can": raw_topic(LOG, [None] * LOG.size, y=LOG * 1.0),
     }
-    frames, labels, losses = place(raw)
+    frames, labels, losses = assign_timestamps(raw)
     assert labels == {"/imu": "log", "/can": "log"}
     assert [loss.topic for loss in losses] == ["/imu"]
     assert "another clock" in losses[0].what
@@ -92,7 +94,7 @@ def test_headers_of_the_same_clock_stay_beside_log_times(raw_topic):
         "/imu": raw_topic(LOG, LOG - SECOND // 100, x=LOG * 1.0),
         "/can": raw_topic(LOG, [None] * LOG.size, y=LOG * 1.0),
     }
-    _, labels, losses = place(raw)
+    _, labels, losses = assign_timestamps(raw)
     assert labels == {"/imu": "header", "/can": "log"}
     assert losses == []
 
@@ -111,7 +113,7 @@ def test_headers_of_two_clocks_are_not_mixed(raw_topic, imu_s, can_s, labels):
         "/imu": raw_topic(LOG, LOG + imu_s * SECOND, x=LOG * 1.0),
         "/can": raw_topic(LOG, LOG + can_s * SECOND, y=LOG * 1.0),
     }
-    frames, found, losses = place(raw)
+    frames, found, losses = assign_timestamps(raw)
     assert found == labels
     assert {loss.topic for loss in losses} == {t for t, label in labels.items() if label == "log"}
     np.testing.assert_array_equal(frames["/imu"]["unix_ns"], frames["/can"]["unix_ns"])
@@ -119,7 +121,7 @@ def test_headers_of_two_clocks_are_not_mixed(raw_topic, imu_s, can_s, labels):
 
 def test_a_shared_clock_other_than_the_recorders_is_kept(raw_topic):
     raw = {name: raw_topic(LOG, LOG - 3600 * SECOND, x=LOG * 1.0) for name in ("/imu", "/can")}
-    _, labels, losses = place(raw)
+    _, labels, losses = assign_timestamps(raw)
     assert labels == {"/imu": "header", "/can": "header"}
     assert losses == []
 

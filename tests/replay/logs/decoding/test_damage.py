@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from replay.logs.decoding.decode_plan import Plan
-from replay.logs.decoding.per_message import MessageByMessage
+from replay.logs.decoding.per_message import PerMessageDecoder
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import ListOf, RecordType, Scalar
@@ -49,7 +49,7 @@ def test_a_message_torn_at_any_byte_is_whole_only_where_rosbags_says_so(
     fields = fields_of(sample, limit=8)
     batch = torn(sample.stored(encoding))
     decoded = Plan(sample.kind.record, ros1=sample.ros1, fields=fields).decode(batch)
-    expected = MessageByMessage(sample.kind, fields).decode(batch)
+    expected = PerMessageDecoder(sample.kind, fields).decode(batch)
     assert same(decoded.frame, expected.frame)
     assert decoded.undecodable == expected.undecodable
     assert bool(decoded.first_fault) == bool(decoded.undecodable)
@@ -73,12 +73,12 @@ def test_a_message_with_flipped_bits_is_read_as_rosbags_reads_it(
     fields = fields_of(sample, limit=8)
     batch = batch_of([data for data in flipped if not _has_empty_string(sample, data)])
     decoded = Plan(sample.kind.record, ros1=sample.ros1, fields=fields).decode(batch)
-    assert same(decoded.frame, MessageByMessage(sample.kind, fields).decode(batch).frame)
+    assert same(decoded.frame, PerMessageDecoder(sample.kind, fields).decode(batch).frame)
 
 
 def _has_empty_string(sample: Sample, data: bytes) -> bool:
     """Whether CDR gives a string the length 0, which is legal and which rosbags refuses."""
-    fault = MessageByMessage(sample.kind, []).decode(batch_of([data])).first_fault
+    fault = PerMessageDecoder(sample.kind, []).decode(batch_of([data])).first_fault
     return "Invalid string length 0 " in fault
 
 

@@ -18,7 +18,7 @@ from replay.logs.decoding.batch_stream import Stream, take_all
 from replay.logs.decoding.decode_plan import Plan
 from replay.logs.decoding.decoder import schema_of
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
-from replay.logs.decoding.per_message import MessageByMessage
+from replay.logs.decoding.per_message import PerMessageDecoder
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import leaves
@@ -44,7 +44,7 @@ def test_every_type_of_a_release_is_columnar_and_equal_to_rosbags(release: Store
         batch = batch_of([encode(store, m, "ros1" if ros1 else "cdr_le") for m in messages])
         fields = [resolve(leaf, kind.record) for leaf in leaves(kind.record)]
         decoded = Plan(kind.record, ros1=ros1, fields=fields).decode(batch)
-        assert same(decoded.frame, MessageByMessage(kind, fields).decode(batch).frame), name
+        assert same(decoded.frame, PerMessageDecoder(kind, fields).decode(batch).frame), name
 
 
 def write_long_doubles(path: Path) -> None:

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from replay.logs.decoding.decode_plan import Plan
-from replay.logs.decoding.per_message import MessageByMessage
+from replay.logs.decoding.per_message import PerMessageDecoder
 from replay.logs.messages.message_fields import Field, resolve
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, every_field, types
 
@@ -43,7 +43,7 @@ def fields_of(sample: Sample, limit: int = 60) -> list[Field]:
 
 def rosbags(sample: Sample, fields: list[Field], encoding: str) -> pl.DataFrame:
     """What rosbags makes of the messages."""
-    decoded = MessageByMessage(sample.kind, fields).decode(batch_of(sample.stored(encoding)))
+    decoded = PerMessageDecoder(sample.kind, fields).decode(batch_of(sample.stored(encoding)))
     assert decoded.undecodable == 0, decoded.first_fault
     return decoded.frame
 
