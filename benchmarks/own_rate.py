@@ -140,7 +140,7 @@ def logged(cell: Cell, seed: int, nuisance: dict[str, float] | None = None) -> p
         speed_read = np.round(speed_read / SPEED_STEP_M_S) * SPEED_STEP_M_S
     if cell.force_steps:
         force_read = np.round(force_read / FORCE_STEP_N) * FORCE_STEP_N
-    columns = {"time_s": at, "force": force_read, "speed": speed_read}
+    columns = {"t": at, "force": force_read, "speed": speed_read}
     if not cell.derived:
         gain = 1.0 + has("acc_gain", 0.0)
         columns["acc"] = gain * np.interp(at, t, a) + rng.normal(0.0, ACC_M_S2, at.size)
@@ -194,7 +194,7 @@ def machine_of(cell: Cell, *, stated: bool) -> Machine:
     return Machine.model_validate(
         {
             "machine": {"name": "car", "empty_mass_kg": MASS_KG},
-            "log": {"time": "time_s"},
+            "log": {"time": "t"},
             "channels": channels,
             "settings": settings,
         }

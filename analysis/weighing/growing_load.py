@@ -143,6 +143,8 @@ def growing(
     friction = float(np.hypot(fit.viscous, fit.fit.std[fit.count]))
     own = _FRICTION * friction, _CONSTANT * fit.motion.largest_force
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
+    if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
+        return ()  # of a fit that determines nothing
     slopes = np.array([_slope(rows.A[part], left[part], tied) for part in compress(parts, told)])
     number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
     if number.size < _FEWEST:

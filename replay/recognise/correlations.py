@@ -125,7 +125,9 @@ def _correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> floa
         return None
     half = _SPAN_S / 2
     slope = np.interp(t + half, at, y) - np.interp(t - half, at, y)
-    if x.std() == 0 or slope.std() == 0:
+    # what has a square beyond a float64 is scaled to 1 first
+    x, slope = (each / (float(np.abs(each).max()) or 1.0) for each in (x, slope))
+    if not (np.isfinite(slope).all() and x.std() > 0 and slope.std() > 0):
         return None
     return float(np.corrcoef(x, slope)[0, 1])
 
