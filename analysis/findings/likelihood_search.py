@@ -83,6 +83,8 @@ def _picked(case: FindingInputs) -> dict[str, Pick]:
     near = spiked(case)
     if near.any():  # a spike is no motion, whatever it looks like
         motion = whole_stretches(motion.without(near))
+        if not motion.used.any():  # there are spikes all along
+            return {}
     taken: list[str] = []
     out: dict[str, Pick] = {}
     late = _late(case, motion)

@@ -27,6 +27,8 @@ _COVERAGE: Final = 2.0
 _REMAINDER: Final = 0.5
 #: The accelerometer's scale is right where z reads gravity at rest within this share.
 _GRAVITY_1: Final = 0.01
+#: No machine weighs less than it does empty, by more than this share and its uncertainty.
+_LIGHTER_1: Final = 0.01
 #: Starts of a log with two halves to try a proposal on.
 _FEWEST_STARTS: Final = 4
 
@@ -81,6 +83,10 @@ class Tried:
             nearer = now_off < off
             if off <= _COVERAGE * one[1] and now_off > max(off, _COVERAGE * other[1]):
                 return "the mass agreed with that of the empty machine, and would no longer"
+        if empty_kg and other is not None and self.finding.cause == "wrong_unit":
+            below_kg = max(_COVERAGE * other[1], _LIGHTER_1 * empty_kg)
+            if empty_kg - other[0] > below_kg:
+                return "the machine would weigh less than it does empty: it is another factor"
         if self.finding.cause != "wheel_radius" or nearer:
             return ""
         if _reads_gravity(self.after) and "imu_loose" not in self.finding.alternatives:

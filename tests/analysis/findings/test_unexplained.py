@@ -4,6 +4,7 @@ import polars as pl
 import pytest
 
 from analysis.diagnosis import CHECKS
+from analysis.diagnosis.check_row import CheckRow
 from analysis.findings import CAUSES
 from analysis.findings.unexplained import unaccounted
 from analysis.model.schema import build
@@ -15,8 +16,8 @@ COSTS = [row for row in CHECKS if row.about == "mass" and row.consequence in ("w
 def failing(*names: str) -> pl.DataFrame:
     """The verdict of a log that fails these checks alone."""
     rows = [row for row in CHECKS if row.about == "mass"]
-    return build(
-        "verdict",
+    limits = {"minimum": pl.Float64, "maximum": pl.Float64}
+    frame = pl.DataFrame(
         {
             "check": [row.name for row in rows],
             "about": [row.about for row in rows],
@@ -28,11 +29,13 @@ def failing(*names: str) -> pl.DataFrame:
             "consequence": [row.consequence for row in rows],
             "remedy": [row.remedy for row in rows],
         },
+        schema_overrides=limits,
     )
+    return build("verdict", frame.to_dict())
 
 
 @pytest.mark.parametrize("row", COSTS, ids=lambda row: row.name)
-def test_each_check_that_fails_alone_is_what_disagrees(row) -> None:
+def test_each_check_that_fails_alone_is_what_disagrees(row: CheckRow) -> None:
     found = unaccounted(failing(row.name), ())
     assert found is not None
     assert found.strength == 9.0

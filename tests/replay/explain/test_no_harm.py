@@ -10,6 +10,7 @@ SIMULATED, INDEPENDENT = 2_900_000, 2_900_001
 def test_one_wheel_that_turns_too_far_is_no_radius() -> None:
     made = applied(BY_NAME["left wheel high"], INDEPENDENT)
     assert made.causes == ["unlike_sides"]
+    assert made.before is not None
     assert made.after is not None
     assert abs(made.after[0] - made.true_kg) <= abs(made.before[0] - made.true_kg)
     assert not made.is_harmed
