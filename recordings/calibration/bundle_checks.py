@@ -19,6 +19,7 @@ from recordings.calibration.bundle_folder import (
     REQUIRED,
     RUNS,
     SUMS,
+    TIMESTAMP,
     UNLISTED,
     BundleFile,
     listing,
@@ -73,7 +74,9 @@ def check_bundle(
         check_counter(checked, document)
         before = None
         if previous is not None:
-            before = _checked(previous, None, keyring or Keyring(Path()), authorities)
+            # a time stamp is asked of the evidence itself; that before it need not have one
+            stamped = authorities if (previous / TIMESTAMP).is_file() else ()
+            before = _checked(previous, None, keyring or Keyring(Path()), stamped)
             by = before.signed_by
             if key is not None and by.how == "unknown" and by.key_id == key.key_id:
                 before.signed_by = replace(by, how="given")

@@ -102,7 +102,8 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
     if not blocks:
         raise CampaignError(f"{folder}: no log that can be read in it")
     file = "machine.toml" if machine_file is None else _from(output.parent, machine_file)
-    name = "machine-1" if machine is None else machine.machine.name
+    named = None if machine is None else machine.machine.id or machine.machine.name
+    name = named or "machine-1"
     ids = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-")[:60]
     count = f"{len(blocks)} run{'' if len(blocks) == 1 else 's'}"
     head = _HEAD.format(

@@ -89,7 +89,7 @@ def describe(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
         messages=ends["messages"],
         topics=topics,
         fields=described,
-        notes=log.notes(),
+        notes=(*log.notes(), *(f"its metadata name machine {each}" for each in log.machine_ids())),
         losses=log.losses(),
         checked=checked,
         check_s=time.perf_counter() - begun if check else None,

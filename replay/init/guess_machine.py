@@ -13,6 +13,7 @@ import polars as pl
 
 from analysis.model.schema import CHANNEL_COLUMNS
 from replay.init.guess_mounting import mounting_lines
+from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.recognise.profile import FieldProfile, profiles
 from replay.recognise.proposals import ChannelProposal, Recognised
@@ -96,6 +97,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         "",
         "[machine]",
         f"name = {_quoted(log.path.stem)}",
+        *(f"id = {_quoted(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
         "# track_width_m = 1.5          # for the yaw torque (18)",

@@ -24,7 +24,7 @@ def identified(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
         LogError: a log is of another machine, or two logs are of two.
     """
     told = logged_id(logs, machine.machine.id)
-    if not told or machine.machine.id is not None or not _is_id(told):
+    if not told or machine.machine.id is not None or not is_serial_number(told):
         return machine, told
     body = machine.machine.model_copy(update={"id": told})
     return machine.model_copy(update={"machine": body}), told
@@ -61,7 +61,7 @@ def logged_id(logs: Sequence[Log], known: str | None) -> str:
     return known or common[0] if common else ""
 
 
-def _is_id(text: str) -> bool:
+def is_serial_number(text: str) -> bool:
     """Whether a machine file could have it: recorders write what they like."""
     try:
         TypeAdapter(MachineId).validate_python(text)

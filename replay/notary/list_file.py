@@ -27,6 +27,8 @@ from recordings.signatures.canonical_json import canonical
 
 #: The environment variable that names the folder of the second copy.
 STATE_VARIABLE: Final = "PAYSCOPE_NOTARY_STATE"
+#: No link is followed, where the system can refuse one.
+_FLAGS: Final = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_NOFOLLOW", 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ def opened_list(path: Path) -> Generator[OpenList]:
     import fcntl
 
     try:
-        number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o644)
+        number = os.open(path, _FLAGS, 0o644)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
     try:

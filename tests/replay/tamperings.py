@@ -162,7 +162,7 @@ TAMPERINGS: dict[str, tuple[Tamper, BundleOutcome, BundleOutcome | None]] = {
     "the machine's id": (
         in_evidence("campaign", "machine", "id", to="sledge-8"),
         TAMPERED,
-        None,
+        IRREPRODUCIBLE,
     ),
     "a part": (
         in_evidence("campaign", "machine", "parts", "runners", to="R-2"),

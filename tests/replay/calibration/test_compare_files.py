@@ -78,7 +78,7 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
     assert not verify(folder).findings
     found = verify(folder, logs=bundle.with_name("logs"))
     said = items(found)
-    assert found.outcome is IRREPRODUCIBLE, said
+    assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     for place, words in (
         ("load-0.csv: begins", "it begins at another time: 7.000 s"),
         ("load-0.csv: duration_s", "it takes another time"),
