@@ -154,7 +154,6 @@ def compare(folder: Path, asked: argparse.Namespace) -> None:
     for name, write in FILES.items():
         path = folder / name
         if not path.exists():
-            path.parent.mkdir(exist_ok=True)
             write(path, asked.minutes)
         everything = list(TOPICS)
         if path.suffix == ".mcap":
