@@ -364,6 +364,16 @@ def calibrated(of: Replayed, payscope: Driven) -> None:
     payscope("init", "--campaign", logs, "-m", drawn.machine, "-o", draft)
 
 
+def queried(of: Replayed, payscope: Driven) -> None:
+    """`query`: of the recording and of the table; `convert`, and the converted log once more."""
+    payscope("query", of.recording, 'SELECT "check", value FROM verdict', "--format", "json")
+    payscope("query", of.drawn.log, "--tables")
+    folder = payscope.folder / "converted"
+    payscope("convert", of.drawn.log, "-o", folder)
+    if folder.exists():
+        payscope("info", folder)
+
+
 #: What is done with a table that was replayed, two of them at a time.
 JOBS: Final[tuple[Job, ...]] = (
     told,
@@ -377,6 +387,7 @@ JOBS: Final[tuple[Job, ...]] = (
     swept,
     reviewed,
     calibrated,
+    queried,
 )
 
 
@@ -409,8 +420,8 @@ def fleet(of: Replayed, payscope: Driven) -> None:
 #: What starts a viewer or an engine, which takes many seconds: of one table in so many.
 SLOW_JOBS: Final = (viewed, fleet)
 _SLOW_EVERY: Final = 250
-#: Commands that read no log, and nothing that was made of one.
-WITHOUT_LOG: Final = frozenset({"demo", "excite", "keys", "reproduce", "simulate"})
+#: Commands that read no message of a log, and nothing that was made of one.
+WITHOUT_LOG: Final = frozenset({"demo", "excite", "keys", "notarise", "reproduce", "simulate"})
 
 
 def jobs_of(seed: int) -> tuple[Job, ...]:

@@ -96,7 +96,6 @@ CAUSES: Final = (
         withholds=True,
         explains=(
             *(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale", "unlike_sides"),
-            *("unsigned", "offset"),
         ),
     ),
     Cause(

@@ -41,6 +41,12 @@ _AROUND_NS: Final = 150_000_000
 _BESIDE: Final = 15
 
 
+#: A channel that repeats itself for more than this fraction of the log is dead,
+_DEAD_1: Final = 0.5
+#: and has neither a sign nor a zero.
+_OF_DEAD: Final = ("unsigned", "offset")
+
+
 def frozen(case: FindingInputs) -> list[Symptom]:
     """A channel that repeats itself while another one changes."""
     signals = case.evidence.signals
@@ -71,6 +77,7 @@ def frozen(case: FindingInputs) -> list[Symptom]:
             span_ns=case.since_start(*spans[0]),
             change=lambda: left_out(case, holds),
             harmless=_harmless(case, found),
+            explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
         )
     ]
 

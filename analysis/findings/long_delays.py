@@ -62,7 +62,7 @@ def long_delay(case: FindingInputs) -> LongDelay | None:
 
 def _found(case: FindingInputs) -> LongDelay | None:
     step_s, channels = _accelerations(case)
-    if "speed" not in channels:
+    if not {"speed", "force"} <= channels.keys():
         return None
     speed, force = channels["speed"], channels["force"]
     drives = np.abs(force) > _DRIVES * float(np.quantile(np.abs(force), 0.98))
@@ -140,7 +140,8 @@ def _accelerations(case: FindingInputs) -> tuple[float, dict[str, Floats]]:
     def known(x: Floats) -> Floats:
         return np.nan_to_num(x - np.nanmean(x))
 
-    if count < 2 * round(_LONGEST_S * rate_hz / size):
+    # a slope needs two means
+    if count < max(2 * round(_LONGEST_S * rate_hz / size), 2):
         return size / rate_hz, {}
     speed = means(values(case.aligned, "speed_x_m_s"))
     force = means(longitudinal_force(case.aligned, case.machine.machine))

@@ -60,7 +60,7 @@ def read_calibration(
 #: What a person says of a table where there is no machine file yet.
 LogKeys = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="log.KEY=VALUE", help="A key of [log]: how a table is written."),
+    typer.Option("--set", metavar="log.KEY=VALUE", help="A key of \\[log], for a table."),
 ]
 TimeColumn = Annotated[str | None, typer.Option("--time", help="The time column of a table.")]
 TimeUnit = Annotated[

@@ -52,17 +52,18 @@ class TestLinearAxis:
         assert cause in self.found(data, override)["cause"].to_list()[:2]
 
 
-#: Name in the benchmark, size, where it must be named at the latest, and whether it is mended.
+#: Name in the benchmark, size, where it must be named at the latest, and whether it is mended: a
+#: log of fewer than four starts has no half to try a proposal on that it was not fitted to.
 INJECTED = (
     ("force times {:g}", -1.0, 1, True),
     ("position times {:g}", -1.0, 1, True),
-    ("force {:g} ms late", 5.0, 1, True),
+    ("force {:g} ms late", 5.0, 1, False),
     # mended, a force by the place could be, and the uncertainty would grow
     ("force {:g} ms late", 20.0, 1, False),
-    ("force {:g} ms early", 10.0, 1, True),
-    ("force {:g} ms early", 40.0, 1, True),
-    ("force times {:g}", 0.001, 2, True),
-    ("position times {:g}", 1000.0, 1, True),
+    ("force {:g} ms early", 10.0, 1, False),
+    ("force {:g} ms early", 40.0, 1, False),
+    ("force times {:g}", 0.001, 2, False),
+    ("position times {:g}", 1000.0, 1, False),
     ("40 spikes of {:g} N", 200.0, 1, False),
     ("force frozen, 3 times {:g} s", 0.5, 1, False),
     ("force clipped at {:.0%}", 0.9, 1, False),

@@ -113,9 +113,9 @@ def test_the_first_use_of_a_key_is_asked_on_a_terminal_and_remembered(
     """Test: the owner typed at a terminal. Expected Result: kept, and not asked again."""
     code = (
         "from pathlib import Path\n"
-        "from replay.commands.common_options import asked_calibration\n"
+        "from replay.commands.common_options import read_calibration\n"
         "from replay.calibration.apply_evidence import load_calibration\n"
-        f"asked = asked_calibration(Path({str(made.bundle)!r}), None, signed=True)\n"
+        f"asked = read_calibration(Path({str(made.bundle)!r}), None, signed=True)\n"
         "print('FOUND', load_calibration(asked).signed_by)\n"
     )
     first = at_a_terminal(code, "Test lab\n")
