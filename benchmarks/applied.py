@@ -83,7 +83,7 @@ class Applied:
 
 def applied(fault: Fault | Unlisted, seed: int) -> Applied:
     """Draw a log with a fault, and mend its machine file."""
-    log, machine, true_kg = _drawn(fault, seed)
+    log, machine, true_kg = _draw_log(fault, seed)
     text = tomlkit.dumps(machine.model_dump(mode="json", exclude_none=True, exclude_defaults=True))
 
     def load(changed: str, _: Sequence[str]) -> Machine:
@@ -106,7 +106,7 @@ def applied(fault: Fault | Unlisted, seed: int) -> Applied:
     )
 
 
-def _drawn(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
+def _draw_log(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     if isinstance(fault, Unlisted):
         drawn = drawn_log(seed, both_ways=fault.both_ways)
         drawn = fault.put_into(drawn, fault.sizes[1], seed)

@@ -43,7 +43,7 @@ _K: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class MachineDraw:
     """A machine, and which load each of its files has.
 
     Attributes:
@@ -59,11 +59,11 @@ class Drawn:
     order: str
 
 
-def drawn(number: int, *, files: bool) -> Drawn:
+def draw_machine(number: int, *, files: bool) -> MachineDraw:
     """The machine of a number; kinds of machines take turns."""
     name = list(OTHER_MACHINES)[number % len(OTHER_MACHINES)]
     if not files:
-        return Drawn(name, number, (0,), "one load")
+        return MachineDraw(name, number, (0,), "one load")
     dice = np.random.default_rng([number, 27])
     count = int(dice.integers(1, MOST_FILES + 1))
     loads = int(dice.integers(1, count + 1))
@@ -72,7 +72,7 @@ def drawn(number: int, *, files: bool) -> Drawn:
     if shuffled:
         level = dice.permutation(level)
     order = "one load" if loads == 1 else "shuffled" if shuffled else "in order"
-    return Drawn(name, number, tuple(level.tolist()), order)
+    return MachineDraw(name, number, tuple(level.tolist()), order)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ def _neighbours(
     return pairwise(seen)
 
 
-def replayed(drawn: Drawn) -> tuple[Scenario, Run, list[float]]:
+def replayed(drawn: MachineDraw) -> tuple[Scenario, Run, list[float]]:
     """The scenario, the run, and where each file begins in its time, in s."""
     make = OTHER_MACHINES[drawn.name]
     mass_kg = make(drawn.seed).machine.mass_kg
@@ -147,7 +147,7 @@ def _machine(scenario: Scenario) -> Machine:
     return machine.model_copy(update={"machine": machine.machine.model_copy(update=known)})
 
 
-def told(drawn: Drawn) -> Told:
+def told(drawn: MachineDraw) -> Told:
     """Drive, replay, and see what it says."""
     scenario, made, begins_s = replayed(drawn)
     manoeuvres = made.frames["manoeuvres"]
@@ -180,8 +180,8 @@ def table(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
         "machine, order: logs; with a pile; with a false change, as doubted; ends of files with "
         "another load, missed, as doubted; masses, within 2 u; r.m.s. error / u; median u"
     )
-    pairs = [(Drawn(**row["drawn"]), Told(**row["told"])) for row in rows]
-    groups: dict[str, list[tuple[Drawn, Told]]] = {}
+    pairs = [(MachineDraw(**row["drawn"]), Told(**row["told"])) for row in rows]
+    groups: dict[str, list[tuple[MachineDraw, Told]]] = {}
     for drawn, said in pairs:
         groups.setdefault(f"{drawn.name}, {drawn.order}", []).append((drawn, said))
     for name, group in {**dict(sorted(groups.items())), "all": pairs}.items():
@@ -219,7 +219,7 @@ def main(
     for number in range(first, first + logs):
         if number in done or time.monotonic() > until:
             continue
-        mine = drawn(number, files=files)
+        mine = draw_machine(number, files=files)
         rows.append({"drawn": asdict(mine), "told": asdict(told(mine))})
         with results.open("a", encoding="utf-8") as file:
             file.write(f"{json.dumps(rows[-1])}\n")

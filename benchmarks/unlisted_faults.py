@@ -31,7 +31,7 @@ _WRONG_U: Final = 3.0
 
 
 @dataclass(frozen=True)
-class Shown:
+class FaultTrial:
     """What a log with a fault says.
 
     Attributes:
@@ -69,7 +69,7 @@ class Shown:
         return bool(self.causes) and bool(set(self.causes[0]) & set(causes))
 
 
-def shown(fault: Unlisted | None, size: float, seed: int, *, odd: bool = False) -> Shown:
+def try_fault(fault: Unlisted | None, size: float, seed: int, *, odd: bool = False) -> FaultTrial:
     """Draw a log, put the fault into it, replay it."""
     log = drawn_log(seed, odd=odd, both_ways=fault is not None and fault.both_ways)
     log = with_usual_sides(log, seed) if fault is None else fault.put_into(log, size, seed)
@@ -77,17 +77,17 @@ def shown(fault: Unlisted | None, size: float, seed: int, *, odd: bool = False) 
     try:
         replayed = run([memory_log(log)], log.machine)
     except PayscopeError as error:
-        return Shown(name, size, seed, log.true_kg, None, None, (), (), str(error))
+        return FaultTrial(name, size, seed, log.true_kg, None, None, (), (), str(error))
     return _read_off(replayed, name, size, seed, log.true_kg)
 
 
-def _read_off(replayed: Run, name: str, size: float, seed: int, true_kg: float) -> Shown:
+def _read_off(replayed: Run, name: str, size: float, seed: int, true_kg: float) -> FaultTrial:
     loads = replayed.frames["loads"].to_dicts()
     given = [row for row in loads if not row["withheld"] and row["mass_kg"] is not None]
     # of several states, the one that is farthest off
     worst = max(given, key=lambda row: abs(row["mass_kg"] - true_kg) / row["u_kg"], default=None)
     judged = replayed.frames["verdict"]
-    return Shown(
+    return FaultTrial(
         name,
         size,
         seed,
@@ -114,7 +114,7 @@ def tasks(
         yield None, 0.0, seed
 
 
-def table(found: Sequence[Shown], faults: Sequence[Unlisted]) -> str:
+def table(found: Sequence[FaultTrial], faults: Sequence[Unlisted]) -> str:
     """A row a fault and size."""
     head = ["fault", "size", "logs", "open", "wrong and unsaid", "named first", "else first"]
     lines: list[list[str]] = []
@@ -135,7 +135,7 @@ def table(found: Sequence[Shown], faults: Sequence[Unlisted]) -> str:
     return markdown(head, lines)
 
 
-def _line(fault: Unlisted, size: float, part: Sequence[Shown]) -> list[str]:
+def _line(fault: Unlisted, size: float, part: Sequence[FaultTrial]) -> list[str]:
     named = sum(f.is_named(fault.causes) for f in part)
     return [
         fault.name,
@@ -148,7 +148,7 @@ def _line(fault: Unlisted, size: float, part: Sequence[Shown]) -> list[str]:
     ]
 
 
-def _others(part: Sequence[Shown], causes: Sequence[str]) -> str:
+def _others(part: Sequence[FaultTrial], causes: Sequence[str]) -> str:
     counts: dict[str, int] = {}
     for each in part:
         if not each.is_named(causes):
@@ -157,14 +157,16 @@ def _others(part: Sequence[Shown], causes: Sequence[str]) -> str:
     return ", ".join(f"{name} {n}" for name, n in sorted(counts.items(), key=lambda c: -c[1]))
 
 
-def kept(path: Path) -> list[Shown]:
+def kept(path: Path) -> list[FaultTrial]:
     """The lines of a campaign."""
     if not path.is_file():
         return []
-    return [Shown(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
+    return [
+        FaultTrial(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()
+    ]
 
 
-def _key(each: Shown) -> tuple[str, float, int]:
+def _key(each: FaultTrial) -> tuple[str, float, int]:
     return each.fault, round(each.size, 6), each.seed
 
 
@@ -188,7 +190,7 @@ def main(
         name = _CLEAN if one is None else one.name
         if (name, round(size, 6), seed) in done:
             continue
-        each = shown(one, size, seed, odd=one is None and seed % 4 == 0)
+        each = try_fault(one, size, seed, odd=one is None and seed % 4 == 0)
         done.add(_key(each))
         found.append(each)
         if lines is not None:

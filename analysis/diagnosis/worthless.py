@@ -6,6 +6,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import build
+from analysis.model.verdict import Verdict
 
 _CHECK: Final = "causes"
 _MEANING: Final = "named causes that invalidate a mass which no other check withholds"
@@ -25,11 +26,9 @@ def withhold_by_causes(
     Returns:
         `verdict` with one row more, behind those of the mass.
     """
-    withheld = judged.filter(
-        pl.col("about") == "mass", pl.col("consequence") == "withhold", pl.col("passed").not_()
-    ).height
     # a cause of what is withheld already is said once, by its finding
-    grave = findings.filter(pl.col("severity") == "withhold", pl.lit(withheld == 0))
+    is_open = Verdict.of(judged).can_weigh
+    grave = findings.filter(pl.col("severity") == "withhold", pl.lit(is_open))
     most = machine.settings.verdict.causes_max
     names = ", ".join(name.replace("_", " ") for name in grave["cause"])
     row = pl.DataFrame(

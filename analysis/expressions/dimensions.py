@@ -34,7 +34,7 @@ def in_si(tree: Expression, units: Mapping[str, str], registry: Any) -> tuple[Ex
         gain, dimension = _gain(units[tree.name], tree.name, registry)
         return (tree if gain == 1.0 else Call("*", (Number(gain), tree))), dimension
     if isinstance(tree, Number):
-        gain, dimension = _gain(tree.unit or "", shown(tree), registry)
+        gain, dimension = _gain(tree.unit or "", expression_text(tree), registry)
         return Number(tree.value * gain), dimension
     parts = [in_si(argument, units, registry) for argument in tree.arguments]
     found = Call(tree.function, tuple(part for part, _ in parts))
@@ -54,8 +54,9 @@ def _dimension(tree: Call, each: list[Any], registry: Any) -> Any:
         values, arguments = each[1:], tree.arguments[1:]
     for other, argument in zip(values[1:], arguments[1:], strict=True):
         if other != values[0]:
+            one, differs = expression_text(arguments[0]), expression_text(argument)
             raise ExpressionError(
-                f"{shown(arguments[0])} is {told(values[0])}, {shown(argument)} is {told(other)}: "
+                f"{one} is {dimension_text(values[0])}, {differs} is {dimension_text(other)}: "
                 f"they cannot stand in one {_WORDS.get(tree.function, tree.function)}"
             )
     return none if tree.function in (*_DIMENSIONLESS, *COMPARISONS) else values[0]
@@ -79,7 +80,7 @@ _NAMES: Final[dict[tuple[float, ...], str]] = {
 _BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A"}
 
 
-def told(dimension: Any) -> str:
+def dimension_text(dimension: Any) -> str:
     """A dimension as a person reads it: by its SI unit, `in N·m`."""
     if not dimension:
         return "a pure number"
@@ -111,13 +112,13 @@ def _gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
     return float(base.magnitude), base.dimensionality
 
 
-def shown(tree: Expression) -> str:
+def expression_text(tree: Expression) -> str:
     """An expression as it would be written."""
     if isinstance(tree, Name):
         return tree.name
     if isinstance(tree, Number):
         return f"{tree.value:g}" + (f" [{tree.unit}]" if tree.unit else "")
-    parts = [shown(argument) for argument in tree.arguments]
+    parts = [expression_text(argument) for argument in tree.arguments]
     if tree.function == "neg":
         return f"-{parts[0]}"
     if tree.function == SLOPE:

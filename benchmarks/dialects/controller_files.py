@@ -11,8 +11,8 @@ from benchmarks.dialects.dialect_file import (
     DialectFile,
     Floats,
     Style,
+    as_integers,
     stamps,
-    whole,
 )
 
 
@@ -47,7 +47,7 @@ def _controllers(d: dict[str, Floats]) -> list[DialectFile]:
         DialectFile(
             "Roboteq: milliseconds and tabs",
             Style("\t", ".", 1).table(
-                [whole(d["t"], 1000), whole(d["motor_rpm"]), d["current"]],
+                [as_integers(d["t"], 1000), as_integers(d["motor_rpm"]), d["current"]],
                 ["Time(ms)\tSpeed (RPM)\tMotor Amps"],
             ),
             {"motor_rpm": ("Speed (RPM)", SI)},
@@ -66,7 +66,7 @@ def _controllers(d: dict[str, Floats]) -> list[DialectFile]:
         DialectFile(
             "drive: ms without a unit, told by its steps",
             Style().table(
-                [whole(d["t"], 1000), d["motor_torque"], d["motor_rpm"]],
+                [as_integers(d["t"], 1000), d["motor_torque"], d["motor_rpm"]],
                 ["Time,Motor Torque [Nm],Motor Speed [rpm]"],
             ),
             {"motor_torque": ("Motor Torque [Nm]", SI), "motor_rpm": ("Motor Speed [rpm]", SI)},
@@ -101,7 +101,7 @@ def _controllers(d: dict[str, Floats]) -> list[DialectFile]:
 
 def _robots(d: dict[str, Floats]) -> list[DialectFile]:
     ns = [str(T0_NS + round(t * 1e9)) for t in d["t"]]
-    us = whole(d["t"] + 812.5, 1e6)
+    us = as_integers(d["t"] + 812.5, 1e6)
     return [
         DialectFile(
             "rostopic echo -p",
@@ -161,7 +161,8 @@ def _robots(d: dict[str, Floats]) -> list[DialectFile]:
         DialectFile(
             "pandas: an index without a name",
             Style(digits=6).table(
-                [whole(np.arange(ROWS)), d["t"], d["v"], d["F"]], [",time_s,speed_m_s,force_N"]
+                [as_integers(np.arange(ROWS)), d["t"], d["v"], d["F"]],
+                [",time_s,speed_m_s,force_N"],
             ),
             {"v": ("speed_m_s", SI)},
         ),
@@ -182,7 +183,9 @@ def _robots(d: dict[str, Floats]) -> list[DialectFile]:
         ),
         DialectFile(
             "epoch in milliseconds",
-            Style().table([whole(d["t"] + T0_NS / 1e9, 1000), d["v"], d["F"]], ["TIMESTAMP,v,F"]),
+            Style().table(
+                [as_integers(d["t"] + T0_NS / 1e9, 1000), d["v"], d["F"]], ["TIMESTAMP,v,F"]
+            ),
             {"v": ("v", SI)},
             t0_ns=T0_NS,
             channels={"speed_x_m_s": 'field = "v"', "force_x_N": 'field = "F"'},

@@ -125,7 +125,7 @@ def stamps(form: str, begin: datetime = BEGIN) -> list[str]:
     return found
 
 
-def whole(values: NDArray[Any], scale: float = 1.0) -> list[str]:
+def as_integers(values: NDArray[Any], scale: float = 1.0) -> list[str]:
     """Integers as text."""
     return [str(round(float(x) * scale)) for x in values]
 

@@ -5,7 +5,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.dialects.dialect_file import DRIVE, KMH, ROWS, SI, T0_NS, DialectFile, stamps, whole
+from benchmarks.dialects.dialect_file import (
+    DRIVE,
+    KMH,
+    ROWS,
+    SI,
+    T0_NS,
+    DialectFile,
+    as_integers,
+    stamps,
+)
 
 _KN: Final = 1e-3
 _LBF: Final = 1 / 4.4482216152605
@@ -167,7 +176,7 @@ def _times() -> list[DialectFile]:
                     "Unit\tm/s\tUnit\tN",
                     "",
                 ],
-                [whole(_T, 1000), cells(_V), whole(_T, 1000), force],
+                [as_integers(_T, 1000), cells(_V), as_integers(_T, 1000), force],
                 "\t",
             ),
             {"v": ("Axis.ActVelo", SI), "F": ("Axis.ActForce", SI)},

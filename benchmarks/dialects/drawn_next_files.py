@@ -8,7 +8,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import xlsxwriter
 
-from benchmarks.dialects.dialect_file import DRIVE, KMH, ROWS, SI, T0_NS, DialectFile, stamps, whole
+from benchmarks.dialects.dialect_file import (
+    DRIVE,
+    KMH,
+    ROWS,
+    SI,
+    T0_NS,
+    DialectFile,
+    as_integers,
+    stamps,
+)
 from benchmarks.dialects.drawn_files import cells, lines
 
 _T: Final = DRIVE["t"]
@@ -111,7 +120,7 @@ def _names() -> list[DialectFile]:
             "a counter before the time",
             lines(
                 ["Index,Timestamp [ms],Speed [km/h],Force [kN]"],
-                [whole(_T, 50), whole(_T, 1000), speed, cells(_F * _KN)],
+                [as_integers(_T, 50), as_integers(_T, 1000), speed, cells(_F * _KN)],
             ),
             {"v": ("Speed [km/h]", KMH), "F": ("Force [kN]", _KN)},
         ),
@@ -158,7 +167,7 @@ def _times() -> list[DialectFile]:
         ),
         DialectFile(
             "microseconds since 1970",
-            lines(["epoch," + head], [whole(_T + T0_NS / 1e9, 1e6), speed, force]),
+            lines(["epoch," + head], [as_integers(_T + T0_NS / 1e9, 1e6), speed, force]),
             fields,
             t0_ns=T0_NS,
         ),
@@ -197,7 +206,7 @@ def _times() -> list[DialectFile]:
         ),
         DialectFile(
             "a counter of milliseconds of sixteen bits",
-            lines(["Time [ms]," + head], [whole((_T * 1000) % 65536), speed, force]),
+            lines(["Time [ms]," + head], [as_integers((_T * 1000) % 65536), speed, force]),
             fields,
             keys=("log.rate_hz=50",),
         ),

@@ -17,8 +17,8 @@ from benchmarks.dialects.dialect_file import (
     T0_NS,
     DialectFile,
     Style,
+    as_integers,
     stamps,
-    whole,
 )
 
 _D: Final = DRIVE
@@ -75,7 +75,12 @@ def dialect_files() -> list[DialectFile]:
         DialectFile(
             "CR1000 TOA5: four lines of head, quoted stamps",
             Style().table(
-                [[f'"{s}"' for s in stamps("%Y-%m-%d %H:%M:%S.%3f")], whole(np.arange(ROWS)), f, v],
+                [
+                    [f'"{s}"' for s in stamps("%Y-%m-%d %H:%M:%S.%3f")],
+                    as_integers(np.arange(ROWS)),
+                    f,
+                    v,
+                ],
                 [
                     '"TOA5","logger","CR1000"',
                     '"TIMESTAMP","RECORD","Force","Speed"',
@@ -152,7 +157,7 @@ def dialect_files() -> list[DialectFile]:
         ),
         DialectFile(
             "microseconds in the name",
-            Style().table([whole(t, 1e6), f, v], ["t_us,force_N,speed_m_s"]),
+            Style().table([as_integers(t, 1e6), f, v], ["t_us,force_N,speed_m_s"]),
             {"F": ("force_N", SI)},
         ),
         DialectFile(

@@ -13,8 +13,8 @@ from benchmarks.dialects.dialect_file import (
     DialectFile,
     Floats,
     Style,
+    as_integers,
     stamps,
-    whole,
 )
 
 
@@ -127,7 +127,7 @@ def _loggers(d: dict[str, Floats]) -> list[DialectFile]:
         DialectFile(
             "steps of 1000 are asked for",
             Style().table(
-                [whole(np.arange(ROWS) * 1000.0), d["v"], d["F"]], ["Time,speed_m_s,force_N"]
+                [as_integers(np.arange(ROWS) * 1000.0), d["v"], d["F"]], ["Time,speed_m_s,force_N"]
             ),
             {"v": ("speed_m_s", SI)},
             keys=("log.time_unit=us",),

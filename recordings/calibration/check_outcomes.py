@@ -1,8 +1,12 @@
 """What a check of a bundle may find, and the exit status of each."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from pathlib import Path
 from typing import Final
+
+from estimators.errors import counted
 
 
 class BundleOutcome(IntEnum):
@@ -62,7 +66,21 @@ class BundleFinding:
         return f"{self.kind}: {self.item}: {self.what}"
 
 
-def worst(findings: list[BundleFinding]) -> BundleOutcome | None:
+def worst(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
     """The outcome that is the exit status; None where nothing was found."""
     found = {each.outcome for each in findings}
     return next((outcome for outcome in ORDER if outcome in found), None)
+
+
+def verdict_text(place: Path, findings: Sequence[BundleFinding], holds: str) -> str:
+    """The outcome of a check in a sentence.
+
+    Args:
+        place: what was checked.
+        findings: what was found.
+        holds: what is said where that is nothing.
+    """
+    outcome = worst(findings)
+    if outcome is None:
+        return f"{place}: {holds}"
+    return f"{place}: {_NAMES[outcome].upper()} ({counted(len(findings), 'finding')})"

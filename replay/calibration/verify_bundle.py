@@ -10,7 +10,7 @@ from estimators.errors import EvidenceError, counted
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import EVIDENCE, NOTARY, STATEMENT
 from recordings.calibration.calibration_text import unseen
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, verdict_text, worst
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.timestamp import authority_certificates
@@ -46,16 +46,12 @@ class Verified:
     @property
     def outcome(self) -> BundleOutcome | None:
         """The exit status; None where nothing is wrong."""
-        return worst(list(self.findings))
+        return worst(self.findings)
 
     @property
     def verdict(self) -> str:
         """The outcome in a sentence."""
-        outcome = self.outcome
-        if outcome is None:
-            return f"{self.folder}: verified; {self.signed_by}"
-        kind = next(each.kind for each in self.findings if each.outcome is outcome)
-        return f"{self.folder}: {kind.upper()} ({counted(len(self.findings), 'finding')})"
+        return verdict_text(self.folder, self.findings, f"verified; {self.signed_by}")
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain values."""

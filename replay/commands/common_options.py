@@ -21,6 +21,13 @@ class FrameFormat(StrEnum):
     arrow = "arrow"
 
 
+FormatOption = Annotated[
+    FrameFormat | None,
+    typer.Option("--format", help="Default: by the suffix of -o, or a table."),
+]
+OutputFile = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
+]
 #: Evidence that calibrates the masses of loads, and what is asked of it.
 Calibration = Annotated[
     Path | None,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.common_options import FrameFormat
+from replay.commands.common_options import FormatOption, OutputFile
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -115,13 +115,8 @@ def run_command(
 def query_command(
     destination: Results,
     sql: Annotated[str, typer.Argument(metavar="SQL", help="A SELECT over the tables.")],
-    output_format: Annotated[
-        FrameFormat | None,
-        typer.Option("--format", help="Default: by the suffix of -o, or a table."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
-    ] = None,
+    output_format: FormatOption = None,
+    output: OutputFile = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Query all results by SQL; the rows are always in the same order."""

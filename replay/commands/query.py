@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.common_options import FrameFormat, LogKeys, TimeColumn, TimeUnit
+from replay.commands.common_options import (
+    FormatOption,
+    LogKeys,
+    OutputFile,
+    TimeColumn,
+    TimeUnit,
+)
 
 if TYPE_CHECKING:
     from replay.query.named_tables import NamedTables
@@ -37,13 +43,8 @@ def command(
             help="Give moments, not rows: rows at most SECONDS apart are one.",
         ),
     ] = None,
-    output_format: Annotated[
-        FrameFormat | None,
-        typer.Option("--format", help="Default: by the suffix of -o, or a table."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
-    ] = None,
+    output_format: FormatOption = None,
+    output: OutputFile = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
     time: TimeColumn = None,
     time_unit: TimeUnit = None,

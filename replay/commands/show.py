@@ -7,7 +7,9 @@ import typer
 
 from replay.commands.common_options import (
     Calibration,
+    FormatOption,
     FrameFormat,
+    OutputFile,
     RequireSigned,
     SignerKey,
     read_calibration,
@@ -35,13 +37,8 @@ def command(
         float | None,
         typer.Option("--at", help="Print what held at this second: its last row, or its spans."),
     ] = None,
-    output_format: Annotated[
-        FrameFormat | None,
-        typer.Option("--format", help="Default: by the suffix of -o, or a table."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
-    ] = None,
+    output_format: FormatOption = None,
+    output: OutputFile = None,
     calibration: Calibration = None,
     key: SignerKey = None,
     require_signed: RequireSigned = False,

@@ -11,7 +11,9 @@ import typer
 
 from replay.commands.common_options import (
     Calibration,
+    FormatOption,
     FrameFormat,
+    OutputFile,
     RequireSigned,
     SignerKey,
     read_calibration,
@@ -69,17 +71,12 @@ def command(
             "--reference", metavar="KG", help="The true mass; the error of each mass is added."
         ),
     ] = None,
-    output_format: Annotated[
-        FrameFormat | None,
-        typer.Option("--format", help="Default: by the suffix of -o, or a table."),
-    ] = None,
+    output_format: FormatOption = None,
     calibration: Calibration = None,
     key: SignerKey = None,
     require_signed: RequireSigned = False,
     as_json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
-    ] = None,
+    output: OutputFile = None,
     figure: Annotated[
         Path | None,
         typer.Option("--figure", help="Draw masses and errors as a picture (.png, .pdf or .svg)."),

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from estimators.errors import EvidenceError, counted
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, verdict_text, worst
 from recordings.notary.notary_check import check_list
 from recordings.notary.notary_list import MOST_LIST_BYTES
 from recordings.signatures.keyring import load_keyring
@@ -45,16 +45,13 @@ class VerifiedList:
     @property
     def outcome(self) -> BundleOutcome | None:
         """The exit status; None where nothing is wrong."""
-        return worst(list(self.findings))
+        return worst(self.findings)
 
     @property
     def verdict(self) -> str:
         """The outcome in a sentence."""
-        outcome = self.outcome
-        if outcome is None:
-            return f"{self.path}: {counted(self.logs, 'log')} verified; {self.kept_by}"
-        kind = BundleFinding(outcome, "", "").kind
-        return f"{self.path}: {kind.upper()} ({counted(len(self.findings), 'finding')})"
+        holds = f"{counted(self.logs, 'log')} verified; {self.kept_by}"
+        return verdict_text(self.path, self.findings, holds)
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain values."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import polars as pl
 
-from estimators.errors import OutputError, PayscopeError
+from estimators.errors import OutputError
 from recordings.report.atomic_output import atomic_file, check_output, keep_apart
 from replay.frames.select_statement import checked_select, query_fault, quoted_names, select_rows
 from replay.frames.topic_source import LossWarning
@@ -78,11 +78,7 @@ class Query:
                 yield
         except pl.exceptions.PolarsError as error:
             failures = [each.failure for each in self.named.sources if each.failure]
-            raise (failures[0] if failures else _known(error, self.named)) from None
-
-
-def _known(error: pl.exceptions.PolarsError, named: NamedTables) -> PayscopeError:
-    return query_fault(error, named.tables)
+            raise (failures[0] if failures else query_fault(error, self.named.tables)) from None
 
 
 def query(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Query:

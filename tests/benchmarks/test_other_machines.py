@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.other_machines import Told, drawn, told
+from benchmarks.other_machines import Told, draw_machine, told
 
 #: Numbers of the campaign: what each of a car with gears, a rack and an arm once had wrong.
 ONCE_WRONG = {
@@ -14,7 +14,7 @@ ONCE_WRONG = {
 
 @pytest.mark.parametrize("case", ONCE_WRONG)
 def test_each_file_has_its_load(case: str) -> None:
-    mine = drawn(ONCE_WRONG[case], files=True)
+    mine = draw_machine(ONCE_WRONG[case], files=True)
     found = told(mine)
     assert found.piles == 0
     assert found.false_changes(mine.level) == 0
@@ -23,7 +23,7 @@ def test_each_file_has_its_load(case: str) -> None:
 
 
 def test_no_car_drives_into_a_pile_at_the_speed_of_a_road() -> None:
-    found = told(drawn(553, files=False))
+    found = told(draw_machine(553, files=False))
     assert found.piles == 0
     assert len(found.errors) == 1
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from analysis.expressions.dimensions import in_si, told
+from analysis.expressions.dimensions import dimension_text, in_si
 from analysis.expressions.parse import (
     SLOPE,
     Expression,
@@ -100,9 +100,9 @@ def arithmetic(name: str, machine: Machine) -> Expression:
         raise MachineError(f"channels.{name}: {error}") from None
     if dimension != wanted:
         raise MachineError(
-            f"channels.{name} is {told(wanted)}, '{machine.channels[name].derive}' is "
-            f"{told(dimension)}: multiply or divide by a constant with its unit in brackets, "
-            "as 0.35 [m]"
+            f"channels.{name} is {dimension_text(wanted)}, '{machine.channels[name].derive}' is "
+            f"{dimension_text(dimension)}: multiply or divide by a constant with its unit in "
+            "brackets, as 0.35 [m]"
         )
     return found
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.expressions.dimensions import in_si, shown
+from analysis.expressions.dimensions import expression_text, in_si
 from analysis.expressions.parse import Call, Expression, ExpressionError, Name, Number, parse
 from analysis.expressions.values import evaluate
 from analysis.model.physical_units import registry
@@ -77,7 +77,7 @@ def by_polars(tree: Expression) -> pl.Expr:
 
 @given(trees)
 def test_what_is_written_is_parsed_to_the_same_tree(tree: Expression) -> None:
-    assert shown(parse(shown(tree))) == shown(tree)
+    assert expression_text(parse(expression_text(tree))) == expression_text(tree)
 
 
 @given(trees)
