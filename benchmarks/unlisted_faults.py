@@ -20,7 +20,13 @@ import typer
 from analysis.model.run_record import Run
 from benchmarks.page import markdown
 from benchmarks.unlisted_more import MORE
-from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log, with_usual_sides
+from benchmarks.unlisted_rows import (
+    UNLISTED,
+    Unlisted,
+    drawn_log,
+    memory_log,
+    with_usual_sides,
+)
 from estimators.errors import PayscopeError
 from replay.pipeline import run
 
@@ -38,7 +44,7 @@ class FaultTrial:
         fault: its name; "none" of a clean log.
         size: of it, as it is stated.
         seed: of machine and noise; odd ones are of the independent plant.
-        true_kg: mass of the empty machine.
+        true_kg: mass of the empty machine, as the force moves it.
         mass_kg: of the answer, None where it is withheld.
         u_kg: its standard uncertainty.
         causes: that are named, in their order, each with those that it is not told from.

@@ -27,6 +27,8 @@ TORQUES: Final = tuple(f"torque_{side}_N_m" for side in SIDES)
 SPEEDS: Final = tuple(f"speed_{side}_m_s" for side in SIDES)
 X, Y, Z = (f"specific_force_{axis}_m_s2" for axis in "xyz")
 _STARTS: Final = 5
+#: Of what makes a machine unlike the model: what a finding names.
+_CAUSES: Final = frozenset({"loading", "rolling"})
 _GRAVITY: Final = 9.80665
 
 
@@ -37,7 +39,8 @@ class DrawnLog:
     Attributes:
         topics: torque, speed and imu, columns named as channels.
         machine: its machine file.
-        true_kg: mass without load.
+        true_kg: mass without load, as the force moves it: what turns counts, and what the driveline
+            loses.
         throttle_N: force at full throttle.
         load_kg: for the log's name.
     """
@@ -108,15 +111,19 @@ def with_usual_sides(log: DrawnLog, seed: int) -> DrawnLog:
 
 def _simulated(seed: int, *, odd: bool, both_ways: bool) -> DrawnLog:
     sections = design(seed, odd=odd)
+    if odd:  # a load that changes and rolling resistance are causes, and are found
+        sections = {name: each for name, each in sections.items() if name not in _CAUSES}
     if both_ways:
         sections = join_designs(sections, {"starts": {"directions": "alternating"}})
     (log,) = simulated(sections, [])[:1]
     body = log.scenario.machine
     known = {"empty_mass_kg": body.mass_kg, "force_share": body.force_share}
+    drivetrain = sections.get("drivetrain", {})
+    efficiency = float(drivetrain.get("efficiency", 1.0))
     return DrawnLog(
         dict(log.topics),
         _machine(known, AXES),
-        float(body.mass_kg),
+        (float(body.mass_kg) + float(drivetrain.get("rotating_kg", 0.0))) / efficiency,
         float(sections["campaign"]["throttle_force_N"]),
     )
 

@@ -5,8 +5,8 @@ drives straight has sides that push and turn alike but for a few per cent: tyres
 gentle curves make the difference.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -32,11 +32,16 @@ _FEWEST: Final = 30
 _CORRELATED: Final = 5.0
 #: A turn faster than this is no straight drive, in rad/s.
 _STRAIGHT_RAD_S: Final = 0.1
+#: Tyres scrub, as friction does, from so slow a turn on: a few deviations of a gyroscope, in rad/s.
+_SCRUBS_RAD_S: Final = 0.03
 #: Hard is a start above this share of the largest torque, and soft one below that.
 _HARD: Final = 0.8
 _SOFT: Final = 0.45
-#: A ratio that driving alone tells less surely than this is told with the standstills too.
+#: A ratio that driving alone tells less surely than this is told with the standstills too,
 _SURE_1: Final = 0.02
+#: where what opposes one side alone while it moves, as on a cross slope, is part of the ratio:
+#: so much of the largest torque, in machines that are sound.
+_ONE_SIDED_RESISTANCE_1: Final = 0.03
 
 
 @dataclass(frozen=True)
@@ -47,11 +52,18 @@ class SideDifference:
         kind: torque, speed, or slip: speed in hard starts beyond that in soft ones.
         value_1: the difference; 2 where the left side reads nothing.
         std_1: its standard deviation.
+        resistance_1: how much of it a resistance of one side may be.
     """
 
     kind: str
     value_1: float
     std_1: float
+    resistance_1: float = 0.0
+
+    @property
+    def least_1(self) -> float:
+        """What the sides differ by at least, 0 where that may be noise."""
+        return max(abs(self.value_1) - self.resistance_1, 0.0) if self.is_sure else 0.0
 
     @property
     def is_sure(self) -> bool:
@@ -105,13 +117,16 @@ def side_differences(
         return np.asarray(blocks.all(axis=1), np.bool_)
 
     turns = means(_YAW_RATE)
-    straight = np.ones(count, np.bool_) if turns is None else np.abs(turns) < _STRAIGHT_RAD_S
     torques = [means(name) for name in TORQUES]
     speeds = [means(name) for name in SPEEDS]
+    straight = np.ones(count, np.bool_) if turns is None else np.abs(turns) < _STRAIGHT_RAD_S
     driving = in_phase("accelerating", "cruising") & straight
     found: dict[str, SideDifference | None] = {}
     if torques[0] is not None and torques[1] is not None:
-        found["torque"] = _torque(torques[0], torques[1], turns, driving, in_phase("standstill"))
+        turning = [] if turns is None else [turns, np.clip(turns / _SCRUBS_RAD_S, -1.0, 1.0)]
+        stands = in_phase("standstill")
+        ahead = _direction(speeds, torques)
+        found["torque"] = _torque(torques[0], torques[1], turning, ahead, driving, stands)
     width_m = machine.machine.track_width_m
     if speeds[0] is not None and speeds[1] is not None and turns is not None and width_m:
         apart = speeds[1] - speeds[0] - width_m * turns
@@ -123,16 +138,27 @@ def side_differences(
     return {kind: each for kind, each in found.items() if each is not None}
 
 
+def _direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
+    """(n,) which way the machine goes, by its wheels, else by what drives them."""
+    known = next(each for each in (*speeds, *torques) if each is not None)
+    return np.sign(known)
+
+
 def _torque(
-    left: Floats, right: Floats, turns: Floats | None, driving: Bools, stands: Bools
+    left: Floats, right: Floats, turning: list[Floats], ahead: Floats, driving: Bools, stands: Bools
 ) -> SideDifference | None:
-    """By how much more one side pushes where both push more: an offset of one is no difference."""
+    """By how much more one side pushes where both push more.
+
+    An offset of one side is no difference, and what opposes one side, as on a cross slope, is none.
+    """
     apart, mean = right - left, (right + left) / 2.0
     if driving.sum() < _FEWEST:
         return None
-    found = _slope("torque", apart, mean, turns, driving)
-    if found is None or found.std_1 > _SURE_1:  # one throttle tells an offset from no share
-        found = _slope("torque", apart, mean, turns, driving | stands) or found
+    both_ways = np.ptp(ahead[driving]) > 0.0
+    found = _slope("torque", apart, mean, [*turning, *([ahead] if both_ways else [])], driving)
+    if found is None or found.std_1 > _SURE_1:  # one throttle tells a resistance from no share
+        rough = _slope("torque", apart, mean, turning, driving | stands)
+        found = found if rough is None else replace(rough, resistance_1=_ONE_SIDED_RESISTANCE_1)
     return found
 
 
@@ -140,13 +166,13 @@ def _speed(
     apart: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
     """By how much faster one side turns, and by how much more in hard starts."""
-    everywhere = _slope("speed", apart, mean, None, driving)
+    everywhere = _slope("speed", apart, mean, [], driving)
     if push is None or driving.sum() < _FEWEST:
         return {"speed": everywhere}
     largest = float(np.quantile(push[driving], 0.95))
     soft = driving & (push < _SOFT * largest)
     hard = driving & (push > _HARD * largest)
-    in_soft, in_hard = (_slope("speed", apart, mean, None, rows) for rows in (soft, hard))
+    in_soft, in_hard = (_slope("speed", apart, mean, [], rows) for rows in (soft, hard))
     if in_soft is None or in_hard is None:
         return {"speed": everywhere}
     more = in_hard.value_1 - in_soft.value_1
@@ -155,17 +181,15 @@ def _speed(
 
 
 def _slope(
-    kind: str, apart: Floats, mean: Floats, turns: Floats | None, rows: Bools
+    kind: str, apart: Floats, mean: Floats, others: list[Floats], rows: Bools
 ) -> SideDifference | None:
-    """The slope of the difference on the mean, with a constant, and what goes with turns."""
+    """The slope of the difference on the mean, with a constant and the other columns."""
     if rows.sum() < _FEWEST:
         return None
-    columns = [mean[rows], np.ones(int(rows.sum()))]
-    if turns is not None:
-        columns.append(turns[rows])
-    A = np.column_stack(columns)
+    beside = [each[rows] for each in others if each[rows].any()]
+    A = np.column_stack([mean[rows], np.ones(int(rows.sum())), *beside])
     size = np.sqrt((A**2).sum(axis=0))
-    if not (size > 0.0).all():
+    if not size[0] > 0.0:
         return None
     inverse = np.linalg.pinv((A / size).T @ (A / size), rcond=1e-9, hermitian=True)
     theta = inverse @ ((A / size).T @ apart[rows]) / size

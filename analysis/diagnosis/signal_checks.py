@@ -7,7 +7,6 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import CheckInputs, Floats, Motion
 from analysis.diagnosis.check_row import CheckRow
-from analysis.diagnosis.side_comparison import SideDifference
 from analysis.stages.estimation import fit_quality
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg
 
@@ -61,21 +60,16 @@ def _became(check: str) -> Callable[[CheckInputs, Motion], str]:
 
 def _unlike(evidence: CheckInputs, _: Motion) -> float:
     """The largest difference of left and right; NaN without two sides."""
-    return max(map(_surely, evidence.sides.values()), default=np.nan)
-
-
-def _surely(seen: SideDifference) -> float:
-    """A difference that is surely there, else 0."""
-    return abs(seen.value_1) if seen.is_sure else 0.0
+    return max((each.least_1 for each in evidence.sides.values()), default=np.nan)
 
 
 def _one_sided(evidence: CheckInputs, _: Motion) -> float:
     torque = evidence.sides.get("torque")
-    return np.nan if torque is None else _surely(torque)
+    return np.nan if torque is None else torque.least_1
 
 
 def _which_sides(evidence: CheckInputs, _: Motion) -> str:
-    worst = max(evidence.sides.values(), key=_surely, default=None)
+    worst = max(evidence.sides.values(), key=lambda each: each.least_1, default=None)
     return "" if worst is None else worst.kind
 
 

@@ -27,6 +27,8 @@ _FEWEST: Final = 200
 _SPIKE: Final = 8.0
 #: which agree within this share of that.
 _NEIGHBOURS: Final = 0.4
+#: One alone is a spike from so many times those deviations on: jolts of sound machines reach 11.
+_ALONE: Final = 1.7
 #: One beside readings without noise is no more than this.
 _MOST_DEVIATIONS: Final = 1000.0
 #: Readings of a neighbourhood whose deviation is taken.
@@ -197,7 +199,7 @@ def spikes(case: FindingInputs) -> list[Symptom]:
     return _largest(
         [
             Symptom(
-                each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / 1.3,
+                each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / _ALONE,
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
                 f"{each.ratio:.0f} deviations",
                 channel=name,

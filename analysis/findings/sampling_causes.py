@@ -16,8 +16,15 @@ _MISSING: Final = 0.002
 #: Holes of all topics that are longer are pauses between two logs, but for their edges.
 _PAUSE_NS: Final = 2_000_000_000
 _EDGE_NS: Final = 100_000_000
-#: Scatter of a topic's steps, as a share of its period, that interpolation does not mind.
-_UNEVEN: Final = 0.15
+#: Scatter of a topic's steps, as a share of its period, that matters where the stamps are wrong,
+#: where the readings do not tell whether they are, and where they show that the stamps are right.
+_UNEVEN_WRONG: Final = 0.15
+_UNEVEN: Final = 0.3
+_UNEVEN_RIGHT: Final = 1.0
+#: Deviations from which readings tell whether they were taken when their stamps say.
+_TELLS: Final = 4.0
+#: Readings in each of the two means of a slope: steady beside noise, and short beside a start.
+_SLOPE_ROWS: Final = 8
 #: A jump is at least so long, and so many deviations of the latency.
 _JUMP_S: Final = 0.003
 _JUMP_DEVIATIONS: Final = 8.0
@@ -72,7 +79,7 @@ def irregular(case: FindingInputs) -> list[Symptom]:
         if uneven is not None:
             found.append(
                 Symptom(
-                    uneven[0] / _UNEVEN,
+                    uneven[0] / _UNEVEN_WRONG,
                     f"the steps of its header stamps scatter by {uneven[0]:.0%} of the period, "
                     f"those of log time by {uneven[1]:.0%}: log time places it",
                     channel=name,
@@ -85,14 +92,63 @@ def irregular(case: FindingInputs) -> list[Symptom]:
         if steps.size < 100:
             continue
         scatter = float(np.std(steps))
+        least, says = _least_scatter(case, name)
         found.append(
             Symptom(
-                scatter / _UNEVEN,
-                f"its steps scatter by {scatter:.0%} of the period of {period / 1e6:.1f} ms",
+                scatter / least,
+                f"its steps scatter by {scatter:.0%} of the period of {period / 1e6:.1f} ms{says}",
                 channel=name,
             )
         )
     return _largest(found)
+
+
+def _least_scatter(case: FindingInputs, name: str) -> tuple[float, str]:
+    """The scatter of a topic's steps that matters, and what its readings say of the stamps."""
+    topic = case.machine.channels[name].topic
+    weight, weighted = 0.0, 0.0
+    for channel in case.needed:
+        if case.machine.channels[channel].topic == topic:
+            share, std = _share_of_stamps(*case.series[channel])
+            if np.isfinite([share, std]).all() and std > 0.0:
+                weight, weighted = weight + std**-2, weighted + share * std**-2
+    if not weight:
+        return _UNEVEN, ""
+    share, std = weighted / weight, weight**-0.5
+    if share - _TELLS * std > 0.5:
+        return _UNEVEN_RIGHT, "; its readings were taken when their stamps say"
+    if share + _TELLS * std < 0.5:
+        return _UNEVEN_WRONG, "; its readings were taken evenly: the stamps are wrong"
+    return _UNEVEN, ""
+
+
+def _share_of_stamps(t: Ints, x: Floats) -> tuple[float, float]:
+    """Whether readings were taken when their stamps say (1) or evenly (0), ± standard deviation.
+
+    A reading that is taken when its stamp says lies beside the mean of its neighbours by the slope
+    times how far its stamp is off their middle. Slopes before and after it are instruments of one
+    another: the noise of one slope alone would pull the share to 0.
+    """
+    n = _SLOPE_ROWS
+    if x.size < 10 * n:
+        return np.nan, np.nan
+    t_s = (t - t[0]) * 1e-9
+    beside = x[1:-1] - (x[2:] + x[:-2]) / 2.0
+    off_s = t_s[1:-1] - (t_s[2:] + t_s[:-2]) / 2.0
+    # means, since a shake is no slope; row k is of what begins k rows on
+    x_mean, t_mean = (np.convolve(each, np.full(n, 1.0 / n), "valid") for each in (x, t_s))
+    slopes = (x_mean[n:] - x_mean[:-n]) / (t_mean[n:] - t_mean[:-n])
+    # 2 n rows that end before the neighbour, and 2 n that begin after it
+    rows = np.arange(2 * n + 2, x.size - 2 * n - 2)
+    beside, off_s = beside[rows - 1], off_s[rows - 1]
+    before, after = off_s * slopes[rows - 2 * n - 1], off_s * slopes[rows + 2]
+    power = before * after
+    share = float((before @ beside) / power.sum())
+    left = before * (beside - share * after)
+    std = float(np.sqrt(left @ left) / abs(power.sum()))
+    # where the slopes do not agree with each other there is nothing to tell it by
+    agree = power.sum() > _TELLS * float(np.sqrt(power @ power))
+    return (share, std) if agree else (np.nan, np.nan)
 
 
 def clock_jump(case: FindingInputs) -> list[Symptom]:

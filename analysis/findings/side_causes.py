@@ -26,7 +26,7 @@ def unlike(case: FindingInputs) -> list[Symptom]:
 
 def _sign(case: FindingInputs, seen: SideDifference) -> Symptom:
     least = _LEAST_SLIP_1 if seen.kind == "slip" else _LEAST_1
-    strength = abs(seen.value_1) / max(least, SURELY * seen.std_1)
+    strength = abs(seen.value_1) / max(least + seen.resistance_1, SURELY * seen.std_1)
     left, right = _CHANNELS[seen.kind]
     smaller, larger = (left, right) if seen.smaller == "left" else (right, left)
     other = "right" if seen.smaller == "left" else "left"

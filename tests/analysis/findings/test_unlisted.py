@@ -36,8 +36,15 @@ def test_an_unlisted_fault_is_named_first_and_shows_no_wrong_mass(
     assert not found.is_wrong, found
 
 
-@pytest.mark.parametrize("seed", [3_300_001, 3_300_002, 3_300_010])
-def test_sides_of_a_sound_machine_on_a_cross_slope_in_curves_are_no_finding(seed: int) -> None:
+@pytest.mark.parametrize(
+    "seed",
+    [
+        *(3_300_001, 3_300_002, 3_300_010),
+        pytest.param(3_320_181, id="both ways on a cross slope"),
+        pytest.param(3_320_017, id="sampled unevenly and stamped right"),
+    ],
+)
+def test_a_sound_machine_on_a_cross_slope_in_curves_has_no_finding(seed: int) -> None:
     found = try_fault(None, 0.0, seed)
     assert found.mass_kg is not None
     assert found.causes == []
