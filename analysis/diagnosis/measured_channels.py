@@ -35,7 +35,7 @@ _CHANGES_BESIDE_NOISE: Final = 0.05
 _USUAL: Final = 0.02
 #: if these are more than this share of all.
 _TELLING: Final = 0.1
-#: A speed comes to a stand gradually: the readings beside one of 0 are below this share of its range;
+#: A speed comes to a stand gradually: the readings beside it are below this share of its range;
 #: a sensor that drops out falls to 0 from any speed.
 _BESIDE_STAND: Final = 0.1
 #: Of a slow channel, two readings that are alike are no run: in so many readings at least.

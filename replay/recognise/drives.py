@@ -124,9 +124,7 @@ def _power(columns: Sequence[LogColumn], found: Recognised) -> bool:
         watts = "supply_A * supply_V"
     moving = f"abs(speed_x_m_s) > {_SLOWEST} [m/s]"
     found.sketch("force_x_N", f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)", reason)
-    found.ask(
-        "gear", "the drive's EFFICIENCY from there to the wheels: in channels.force_x_N.derive"
-    )
+    found.ask("gear", "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive")
     return True
 
 
