@@ -6,6 +6,7 @@ from typing import Final
 from benchmarks.dialects import (
     controller_files,
     drawn_files,
+    drawn_last_files,
     drawn_next_files,
     later_files,
     logger_files,
@@ -23,11 +24,13 @@ SETS: Final = {
     "twenty more": tuple(later_files.dialect_files()),
     "drawn against the reader as it was": tuple(drawn_files.dialect_files()),
     "drawn before it was mended for those": tuple(drawn_next_files.dialect_files()),
+    "drawn after the code was frozen": tuple(drawn_last_files.dialect_files()),
 }
 _ANSWERS: Final = {
     "GEAR": GEAR,
     "TORQUE_CONSTANT": NM_PER_A,
     "POLE_PAIRS": POLE_PAIRS,
+    "EFFICIENCY": 1.0,
 }
 _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")
 
