@@ -39,6 +39,14 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognised) -> 
                 _fill(found, column, topic, field)
 
 
+def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
+    """The readings of each joint that the first message has, as fields: `effort[left]`."""
+    places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
+    names = [str(name) for name in _first(log, topic, places, start_ns) if name]
+    arrays = ("position", "velocity", "effort")
+    return [each for array in arrays for each in _sent(log, topic, array, names, start_ns)]
+
+
 def _wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     """Joints of each side, where both have as many, and whether their names say that they turn."""
     said: dict[str, Meaning] = {name: meaning(name) for name in names}

@@ -88,5 +88,7 @@ def meaning(name: str) -> Meaning:
         word in starts for q, starts in _QUANTITIES if q in ("boom", "bucket") for word in words
     )
     without = any(word in _WITHOUT_GRAVITY for word in words)
-    supply = part != "motor" and any(word in _SUPPLY for word in words)
+    # the input of a gear is its shaft, that of a current the supply
+    of_motor = any(word.startswith("mot") for word in words)
+    supply = not of_motor and any(word in _SUPPLY for word in words)
     return Meaning(quantity, side, axis, part, linkage, without, supply)

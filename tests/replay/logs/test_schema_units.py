@@ -25,7 +25,7 @@ def _feather(table: pa.Table, folder: Path) -> Path:
 
 def _units(path: Path) -> dict[str, str]:
     with open_log(path) as log:
-        return log.units("table")
+        return dict(log.units("table"))
 
 
 def _table(speed: dict[str, str], schema: dict[str, str]) -> pa.Table:

@@ -169,3 +169,9 @@ def test_a_column_that_is_called_rpm_may_count_electrical_turns(tmp_path: Path) 
     channels, questions = proposed(tmp_path, rpm=V * 1000, avg_motor_current=A)
     assert channels["speed_x_m_s"].derive == "motor_rpm / GEAR * wheel_radius_m"
     assert any("electrical turns" in question for question in questions)
+
+
+def test_the_input_current_of_a_controller_is_not_its_motors(tmp_path: Path) -> None:
+    columns = {"input_current": A * 0.6, "motor_current": A, "erpm": V * 1000}
+    channels, _ = proposed(tmp_path, **columns)
+    assert channels["motor_current_A"].field == "motor_current"
