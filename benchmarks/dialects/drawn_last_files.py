@@ -111,7 +111,7 @@ def _apps() -> list[DialectFile]:
                 ["# RaceRender Data: TrackAddict 4.6", "# Vehicle: loader", "#",
                  '"Time","UTC Time","Speed (MPH)","Force (N)"'],
             ),
-            {"v": ("Speed (MPH)", 1 / 0.44704)}, t0_ns=None, keys=("log.time=Time",),
+            {"v": ("Speed (MPH)", 1 / 0.44704)}, t0_ns=None,
         ),
         DialectFile(
             "Portuguese spreadsheet: hora, velocidade, força",

@@ -28,7 +28,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognised) -> 
         found: what is added to.
     """
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = [str(name) for name in _first(log, topic, places, start_ns) if name]
+    names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
     wheels, turns = _wheels(names)
     if wheels:
         for side, joints in wheels.items():
@@ -42,7 +42,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognised) -> 
 def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
     """The readings of each joint that the first message has, as fields: `effort[left]`."""
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = [str(name) for name in _first(log, topic, places, start_ns) if name]
+    names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
     arrays = ("position", "velocity", "effort")
     return [each for array in arrays for each in _sent(log, topic, array, names, start_ns)]
 
