@@ -35,9 +35,14 @@ _ANSWERS: Final = {
 _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")
 
 
+#: Beginnings of names of those that are refused: names behind blank cells, signs apart from numbers.
+_REFUSED: Final = ("Yokogawa", "Graphtec")
+
+
 def every_file() -> list[DialectFile]:
-    """All of them."""
-    return [file for files in SETS.values() for file in files]
+    """All that are read."""
+    files = [file for files in SETS.values() for file in files]
+    return [file for file in files if not file.name.startswith(_REFUSED)]
 
 
 def answered(draft: str, file: DialectFile) -> str:
