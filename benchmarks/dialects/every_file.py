@@ -35,7 +35,8 @@ _ANSWERS: Final = {
 _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")
 
 
-#: Beginnings of names of those that are refused: names behind blank cells, signs apart from numbers.
+#: Those that are refused, by the beginning of their names: names behind blank cells, signs apart
+#: from their numbers.
 _REFUSED: Final = ("Yokogawa", "Graphtec")
 
 
