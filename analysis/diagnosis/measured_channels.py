@@ -35,6 +35,9 @@ _CHANGES_BESIDE_NOISE: Final = 0.05
 _USUAL: Final = 0.02
 #: if these are more than this share of all.
 _TELLING: Final = 0.1
+#: A speed comes to a stand gradually: the readings beside it are below this share of its range;
+#: a sensor that drops out falls to 0 from any speed.
+_BESIDE_STAND: Final = 0.1
 #: Of a slow channel, two readings that are alike are no run: in so many readings at least.
 _FEWEST_RUN: Final = 5
 #: Clipped readings pile up: so many times the next value's number, and at least so many.
@@ -111,6 +114,15 @@ class Signals:
             for name, runs in self._repeated.items()
         }
 
+    @cached_property
+    def stands(self) -> Spans:
+        """Where every speed reads exactly 0, in ns: no channel has to change there."""
+        by_speed = [_stands(*self.channels[name]) for name in _SPEEDS if name in self.channels]
+        common = by_speed[0] if by_speed else []
+        for spans in by_speed[1:]:
+            common = _common(common, spans)
+        return common
+
     @property
     def frozen_s(self) -> float:
         """For how long a force or motion channel repeats itself while another one changes."""
@@ -180,6 +192,22 @@ def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     return [
         RepeatedReading(int(begin), int(end), float(value)) for begin, end, value in runs
     ], never
+
+
+def _stands(t: Ints, x: Floats) -> Spans:
+    """Where a speed reads exactly 0 for long, and comes to it and leaves it gradually, in ns."""
+    first, last = _runs(x)
+    before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
+    small = _BESIDE_STAND * float(np.quantile(np.abs(x), 0.98))
+    stands = (x[first] == 0.0) & (before <= small) & (after <= small)
+    stands &= (t[last] - t[first]) > _FROZEN_S * 1e9
+    return [(int(b), int(e)) for b, e in zip(t[first[stands]], t[last[stands]], strict=True)]
+
+
+def _common(some: Spans, others: Spans) -> Spans:
+    """Where both are."""
+    pairs = ((max(b, c), min(e, d)) for b, e in some for c, d in others)
+    return [(begin, end) for begin, end in pairs if begin < end]
 
 
 def _repeated(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:

@@ -43,6 +43,8 @@ _AROUND_NS: Final = 150_000_000
 _BESIDE: Final = 15
 
 
+#: A channel may come to its reading of the stand so long before the speed does, or leave it after.
+_STAND_EDGE_NS: Final = 200_000_000
 #: A channel that repeats itself for more than this fraction of the log is dead,
 _DEAD_1: Final = 0.5
 #: and has neither a sign nor a zero.
@@ -94,11 +96,23 @@ def _harmless(case: FindingInputs, found: ExcludedStretches | None) -> bool | No
 
 
 def _noiseless(case: FindingInputs, name: str) -> list[tuple[int, int]]:
-    """Where a channel that otherwise never repeats a reading does so for long."""
+    """Where a channel that otherwise never repeats a reading does so for long, and is driven."""
     signals = case.evidence.signals
-    limits = {} if signals is None else signals.limits.get(name, {})
+    if signals is None:
+        return []
+    limits = signals.limits.get(name, {})
     runs, never = long_runs(*case.series[name])
-    return [(run.begin_ns, run.end_ns) for run in runs if never and run.value not in limits]
+    # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
+    return [
+        (run.begin_ns, run.end_ns)
+        for run in runs
+        if never
+        and run.value not in limits
+        and not any(
+            begin - _STAND_EDGE_NS <= run.begin_ns and run.end_ns <= end + _STAND_EDGE_NS
+            for begin, end in signals.stands
+        )
+    ]
 
 
 def saturated(case: FindingInputs) -> list[Symptom]:

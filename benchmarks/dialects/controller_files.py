@@ -60,7 +60,6 @@ def _controllers(d: dict[str, Floats]) -> list[DialectFile]:
                 ["Datum Zeit;Drehzahl [1/min];Strom [A]"],
             ),
             {"motor_rpm": ("Drehzahl [1/min]", SI)},
-            keys=("log.time=Datum Zeit",),
             t0_ns=T0_NS,
         ),
         DialectFile(

@@ -37,7 +37,7 @@ def _drive() -> dict[str, Floats]:
     force = MASS_KG * a + 90.0 * v + 120.0 * np.sign(v) * (v > 0.01)
     force = force + random.normal(0, 4.0, ROWS)
     torque = force * RADIUS_M
-    # a sensor is never still: a speed that is 0 throughout counts as frozen
+    # no sensor of these is still at a stand
     v = v + random.normal(0, 0.001, ROWS)
     wheel = v / RADIUS_M
     return {

@@ -7,14 +7,15 @@ that is numeric is listed as a comment to choose from.
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import polars as pl
 
 from analysis.model.schema import CHANNEL_COLUMNS
+from analysis.stages.signals.derive import unit_of
 from replay.init.guess_mounting import mounting_lines
 from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
+from replay.recognise.joints import recognise_joints
 from replay.recognise.profile import FieldProfile, profiles
 from replay.recognise.proposals import ChannelProposal, Recognised
 from replay.recognise.table import recognise
@@ -55,6 +56,11 @@ _TO_ANSWER = (
 )
 
 
+_JOINT_UNIT = (
+    'are the joints\' velocities in m/s? where they are in rad/s, scale = "wheel_radius_m"'
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Guess:
     """One channel: the topic (None in a table) and the field that fill a column.
@@ -81,16 +87,19 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    told = recognise(log) if is_table else Recognised()
-    guesses = [*_recognised(told), *_guesses(log, topics)] if is_table else [*_guesses(log, topics)]
+    told = recognise(log) if is_table else _joints(log, topics)
+    guesses = [*_recognised(told), *_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
     found = {guess.column for guess in guesses} | (open_columns & set(_COLUMNS))
-    derived = _derivations(found)
+    formulas = {each.column: each.derive for each in told.channels if not each.is_comment}
+    derived = {column: formula for column, formula in formulas.items() if formula}
+    found |= set(derived)
+    derived |= _derivations(found)
     found |= set(derived)
     kinematic = "specific_force_x_m_s2" not in found
-    lacking = [*told.questions, *_lacking(found, kinematic=kinematic)]
+    lacking = [*told.questions, *_lacking(found, told.questions, kinematic=kinematic)]
     lines = [
         f"# A first machine file for {_one_line(log.path.name)}: check every line of it.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
@@ -116,7 +125,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
             lines.append(f"topic = {_quoted(guess.topic)}")
-        unit = _COLUMNS[guess.column].unit
+        unit = unit_of(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
@@ -134,8 +143,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    lines += [f"# to answer: {sentence}" for sentence in _TO_ANSWER]
-    rest = _profile_lines(log, guesses) if is_table else list(_others(topics, guesses))
+    is_unsure = any(_or_scale(guess) for guess in guesses)
+    to_answer = [*([_JOINT_UNIT] if is_unsure else []), *_TO_ANSWER]
+    lines += [f"# to answer: {sentence}" for sentence in to_answer]
+    rest = [*_profile_lines(log, guesses), *_lists_and_problems(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
@@ -173,7 +184,15 @@ def _profile_lines(log: Log, guesses: list[Guess]) -> list[str]:
     """Every column that is not used, with its unit, rate and range."""
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
     rest = [each for each in profiles(log) if (each.topic, each.field) not in used]
-    return ["# Also in the log:", *(f"#   {profile_line(each)}{_named_as(each)}" for each in rest)]
+    several = any(each.topic != TABLE for each in rest)
+    topics = [f"{_one_line(each.topic)} " if several else "" for each in rest]
+    return [
+        "# Also in the log:",
+        *(
+            f"#   {topic}{profile_line(each)}{_named_as(each)}"
+            for topic, each in zip(topics, rest, strict=True)
+        ),
+    ]
 
 
 def _named_as(each: FieldProfile) -> str:
@@ -194,19 +213,29 @@ def profile_line(each: FieldProfile) -> str:
 
 def _or_scale(guess: Guess) -> str:
     """A JointState's velocity is that of a wheel more often than that of the machine."""
-    is_speed = guess.field.startswith("velocity[")
+    is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
-def _guesses(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
+def _joints(log: Log, topics: pl.DataFrame) -> Recognised:
+    """What the joints of all JointStates fill."""
+    found = Recognised()
+    for row in topics.sort("messages", descending=True).iter_rows(named=True):
+        is_joints = row["type"].rpartition("/")[2] == "JointState"
+        if is_joints and row["messages"] and not row["problem"]:
+            recognise_joints(log, row["topic"], row["start_ns"], found)
+    return found
+
+
+def _guesses(topics: pl.DataFrame) -> Iterator[Guess]:
     taken: set[str] = set()
-    for guess in _candidates(log, topics):
+    for guess in _candidates(topics):
         if guess.column not in taken:
             taken.add(guess.column)
             yield guess
 
 
-def _candidates(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
+def _candidates(topics: pl.DataFrame) -> Iterator[Guess]:
     for row in topics.sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
@@ -217,40 +246,9 @@ def _candidates(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
                 column = _SHORT.get(field, field)
                 if column in _COLUMNS:
                     yield Guess(column, None, field)
-        elif kind == "JointState":
-            yield from _joints(log, row["topic"], row["start_ns"])
         for column, field in _BY_TYPE.get(kind, {}).items():
             if field in fields:
                 yield Guess(column, row["topic"], field)
-
-
-def _joints(log: Log, topic: str, start_ns: int) -> Iterator[Guess]:
-    """A side's effort is its torque and its velocity its speed; one joint alone is an axis.
-
-    Which of its arrays a JointState fills is up to who sends it; the first message tells.
-    """
-    names = [
-        name for name in _first(log, topic, [f"name[{i}]" for i in range(8)], start_ns) if name
-    ]
-    guesses: list[Guess] = []
-    for side in ("left", "right"):
-        of_side = [name for name in names if side in name.lower()]
-        if len(of_side) == 1:
-            guesses.append(Guess(f"torque_{side}_N_m", topic, f"effort[{of_side[0]}]"))
-            guesses.append(Guess(f"speed_{side}_m_s", topic, f"velocity[{of_side[0]}]"))
-    if len(names) == 1:
-        guesses.append(Guess("position_x_m", topic, f"position[{names[0]}]"))
-        guesses.append(Guess("force_x_N", topic, f"effort[{names[0]}]"))
-    sent = _first(log, topic, [guess.field for guess in guesses], start_ns)
-    yield from (guess for guess, value in zip(guesses, sent, strict=False) if value is not None)
-
-
-def _first(log: Log, topic: str, fields: list[str], start_ns: int) -> tuple[Any, ...]:
-    """Fields of a topic's first message, in this order; none where there are none to read."""
-    if not fields:
-        return ()
-    first = log.read(topic, fields, end_ns=start_ns).head(1)
-    return first.select(fields).row(0) if first.height else ()
 
 
 def _derivations(found: set[str]) -> dict[str, str]:
@@ -270,11 +268,11 @@ def _derivations(found: set[str]) -> dict[str, str]:
     return derived
 
 
-def _lacking(found: set[str], *, kinematic: bool) -> list[str]:
+def _lacking(found: set[str], asked: list[str], *, kinematic: bool) -> list[str]:
     lacking: list[str] = []
     if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
         lacking.append("a force: channels.force_x_N, or both wheel torques")
-    elif "force_x_N" not in found:
+    elif "force_x_N" not in found and not any("wheel_radius_m" in each for each in asked):
         lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
     if "speed_x_m_s" not in found:
         lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")
@@ -283,17 +281,16 @@ def _lacking(found: set[str], *, kinematic: bool) -> list[str]:
     return lacking
 
 
-def _others(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
-    used = {(guess.topic or "table", guess.field.partition("[")[0]) for guess in guesses}
-    yield "# Also in the log:"
-    for row in topics.to_dicts():
-        rest = [f for f in row["fields"] or [] if (row["topic"], f.partition("[")[0]) not in used]
+def _lists_and_problems(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
+    """Fields that are lists, of which no element is used, and topics that cannot be read."""
+    used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
+    for row in topics.iter_rows(named=True):
+        lists = [field for field in row["fields"] or [] if "[]" in field]
+        rest = [each for each in lists if (row["topic"], each.partition("[")[0]) not in used]
         if row["problem"]:
             yield _one_line(f"#   {row['topic']} ({row['type']}): {row['problem']}")
         elif rest:
-            shown = ", ".join(rest[:12]) + (", …" if len(rest) > 12 else "")
-            said = f"#   {row['topic']} ({row['type']}, {row['messages']} messages): {shown}"
-            yield _one_line(said)
+            yield _one_line(f"#   {row['topic']} ({row['type']}): {', '.join(rest)}")
 
 
 def _quoted(text: str) -> str:

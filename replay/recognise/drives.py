@@ -8,6 +8,8 @@ from replay.recognise.proposals import LogColumn, Recognised
 _GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
 _RADIUS: Final = "machine.wheel_radius_m"
 _SIDES: Final = ("left", "right")
+#: m/s: below it, power over speed is the losses of a drive that hardly moves.
+_SLOWEST: Final = 0.3
 #: Units of revolutions.
 _TURNS: Final = ("rpm", "rad/s", "Hz")
 
@@ -15,7 +17,8 @@ _TURNS: Final = ("rpm", "rad/s", "Hz")
 def propose_drives(columns: Sequence[LogColumn], found: Recognised) -> None:
     """Sketch force and speed from what motors and wheels report, where no column has them."""
     if not {"force_x_N"} & found.taken and not _has_both(found, "torque_{}_N_m"):
-        any(propose(columns, found) for propose in (_unnamed_sides, _motor_force, _pressure))
+        sketches = (_unnamed_sides, _motor_force, _pressure, _power)
+        any(propose(columns, found) for propose in sketches)
     if "speed_x_m_s" not in found.taken and not _has_both(found, "speed_{}_m_s"):
         any(propose(columns, found) for propose in (_wheel_speeds, _motor_speed))
 
@@ -58,10 +61,11 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognised) -> bool:
             for c in columns
             if c.quantity == quantity
             and c.said.side is None
+            # what flows into a drive is power over voltage, not torque
+            and not (quantity == "current" and c.said.is_of_supply)
             # a current is in amperes where nothing is stated, as motor controllers write it
             and (c.is_in(unit) or (unit == "A" and c.unit is None))
         ]
-        # a battery's current is no motor's
         fitting.sort(key=lambda c: c.said.part != "motor")
         if not fitting:
             continue
@@ -99,6 +103,28 @@ def _pressure(columns: Sequence[LogColumn], found: Recognised) -> bool:
         found.ask(
             "side", f"which pressure drives forwards, '{drive[0].field}' or '{drive[1].field}'"
         )
+    return True
+
+
+def _power(columns: Sequence[LogColumn], found: Recognised) -> bool:
+    """A force from the drive's power, or from the battery's current and voltage, over the speed."""
+    power = next((c for c in columns if c.quantity == "power" and c.is_in("W")), None)
+    if power is not None:
+        reason = f"{power.field}: a power; over the speed it is a force; needs the efficiency"
+        found.sketch_source(power, "power_W", power.unit, reason)
+        watts = "power_W"
+    else:
+        current = next((c for c in columns if c.said.is_of_supply and c.is_in("A")), None)
+        voltage = next((c for c in columns if c.is_in("V")), None)
+        if current is None or voltage is None:
+            return False
+        reason = f"{current.field}, {voltage.field}: a power; over the speed it is a force"
+        found.sketch_source(current, "supply_A", current.unit, reason)
+        found.sketch_source(voltage, "supply_V", voltage.unit, reason)
+        watts = "supply_A * supply_V"
+    moving = f"abs(speed_x_m_s) > {_SLOWEST} [m/s]"
+    found.sketch("force_x_N", f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)", reason)
+    found.ask("gear", "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive")
     return True
 
 
@@ -143,5 +169,7 @@ def _motor_speed(columns: Sequence[LogColumn], found: Recognised) -> bool:
     found.ask("gear", _GEAR.format("speed_x_m_s"))
     if pairs:
         found.ask("gear", "the motor's POLE_PAIRS, in the same line")
+    elif turns.field.lower() == "rpm":
+        found.ask("gear", f"whether '{turns.field}' counts electrical turns (VESC): / POLE_PAIRS")
     found.ask("radius", _RADIUS)
     return True

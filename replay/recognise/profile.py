@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from estimators.errors import LogError
 from replay.logs import Log
+from replay.recognise.joints import joint_fields
 
 Floats = NDArray[np.float64]
 
@@ -77,6 +78,8 @@ def profiles(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile
         if row["problem"] or not row["messages"] or (topics and row["topic"] not in topics):
             continue
         fields = [f for f in row["fields"] or [] if "[]" not in f and f not in _NO_READINGS]
+        if row["type"].rpartition("/")[2] == "JointState":
+            fields += joint_fields(log, row["topic"], row["start_ns"])
         units = log.units(row["topic"])
         at_once = max(_AT_ONCE // row["messages"], _FEWEST_AT_ONCE)
         for begin in range(0, len(fields), at_once):

@@ -26,6 +26,7 @@ _QUANTITY_OF: Final = {
 }  # fmt: skip
 #: Torque and energy have one dimension, so have turns and frequencies: the name tells.
 _TURNS: Final = ("rpm", "rad/s", "Hz", "deg/s")
+_TURNS_ALONE: Final = {"rpm": "rpm", "drehzahl": "rpm"}
 
 
 def recognise(log: Log) -> Recognised:
@@ -71,7 +72,8 @@ def _columns(log: Log) -> list[LogColumn]:
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
         for name in row["fields"]:
-            said, unit = meaning(_bare(name)), units.get(name)
+            # a column that is called rpm is in rpm
+            said, unit = meaning(_bare(name)), units.get(name) or _TURNS_ALONE.get(name.lower())
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else meaning(name)
             found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))

@@ -32,6 +32,7 @@ _SIDES: Final = {
 _AXES: Final = {"x": ("x", "longitudinal", "long", "längs", "laengs"), "y": ("y", "lateral", "lat"),
                 "z": ("z", "vertical", "vert")}  # fmt: skip
 _MOTOR: Final = ("motor", "engine", "drive", "mot", "shaft", "input", "spindle")
+_SUPPLY: Final = ("battery", "batt", "input", "in", "supply", "bus", "dc", "pack", "batterie")
 _WITHOUT_GRAVITY: Final = ("linear", "gps", "calculated", "calc", "derived", "without", "kinematic")
 _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
 
@@ -58,6 +59,7 @@ class Meaning:
     part: str | None
     is_linkage: bool = False  #: of the boom or the bucket
     is_without_gravity: bool = False  #: an acceleration that a program or a GPS made
+    is_of_supply: bool = False  #: of the battery or of what feeds a drive
 
 
 def meaning(name: str) -> Meaning:
@@ -86,4 +88,7 @@ def meaning(name: str) -> Meaning:
         word in starts for q, starts in _QUANTITIES if q in ("boom", "bucket") for word in words
     )
     without = any(word in _WITHOUT_GRAVITY for word in words)
-    return Meaning(quantity, side, axis, part, linkage, without)
+    # the input of a gear is its shaft, that of a current the supply
+    of_motor = any(word.startswith("mot") for word in words)
+    supply = not of_motor and any(word in _SUPPLY for word in words)
+    return Meaning(quantity, side, axis, part, linkage, without, supply)

@@ -38,6 +38,7 @@ _NAMES: Final = (
         "gpst",
     ),
     *("uhrzeit", "temps", "heure", "tiempo", "hora", "tempo", "ora", "czas", "tijd", "tid", "aika"),
+    *("datahora", "dataora", "fechahora", "dateheure", "datumuhrzeit", "datumzeit", "dateandtime"),
     *("время", "时间", "時間", "時刻", "시간"),
 )
 _DATES: Final = ("date", "day", "datum", "dateutc", "utcdate")

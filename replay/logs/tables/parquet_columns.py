@@ -12,6 +12,7 @@ from pyarrow.parquet import ParquetFile
 from analysis.model.physical_units import spelt_unit
 from replay.logs.messages.broken_bytes import BROKEN_BYTES, BrokenBytesError
 from replay.logs.tables.header import ColumnName, split_unit
+from replay.logs.tables.schema_units import units_of_schema
 
 #: Keys of a field's metadata that hold its unit.
 _UNIT_KEYS: Final = (b"unit", b"units", b"Unit", b"Units", b"UNIT", b"unit_string")
@@ -36,7 +37,10 @@ class ParquetColumns:
         schema = self._read_schema()
         self.metadata = _texts(schema.metadata or {})
         flat = [field for field in schema if not pa.types.is_nested(field.type)]
-        self.columns = [_named(field.name, field.metadata or {}) for field in flat]
+        stated = units_of_schema(self.metadata, [field.name for field in flat])
+        self.columns = [
+            _named(field.name, field.metadata or {}, stated.get(field.name)) for field in flat
+        ]
         self.names = [column.name for column in self.columns]
 
     def _read_schema(self) -> Any:
@@ -118,8 +122,9 @@ def _library_call() -> Generator[None]:
         raise BrokenBytesError(error) from error
 
 
-def _named(name: str, metadata: dict[bytes, bytes]) -> ColumnName:
-    """A column with the unit that its metadata or its name states."""
+def _named(name: str, metadata: dict[bytes, bytes], of_schema: str | None) -> ColumnName:
+    """A column with the unit that its metadata, those of the schema, or its name states."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
     bare, unit = split_unit(name)
-    return ColumnName(name, bare, spelt_unit(stated.decode("utf-8", "replace")) or unit)
+    own = spelt_unit(stated.decode("utf-8", "replace"))
+    return ColumnName(name, bare, own or of_schema or unit)

@@ -77,7 +77,10 @@ def _unit(x: Floats, step: float, span: float) -> str:
     if len(since_1970) == 1:
         return since_1970[0]
     said = " or ".join(possible) if possible else "s, ms, us or ns"
-    raise TimeError(f"its steps of {step:g} may be {said}")
+    raise TimeError(
+        f"its steps of {step:g} may be {said}: set [log] time_unit, or, where it counts rows, "
+        "[log] rate_hz = the rows in a second,"
+    )
 
 
 def _is_serial(x: Floats, step: float) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.measured_channels import Signals
+from benchmarks.dialects.dialect_file import DRIVE
 from tests.analysis.limited_car import MASS_KG, Car, Judged
 
 
@@ -173,3 +174,37 @@ class TestWhatIsNamed:
         found = self.signals(force)
         assert found.clipped_share > 0.0
         assert found.at_limit["force_x_N"] == []
+
+
+class TestStands:
+    """An encoder reads exactly 0 at a stand; one that drops out reads 0 as well."""
+
+    T_NS = np.arange(1000) * 10_000_000
+
+    def stands(self, **speeds: np.ndarray) -> list[tuple[int, int]]:
+        channels = {name: (self.T_NS, speed) for name, speed in speeds.items()}
+        return Signals(channels, None, 10.0).stands
+
+    def drive(self) -> np.ndarray:
+        """Three seconds of stand, a start, a stop, and a stand again."""
+        return 2.0 * np.clip(np.sin((np.arange(1000) - 300) / 150), 0.0, None)
+
+    def test_a_speed_that_comes_to_zero_gradually_stands(self) -> None:
+        assert self.stands(speed_x_m_s=self.drive())[0] == (0, 3_000_000_000)
+
+    def test_a_speed_that_falls_to_zero_at_once_dropped_out(self) -> None:
+        dropped = self.drive()
+        dropped[500:600] = 0.0
+        assert all(end < 5e9 or begin > 6e9 for begin, end in self.stands(speed_x_m_s=dropped))
+
+    def test_the_machine_stands_where_both_sides_do(self) -> None:
+        sides = {"speed_left_m_s": self.drive(), "speed_right_m_s": self.drive() + 1.0}
+        assert self.stands(**sides) == []
+
+    def test_an_encoder_that_reads_zero_at_a_stand_withholds_nothing(self, tmp_path: Path) -> None:
+        speed, acc = DRIVE["v"], DRIVE["a"]
+        noise = np.random.default_rng(1).normal(0.0, 0.05, acc.size)
+        car = Car(DRIVE["t"], DRIVE["F"], np.where(np.abs(speed) < 0.03, 0.0, speed), acc + noise)
+        found = car.replayed(tmp_path)
+        assert "frozen" not in set(found.run.frames["findings"]["cause"])
+        assert found.check("frozen").passed

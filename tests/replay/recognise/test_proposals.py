@@ -148,3 +148,30 @@ def test_every_column_is_in_the_draft_and_the_draft_says_what_is_missing(tmp_pat
     assert lacking[0].startswith("a force")
     with pytest.raises(ValueError, match=r"no force: give channels\.force_x_N"):
         Machine.model_validate(tomllib.loads(text))
+
+
+def test_a_power_over_the_speed_is_a_force(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, battery_power__kW=A * V, speed__kmh=V)
+    assert channels["force_x_N"].derive == (
+        "where(abs(speed_x_m_s) > 0.3 [m/s], power_W * EFFICIENCY / speed_x_m_s)"
+    )
+    assert any("EFFICIENCY" in question for question in questions)
+
+
+def test_what_flows_into_a_drive_is_no_motors_current(tmp_path: Path) -> None:
+    columns = {"battery_current_A": A * V, "battery_voltage_V": A * 0 + 48, "speed_kmh": V}
+    channels, _ = proposed(tmp_path, **columns)
+    assert "motor_current_A" not in channels
+    assert "supply_A * supply_V * EFFICIENCY" in str(channels["force_x_N"].derive)
+
+
+def test_a_column_that_is_called_rpm_may_count_electrical_turns(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, rpm=V * 1000, avg_motor_current=A)
+    assert channels["speed_x_m_s"].derive == "motor_rpm / GEAR * wheel_radius_m"
+    assert any("electrical turns" in question for question in questions)
+
+
+def test_the_input_current_of_a_controller_is_not_its_motors(tmp_path: Path) -> None:
+    columns = {"input_current": A * 0.6, "motor_current": A, "erpm": V * 1000}
+    channels, _ = proposed(tmp_path, **columns)
+    assert channels["motor_current_A"].field == "motor_current"

@@ -1,0 +1,128 @@
+"""Channels of a JointState: wheels by their names, or the one axis of a rig.
+
+sensor_msgs/JointState is in N·m and rad/s at a joint that turns; some programs send m/s. Wheels are
+taken as turning, and that is asked; joints that only have a side are taken as the machine's.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from replay.logs import Log
+from replay.recognise.proposals import ChannelProposal, Recognised
+from replay.recognise.words import Meaning, meaning
+
+#: Joints of a message that are looked at.
+_MOST_JOINTS: Final = 64
+_SIDES: Final = ("left", "right")
+
+
+def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognised) -> None:
+    """Add what the joints of a topic fill.
+
+    Which of its arrays a JointState fills is up to who sends it; the first message tells.
+
+    Args:
+        log: an opened log.
+        topic: of JointState.
+        start_ns: of its first message.
+        found: what is added to.
+    """
+    places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
+    names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
+    wheels, turns = _wheels(names)
+    if wheels:
+        for side, joints in wheels.items():
+            _fill_side(log, topic, start_ns, side, joints, found, turns=turns)
+    elif len(names) == 1:
+        for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
+            for field in _sent(log, topic, array, names, start_ns):
+                _fill(found, column, topic, field)
+
+
+def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
+    """The readings of each joint that the first message has, as fields: `effort[left]`."""
+    places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
+    names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
+    arrays = ("position", "velocity", "effort")
+    return [each for array in arrays for each in _sent(log, topic, array, names, start_ns)]
+
+
+def _wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
+    """Joints of each side, where both have as many, and whether their names say that they turn."""
+    said: dict[str, Meaning] = {name: meaning(name) for name in names}
+    drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
+    wheels = {name: each for name, each in drives.items() if each.part == "wheel"}
+    chosen = wheels or drives
+    by_side = {side: [n for n, each in chosen.items() if each.side == side] for side in _SIDES}
+    counts = {len(joints) for joints in by_side.values()}
+    # of joints without a word for a wheel, one a side is a drive; more are a robot's limbs
+    alike = len(counts) == 1 and (counts == {1} or (bool(wheels) and counts != {0}))
+    return (by_side if alike else {}), bool(wheels)
+
+
+def _fill_side(
+    log: Log,
+    topic: str,
+    start_ns: int,
+    side: str,
+    joints: Sequence[str],
+    found: Recognised,
+    *,
+    turns: bool,
+) -> None:
+    efforts = _sent(log, topic, "effort", joints, start_ns)
+    torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
+    if torque not in found.taken:
+        parts = _fill_parts(found, topic, efforts, torque)
+        if len(parts) > 1:
+            _derive(found, torque, " + ".join(parts), f"the {side} wheels' torques")
+    velocities = _sent(log, topic, "velocity", joints, start_ns)
+    if speed in found.taken or not velocities:
+        return
+    if not turns:
+        _fill(found, speed, topic, velocities[0])
+        return
+    source = f"wheel_{side}_rad_s"
+    parts = _fill_parts(found, topic, velocities, source)
+    mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
+    _derive(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
+    found.ask("radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive")
+    found.ask(
+        "unit",
+        f"whether velocity[…] of the wheels is in rad/s, as drafted; where it is in m/s, "
+        f"channels.speed_*_m_s.derive without * wheel_radius_m ({topic})",
+    )
+
+
+def _fill_parts(found: Recognised, topic: str, fields: Sequence[str], whole: str) -> list[str]:
+    """Fill a channel with one field, or one a field, numbered before the side."""
+    quantity, _, behind = whole.partition("_")
+    many = len(fields) > 1
+    names = [f"{quantity}_{k}_{behind}" if many else whole for k in range(1, len(fields) + 1)]
+    for name, field in zip(names, fields, strict=True):
+        _fill(found, name, topic, field)
+    return names
+
+
+def _fill(found: Recognised, column: str, topic: str, field: str) -> None:
+    if column not in found.taken:
+        found.channels.append(ChannelProposal(column, topic, field, None, "the name of its joint"))
+
+
+def _derive(found: Recognised, column: str, formula: str, reason: str) -> None:
+    found.channels.append(ChannelProposal(column, None, None, None, reason, formula))
+
+
+def _sent(log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int) -> list[str]:
+    """The fields of an array that the first message fills."""
+    fields = [f"{array}[{joint}]" for joint in joints]
+    values = _first(log, topic, fields, start_ns)
+    return [field for field, value in zip(fields, values, strict=False) if value is not None]
+
+
+def _first(log: Log, topic: str, fields: Sequence[str], start_ns: int) -> tuple[Any, ...]:
+    """Fields of a topic's first message, in this order; none where there are none to read."""
+    if not fields:
+        return ()
+    first = log.read(topic, fields, end_ns=start_ns).head(1)
+    return first.select(fields).row(0) if first.height else ()
