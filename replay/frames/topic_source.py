@@ -9,7 +9,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, PayscopeError, nearest
 from replay.frames.logs import opened_log
 from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range
