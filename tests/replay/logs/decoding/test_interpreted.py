@@ -1,7 +1,7 @@
 """Loops give the same bits interpreted and compiled: of random types, and of bytes of any kind."""
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from random import Random
 from typing import TypeVar
@@ -27,13 +27,11 @@ _TIMES = st.one_of(st.integers(0, 40), st.integers(0, 2**64 - 1))
 
 
 @contextmanager
-def _budget(seconds: float, turns: int) -> Iterator[None]:
-    before = interpreted._Budget.seconds, interpreted.MOST_TURNS
-    try:
-        interpreted._Budget.seconds, interpreted.MOST_TURNS = seconds, turns  # type: ignore[misc]
+def _budget(seconds: float, turns: int) -> Generator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(interpreted._Budget, "seconds", seconds)
+        patch.setattr(interpreted, "MOST_TURNS", turns)
         yield
-    finally:
-        interpreted._Budget.seconds, interpreted.MOST_TURNS = before  # type: ignore[misc]
 
 
 def both_ways(work: Callable[[], T]) -> tuple[T, T]:
@@ -67,7 +65,8 @@ def test_messages_of_a_random_type_whole_and_damaged(
         for _ in range(rng.randrange(1, 4)):
             if changed:
                 changed[rng.randrange(len(changed))] ^= 1 << rng.randrange(8)
-        damaged.append(bytes(changed[: rng.choice([len(changed), rng.randrange(len(changed) + 1)])]))
+        end = rng.choice([len(changed), rng.randrange(len(changed) + 1)])
+        damaged.append(bytes(changed[:end]))
     assert_alike(both_ways(lambda: plan.decode(batch_of(damaged))))
 
 
