@@ -2,16 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import polars as pl
-from pydantic import AfterValidator, BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict
 
 from analysis.model.fingerprint import Fingerprint, fingerprint
+from analysis.model.loss import Loss, OneLine
 from analysis.model.settings import Settings
-from estimators.errors import one_line
-
-OneLine = Annotated[str, AfterValidator(one_line)]
 
 
 class InputFile(BaseModel):
@@ -22,23 +20,6 @@ class InputFile(BaseModel):
     name: str
     sha256: str
     size_bytes: int
-
-
-class Loss(BaseModel):
-    """What was recorded and is missing, altered or not provably there, in a sentence.
-
-    `topic` is empty for a whole file.
-    """
-
-    model_config = ConfigDict(frozen=True)
-
-    source: OneLine
-    topic: OneLine = ""
-    what: OneLine
-
-    def __str__(self) -> str:
-        """The sentence, after where it happened."""
-        return f"{' '.join(filter(None, (self.source, self.topic)))}: {self.what}"
 
 
 class Provenance(BaseModel):

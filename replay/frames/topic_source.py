@@ -9,7 +9,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, PayscopeError, nearest
 from replay.frames.logs import opened_log
 from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range
@@ -116,7 +116,7 @@ class TopicSource:
                 if predicate is not None:
                     rows = rows.filter(predicate)
                 if rows.height:
-                    yield rows.select(columns)
+                    yield _with_columns(rows, columns)
                 if left <= 0:
                     break
 
@@ -175,7 +175,7 @@ class TopicSource:
                     if own
                     else pl.DataFrame({SOURCE: height})
                 )
-            yield frame.select(needed)
+            yield _with_columns(frame, needed)
 
     def _has_topic(self, log: Log) -> bool:
         if self.topic in log.topic_names():
@@ -201,6 +201,11 @@ class TopicSource:
 
     def _leaves(self, log: Log) -> tuple[LeafField, ...]:
         return log.leaf_fields(self.topic, self._asked)
+
+
+def _with_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
+    """These columns of a frame; it is not handed to polars' engine where it has no others."""
+    return frame if frame.columns == columns else frame.select(columns)
 
 
 def _conjuncts(predicate: pl.Expr) -> Iterator[pl.Expr]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 from pydantic import ValidationError
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from estimators.file_digest import file_sha256
 from replay.logs.converted.converted_topics import ConvertedFieldError, ConvertedTopics

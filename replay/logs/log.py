@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError
 from estimators.file_digest import file_sha256
 from replay.logs.tables import TableHints, TimeAxis

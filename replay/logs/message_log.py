@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from replay.logs.decoding.decoder import Tally, schema_of
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
@@ -263,10 +263,14 @@ class MessageLog(Log):
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""
         # before the container's losses: counting messages may find some
+        counts = {
+            name: sum(self._container.message_count(c.id) for c in topic.connections)
+            for name, topic in self._topics.items()
+        }
         undecodable = [
-            Loss(source=self.path.name, topic=row["topic"], what=row["problem"])
-            for row in self.topics().iter_rows(named=True)
-            if row["problem"] and row["messages"]
+            Loss(source=self.path.name, topic=name, what=topic.problem)
+            for name, topic in self._topics.items()
+            if topic.problem and counts[name]
         ]
         return (*self._container.losses, *undecodable, *self._read_losses)
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from recordings.rrd.reader import opened
 from recordings.rrd.stored_frames import StoredFrame

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from replay.logs.log import TABLE, Checked, Log, TimeAxis
 from replay.logs.machine_ids import ids_among

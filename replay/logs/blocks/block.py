@@ -79,7 +79,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     elif block.compression not in ("zstd", "lz4", "bz2"):
         raise DamagedBlockError(f"its compression '{block.compression}' is none of zstd, lz4, bz2")
     else:
-        done = _decompress(block, file.read(block.offset, block.stored_bytes), target)
+        done = _decompress(block, file, target)
     if block.is_torn:
         return done
     if done != block.room:
@@ -89,7 +89,18 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     return done
 
 
-def _decompress(block: Block, stored: bytes, target: NDArray[np.uint8]) -> int:
+def _zstd_frames(block: Block, file: FileBytes) -> memoryview:
+    """What is stored of a block; behind it, unless it is torn, a frame that shows its end."""
+    room = max(0, min(block.stored_bytes, file.size - block.offset))
+    stored = np.empty(room + len(_NOTHING), np.uint8)
+    done = file.read_into(block.offset, stored[:room])
+    if block.is_torn:
+        return stored[:done].data
+    stored[done : done + len(_NOTHING)] = np.frombuffer(_NOTHING, np.uint8)
+    return stored[: done + len(_NOTHING)].data
+
+
+def _decompress(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     import pyarrow as pa  # slow to import, and an index makes it unnecessary
     import zstandard
 
@@ -97,9 +108,10 @@ def _decompress(block: Block, stored: bytes, target: NDArray[np.uint8]) -> int:
     # the decompressor says at its end that the stream broke off, not how much came before
     step = _TORN_STEP if block.is_torn else max(len(view), 1)
     if block.compression == "zstd":  # by itself: Arrow's takes a detour through a buffer
-        frames = stored if block.is_torn else stored + _NOTHING
+        frames = _zstd_frames(block, file)
         stream = zstandard.ZstdDecompressor().stream_reader(frames, read_across_frames=True)
     else:
+        stored = pa.py_buffer(file.read_array(block.offset, block.stored_bytes))
         stream = pa.CompressedInputStream(pa.BufferReader(stored), block.compression)
     try:
         while done < len(view):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_messages import BlockStore
 from replay.logs.blocks.slabs import Grammar
@@ -68,6 +68,10 @@ class BlockFile(ABC):
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """The log times of a connection, from the index or from the survey at opening."""
         return self._store.log_times(connection_id)
+
+    def message_count(self, connection_id: int) -> int:
+        """How many log times a connection has."""
+        return self._store.messages_of(connection_id)
 
     def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None

@@ -144,6 +144,10 @@ class BlockStore:
         """Log times of a connection, (n,) in ns."""
         return np.concatenate([no_times(), *self._times.get(connection_id, [])])
 
+    def messages_of(self, connection_id: int) -> int:
+        """How many log times a connection has."""
+        return sum(times.size for times in self._times.get(connection_id, ()))
+
     def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[Group]:
@@ -234,8 +238,9 @@ def _described(
     """
     everything = np.concatenate([no_times(), *times.values()])
     counts = {key: values.size for key, values in times.items() if values.size}
-    if everything.size and everything.min() < 0:
+    first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
+    if first < 0:
         times = {key: values[values >= 0] for key, values in times.items()}
         everything = everything[everything >= 0]
-    first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
+        first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
     return replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), times

@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 
 #: Written last: a folder with it is whole.
 DESCRIPTION: Final = "payscope-log.json"

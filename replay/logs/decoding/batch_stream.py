@@ -69,7 +69,9 @@ class Stream:
         """
         waiting = [int(batch.log_times.min()) for batch in self._few]
         frame = joined_frames(self._frames)
-        ready = frame[TIME].search_sorted(min([floor_ns, *waiting]), side="right")
+        if not frame.height:
+            return frame
+        ready = _rows_until(frame, min([floor_ns, *waiting]))
         self._frames = [frame[ready:]]
         return frame[:ready]
 
@@ -184,6 +186,12 @@ def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     whole = pl.concat(placed or found[:1], rechunk=False)
     # a frame that begins before those in front of the last
     return whole if whole[TIME].is_sorted() else whole.sort(TIME, maintain_order=True)
+
+
+def _rows_until(frame: pl.DataFrame, last_ns: int) -> int:
+    """How many rows of a frame, which is in order, are no later."""
+    # the same method of a series goes through polars' engine, which takes longer than all the rest
+    return int(np.searchsorted(frame[TIME].to_numpy(), last_ns, side="right"))
 
 
 def _meeting(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:

@@ -1,5 +1,6 @@
 """The index of an MCAP file: the summary at its end, and the message indexes behind each chunk."""
 
+import struct
 import zlib
 from collections.abc import Mapping
 from io import BytesIO
@@ -13,12 +14,26 @@ from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
 from replay.logs.blocks import Block
-from replay.logs.mcap.mcap_records import FOOTER, MAGIC, MESSAGE_INDEX
+from replay.logs.mcap.mcap_records import (
+    CHUNK_INDEX,
+    FOOTER,
+    MAGIC,
+    MESSAGE_INDEX,
+    RECORD_HEAD,
+)
 from replay.logs.messages.broken_bytes import BROKEN_BYTES
 from replay.logs.storage import FileBytes
 
 #: opcode, length, start of the summary, start of its offsets, CRC of the summary
 _FOOTER: Final = Struct("<BQQQI")
+#: the first and last log time of a chunk, where it begins, its length, length of the offsets
+_CHUNK_INDEX_HEAD: Final = Struct("<QQQQI")
+#: channel, where its message index begins
+_INDEX_OFFSET: Final = Struct("<HQ")
+#: length of all message indexes, length of the compression's name
+_CHUNK_INDEX_REST: Final = Struct("<QI")
+#: stored, unpacked
+_SIZES: Final = Struct("<QQ")
 #: opcode, length, channel, length of the entries
 _MESSAGE_INDEX: Final = Struct("<BQHI")
 
@@ -45,11 +60,13 @@ class Summary:
         except SummaryError as fault:
             self.fault = str(fault)
             return
-        stream = BytesIO(section + MAGIC)
+        self.chunks, rest = _chunk_indexes(section)
+        stream = BytesIO(rest + MAGIC)
         reader = StreamReader(stream, skip_magic=True, record_size_limit=len(section))
         try:
-            records = list(reader.records) if section else []
+            records = list(reader.records) if rest else []
         except (McapError, *BROKEN_BYTES) as fault:
+            self.chunks = []
             self.fault = f"its summary cannot be read ({' '.join(str(fault).split())})"
             return
         for record in records:
@@ -81,6 +98,53 @@ class Summary:
         return section
 
 
+def _chunk_indexes(section: bytes) -> tuple[list[ChunkIndex], bytes]:
+    """The indexes of chunks in a summary, and the bytes of all other records.
+
+    A shift has thousands of them; the library takes 60 µs for each. Where one is not as it should
+    be, all is left to the library, which says why.
+    """
+    chunks: list[ChunkIndex] = []
+    others: list[bytes] = []
+    at = 0
+    try:
+        while at < len(section):
+            opcode, length = RECORD_HEAD.unpack_from(section, at)
+            end = at + RECORD_HEAD.size + length
+            if end > len(section):
+                return [], section
+            if opcode == CHUNK_INDEX:
+                chunks.append(_chunk_index(section[at + RECORD_HEAD.size : end]))
+            else:
+                others.append(section[at:end])
+            at = end
+    except (struct.error, UnicodeDecodeError):
+        return [], section
+    return chunks, b"".join(others)
+
+
+def _chunk_index(content: bytes) -> ChunkIndex:
+    first, last, start, length, size = _CHUNK_INDEX_HEAD.unpack_from(content)
+    at = _CHUNK_INDEX_HEAD.size
+    offsets = dict(_INDEX_OFFSET.iter_unpack(content[at : at + size]))
+    at += size
+    index_length, name_size = _CHUNK_INDEX_REST.unpack_from(content, at)
+    at += _CHUNK_INDEX_REST.size
+    name = content[at : at + name_size].decode()
+    stored, unpacked = _SIZES.unpack_from(content, at + name_size)
+    return ChunkIndex(
+        chunk_start_offset=start,
+        chunk_length=length,
+        compression=name,
+        compressed_size=stored,
+        uncompressed_size=unpacked,
+        message_index_offsets=offsets,
+        message_index_length=index_length,
+        message_start_time=first,
+        message_end_time=last,
+    )
+
+
 def damaged_block(chunk: ChunkIndex) -> Block:
     """A chunk that is not where its index says."""
     return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
@@ -95,14 +159,14 @@ def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np
     begin = chunk.chunk_start_offset + chunk.chunk_length
     if not offsets or min(offsets.values()) < begin:
         return None
-    section = file.read(begin, chunk.message_index_length)
+    section = file.read_array(begin, chunk.message_index_length)
     left = len(section)
     times: dict[int, NDArray[np.int64]] = {}
     for key, offset in offsets.items():
         at = offset - begin
         if at + _MESSAGE_INDEX.size > len(section):
             return None
-        opcode, _, channel, size = _MESSAGE_INDEX.unpack_from(section, at)
+        opcode, _, channel, size = _MESSAGE_INDEX.unpack_from(section.data, at)
         at += _MESSAGE_INDEX.size
         left -= _MESSAGE_INDEX.size + size
         is_whole = left >= 0 and at + size <= len(section) and size % 16 == 0

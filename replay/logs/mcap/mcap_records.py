@@ -15,6 +15,7 @@ CHANNEL: Final = 0x04
 MESSAGE: Final = 0x05
 CHUNK: Final = 0x06
 MESSAGE_INDEX: Final = 0x07
+CHUNK_INDEX: Final = 0x08
 STATISTICS: Final = 0x0B
 METADATA: Final = 0x0C
 DATA_END: Final = 0x0F

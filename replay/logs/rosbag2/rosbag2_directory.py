@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError
 from replay.logs.mcap import McapFile
 from replay.logs.rosbag2.rosbag2_metadata import METADATA, Metadata, MetadataError, read_metadata
@@ -152,6 +152,14 @@ class Rosbag2Directory:
             return no_times()
         part_number, inner = self._origin[connection_id]
         return self._parts[part_number].log_times(inner)
+
+    def message_count(self, connection_id: int) -> int:
+        """How many messages a connection of one of the files has."""
+        self._compare_counts()
+        if connection_id >= len(self._origin):
+            return 0
+        part_number, inner = self._origin[connection_id]
+        return self._parts[part_number].message_count(inner)
 
     def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None

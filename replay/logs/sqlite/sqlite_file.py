@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.raw_batch import RawBatch
@@ -122,6 +122,10 @@ class Db3File:
                 count = self._times[key].size
                 self._damage.note(f"{count:,} messages of topic {key}, which has no definition")
         return self._times.get(connection_id, no_times())
+
+    def message_count(self, connection_id: int) -> int:
+        """How many messages a topic has; the first call goes through the whole table."""
+        return self.log_times(connection_id).size
 
     def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
         early = int(np.count_nonzero(times < 0))

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from replay.logs.messages.raw_batch import RawBatch
 
 #: No chunk and no message may declare more: recorders write about 1 MB, and a declared size costs
@@ -52,6 +52,10 @@ class Container(Protocol):
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """The log times of a connection in ns, from the index where there is one, in any order."""
+        ...
+
+    def message_count(self, connection_id: int) -> int:
+        """How many log times a connection has, without putting them side by side."""
         ...
 
     def groups(

@@ -26,8 +26,12 @@ class FileBytes:
 
     def read(self, offset: int, count: int) -> bytes:
         """At most `count` bytes; fewer at the end of the file, or none for a place outside it."""
+        return self.read_array(offset, count).tobytes()
+
+    def read_array(self, offset: int, count: int) -> NDArray[np.uint8]:
+        """The same bytes (n,) as an array, which is not copied again."""
         data = np.empty(max(0, min(count, self.size - offset)), np.uint8)
-        return data[: self.read_into(offset, data)].tobytes()
+        return data[: self.read_into(offset, data)]
 
     def read_into(self, offset: int, target: NDArray[np.uint8]) -> int:
         """Fill `target` from `offset` on, and say how many bytes the file had."""

@@ -5,7 +5,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 
 #: More sentences than this are counted, not listed.
 _MOST_SENTENCES: Final = 100

@@ -9,6 +9,7 @@ from typing import Any
 import polars as pl
 import pytest
 import rerun as rr
+from rerun.server import Server
 
 from analysis import InputFile, Run
 from analysis.model.schema import conform
@@ -93,6 +94,19 @@ def test_reruns_command_prints_them(recording: Path) -> None:
     ).stdout
     for part in ("/__properties/answer", "MST04711", "CAT 262C", "can weigh"):
         assert part in printed
+
+
+def test_reruns_catalog_has_them_as_columns(told: Run, recording: Path) -> None:
+    with Server(host="127.0.0.1", datasets={"runs": [recording]}) as server:
+        client = server.client()  # the table is of no use without it
+        table = client.get_dataset("runs").segment_table()
+        [row] = pl.DataFrame(table.to_arrow_table()).rows(named=True)
+    said = {
+        name.removeprefix("property:answer:"): values[0]
+        for name, values in row.items()
+        if name.startswith("property:answer:")
+    }
+    assert said == recording_properties(told)
 
 
 def test_loads_and_findings_are_rows_in_time(told: Run, recording: Path) -> None:

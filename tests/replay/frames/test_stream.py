@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import datafusion
 import duckdb
 import pandas as pd
 import polars as pl
@@ -35,6 +36,16 @@ def test_pandas_reads_it(log: Path) -> None:
     found = pd.DataFrame.from_arrow(stream)
     assert found["effort[0]"].sum() == sum(range(300))
     assert found["log_time"].iloc[0] == pd.Timestamp(START_NS, tz="UTC")
+
+
+def test_datafusion_queries_it(log: Path) -> None:
+    context = datafusion.SessionContext()
+    stream = payscope.stream_log(log, "/joints", fields=["effort[left]"])
+    context.from_arrow(stream, name="joints")
+    found = context.sql(
+        'SELECT count(*) AS n, max("effort[left]") AS most, min(log_time) AS first FROM joints'
+    )
+    assert pl.DataFrame(found.to_arrow_table()).rows() == [(300, 299.0, time(0))]
 
 
 def test_duckdb_queries_it_as_often_as_it_likes(log: Path) -> None:
