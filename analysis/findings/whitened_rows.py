@@ -223,7 +223,9 @@ class Explained:
             gram[:count, place] -= both
             gram[place, :count] -= both
             gram[place, place] -= system.noise_of.get(name, 0.0)
-        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        # a column that is noise alone explains nothing
+        power = np.diag(gram)
+        size = np.sqrt(np.where(power > 0.0, power, np.inf))
         inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-10, hermitian=True)
         inverse /= np.outer(size, size)
         right = known.T @ system.y
