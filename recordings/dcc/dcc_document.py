@@ -1,4 +1,4 @@
-"""A digital calibration certificate of a stranger: bounded, without DTD, of the one version read."""
+"""A digital calibration certificate of a stranger: bounded, without DTD, of one version."""
 
 import re
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ def refuse_without_libraries() -> None:
         EvidenceError: lxml or signxml is missing.
     """
     try:
-        import lxml.etree
+        import lxml.etree  # noqa: F401
         import signxml  # noqa: F401
     except ImportError as fault:
         raise EvidenceError(
@@ -55,7 +55,7 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
         Its root. Whether it is signed is another matter.
 
     Raises:
-        EvidenceError: too large, no XML, with a DTD, of another version, or not as a certificate is.
+        EvidenceError: too large, no XML, with a DTD, of another version, or no certificate.
     """
     refuse_without_libraries()
     from lxml import etree
@@ -95,9 +95,7 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
 def _faults(root: "_Element") -> Iterator[str]:
     """What keeps the frame from being a certificate's."""
     seen: set[str] = set()
-    count = 0
-    for element in root.iter():
-        count += 1
+    for count, element in enumerate(root.iter()):
         if count > _MOST_ELEMENTS:
             yield f"has more than {_MOST_ELEMENTS} elements"
             return
@@ -110,6 +108,11 @@ def _faults(root: "_Element") -> Iterator[str]:
                 yield f"has two elements of the id '{value[:60]}'"
             if value is not None:
                 seen.add(value)
+    yield from _frame_faults(root)
+
+
+def _frame_faults(root: "_Element") -> Iterator[str]:
+    """What of the parts that every certificate has once is there twice, or not."""
     names = [child.tag for child in root]
     for name in ("administrativeData", "measurementResults"):
         if names.count(f"{{{DCC}}}{name}") != 1:
@@ -125,6 +128,13 @@ def _faults(root: "_Element") -> Iterator[str]:
         found = core[0].findall(f"{{{DCC}}}{name}")
         if len(found) != 1 or not re.fullmatch(form, leaf_text(found[0]) or ""):
             yield f"has no valid {name}"
+
+
+def dcc_bytes(root: "_Element") -> bytes:
+    """A certificate as it is written."""
+    from lxml import etree
+
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
 
 
 def leaf_text(element: "_Element | None") -> str | None:

@@ -99,9 +99,7 @@ def _names(item: "_Element") -> list[str]:
     return [name for name in names if name]
 
 
-def _mass(
-    root: "_Element", item: "_Element", *, alone: bool, what: str
-) -> tuple[float, float]:
+def _mass(root: "_Element", item: "_Element", *, alone: bool, what: str) -> tuple[float, float]:
     """Value and standard uncertainty of the one quantity that is the item's mass."""
     quantities = list(_quantities(root, item.get("id"), alone=alone))
     for kind in _KINDS:
@@ -122,9 +120,7 @@ def _kinds(quantity: "_Element") -> list[str]:
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 
 
-def _quantities(
-    root: "_Element", item_id: str | None, *, alone: bool
-) -> Iterator["_Element"]:
+def _quantities(root: "_Element", item_id: str | None, *, alone: bool) -> Iterator["_Element"]:
     """The quantities of results that are of an item."""
     results = root.find(f"{{{DCC}}}measurementResults")
     assert results is not None

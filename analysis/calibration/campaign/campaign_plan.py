@@ -36,7 +36,7 @@ Estimator = Literal[
 
 
 class Organisation(BaseModel):
-    """A laboratory or a customer, with an address; `[laboratory]` makes the evidence a certificate."""
+    """A laboratory or a customer; with `[laboratory]` the evidence is a certificate."""
 
     model_config = _FORBID
 
@@ -71,7 +71,7 @@ class About(BaseModel):
         "", description="whose place that is"
     )
     received: dt.date | None = Field(None, description="day when the machine was handed over")
-    deviations: Text = Field("", description="from the method; \"none\" where there are none")
+    deviations: Text = Field("", description='from the method; "none" where there are none')
     replaces: Id | Literal[""] = Field("", description="id of the evidence that this one replaces")
     replaces_reason: Text = Field("", description="why it is replaced")
     signer: Line = Field("", description="whose signing key it is, by name")
