@@ -157,7 +157,7 @@ def _hash(parent: "_Element", name: str, about: tuple[str, str, str]) -> None:
 def _software(parent: "_Element", document: EvidenceDocument) -> None:
     made = _add(parent, "software")
     _text(made, "name", "payscope")
-    _add(made, "release", document.software.payscope)
+    _add(made, "release", f"v{document.software.payscope}")
     _add(made, "type", "application")
 
 
