@@ -33,7 +33,8 @@ _WHOLE = """<dcc:digitalCalibrationCertificate xmlns:dcc="https://ptb.de/dcc"
 <dcc:endPerformanceDate>2026-01-08</dcc:endPerformanceDate>
 <dcc:performanceLocation>laboratory</dcc:performanceLocation></dcc:coreData>
 <dcc:items>{items}</dcc:items>
-<dcc:calibrationLaboratory><dcc:contact><dcc:name><dcc:content>Example Masses</dcc:content></dcc:name>
+<dcc:calibrationLaboratory><dcc:contact><dcc:name>
+<dcc:content>Example Masses</dcc:content></dcc:name>
 <dcc:location><dcc:city>Exampletown</dcc:city></dcc:location></dcc:contact>
 </dcc:calibrationLaboratory><dcc:respPersons><dcc:respPerson><dcc:person><dcc:name>
 <dcc:content>A. Person</dcc:content></dcc:name></dcc:person></dcc:respPerson></dcc:respPersons>
@@ -75,9 +76,7 @@ def public_pem(key: DccKey) -> bytes:
     return (
         serialization.load_pem_private_key(key.private, None)
         .public_key()
-        .public_bytes(
-            serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo
-        )
+        .public_bytes(serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo)
     )
 
 
@@ -87,16 +86,19 @@ def signed_weights() -> bytes:
     return dcc_bytes(sign_dcc(parse_dcc(weights_xml(), "weights"), ec_key()))
 
 
-def wrapped(data: bytes, where: str) -> bytes:
+def wrapped(data: bytes, where: str, item: bytes = b"weight") -> bytes:
     """A signed certificate inside of a forged one: signature wrapping.
 
     Args:
         data: the signed one.
         where: "root" wraps it with its signature, "moved" puts the genuine content into a comment
             element and a forged one in its place.
+        item: what the forged one calls its items.
     """
     original = etree.fromstring(data)
-    forged = etree.fromstring(weights_xml().replace(b"20.0005", b"25.0005"))
+    forged = etree.fromstring(
+        weights_xml().replace(b"20.0005", b"25.0005").replace(b"weight-", item + b"-")
+    )
     comment = etree.SubElement(forged, "{https://ptb.de/dcc}comment")
     signature = original.find("{http://www.w3.org/2000/09/xmldsig#}Signature")
     assert signature is not None

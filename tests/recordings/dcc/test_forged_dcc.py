@@ -89,7 +89,13 @@ FORGED: dict[str, tuple[Forge, str]] = {
     "version 3.3.0": (put('"3.2.1"', '"3.3.0"'), "of DCC version 3.3.0"),
     "version 2.4.0": (put('"3.2.1"', '"2.4.0"'), "of DCC version 2.4.0"),
     "no version": (put(' schemaVersion="3.2.1"', ""), "of DCC version none"),
-    "two administrative data": (repeat("administrativeData"), "2 elements administrativeData"),
+    "two administrative data": (
+        put(
+            "<dcc:measurementResults>",
+            "<dcc:administrativeData></dcc:administrativeData><dcc:measurementResults>",
+        ),
+        "2 elements administrativeData",
+    ),
     "two core data": (repeat("coreData"), "2 elements coreData"),
     "no results": (drop("<dcc:measurementResults>.*</dcc:measurementResults>"), "0 elements"),
     "no identifier": (drop("<dcc:uniqueIdentifier>.*?</dcc:uniqueIdentifier>"), "uniqueId"),
@@ -148,6 +154,11 @@ SIGNED: dict[str, tuple[Forge, str]] = {
     "identifier changed": (put("EXAMPLE-1", "EXAMPLE-2"), "does not hold"),
     "wrapped with its signature": (lambda data: wrapped(data, "root"), "two elements of the id"),
     "wrapped, its signature moved": (lambda data: wrapped(data, "moved"), "of the id"),
+    "wrapped, other ids": (lambda data: wrapped(data, "root", b"forged"), "inside of another"),
+    "wrapped, its signature moved, other ids": (
+        lambda data: wrapped(data, "moved", b"forged"),
+        "inside of another",
+    ),
     "two signatures": (
         lambda data: re.sub(rb"(<ds:Signature .*</ds:Signature>)", rb"\1\1", data, flags=re.S),
         "2 signatures",
