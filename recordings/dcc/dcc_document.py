@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Iterator
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 
 if TYPE_CHECKING:
-    from lxml.etree import _Element
+    from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
 DCC: Final = "https://ptb.de/dcc"
 SI: Final = "https://ptb.de/si"
@@ -34,14 +35,12 @@ def refuse_without_libraries() -> None:
     Raises:
         EvidenceError: lxml or signxml is missing.
     """
-    try:
-        import lxml.etree  # noqa: F401
-        import signxml  # noqa: F401
-    except ImportError as fault:
+    lacking = [name for name in ("lxml", "signxml") if find_spec(name) is None]
+    if lacking:
         raise EvidenceError(
-            f"digital calibration certificates need lxml and signxml ({fault}): "
+            f"digital calibration certificates need {' and '.join(lacking)}: "
             "pip install 'payscope[dcc]'"
-        ) from None
+        )
 
 
 def parse_dcc(data: bytes, what: str) -> "_Element":
@@ -99,7 +98,7 @@ def _faults(root: "_Element") -> Iterator[str]:
         if count > _MOST_ELEMENTS:
             yield f"has more than {_MOST_ELEMENTS} elements"
             return
-        if not isinstance(element.tag, str):
+        if not isinstance(element.tag, str):  # pyright: ignore[reportUnnecessaryIsInstance]
             yield "has a processing instruction or an entity inside"
             return
         for name in _IDS:

@@ -10,7 +10,7 @@ from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import DCC, SI, leaf_text
 
 if TYPE_CHECKING:
-    from lxml.etree import _Element
+    from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
 #: Kilograms of each D-SI unit of mass that is read.
 _UNITS_KG: Final = {

@@ -10,7 +10,7 @@ from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import DS
 
 if TYPE_CHECKING:
-    from lxml.etree import _Element
+    from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
 #: Signature methods that are accepted: no SHA-1, no DSA, and no HMAC, whose key anybody may have.
 _METHODS: Final = (
@@ -96,8 +96,9 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
 def _verified(root: "_Element", signature: "_Element", what: str) -> tuple["_Element", bytes]:
     """What is signed, and the public key that signed, as PEM or DER."""
     from cryptography import x509
-    from signxml import DigestAlgorithm, SignatureConfiguration, SignatureMethod, XMLVerifier
+    from signxml.algorithms import DigestAlgorithm, SignatureMethod
     from signxml.exceptions import SignXMLException
+    from signxml.verifier import SignatureConfiguration, XMLVerifier
 
     config = SignatureConfiguration(
         require_x509=False,
@@ -106,6 +107,7 @@ def _verified(root: "_Element", signature: "_Element", what: str) -> tuple["_Ele
         digest_algorithms=frozenset(DigestAlgorithm[name] for name in _DIGESTS),
     )
     options: dict[str, Any] = {}
+    pem = b""
     held = signature.find(f".//{{{DS}}}X509Certificate")
     try:
         if held is not None:
@@ -124,9 +126,7 @@ def _verified(root: "_Element", signature: "_Element", what: str) -> tuple["_Ele
         ) from None
     if isinstance(result, list) or result.signed_xml is None:
         raise EvidenceError(f"{what}: its signature is not of the whole certificate")
-    if held is not None:
-        return result.signed_xml, pem
-    return result.signed_xml, result.signature_key
+    return result.signed_xml, pem or result.signature_key
 
 
 def _key_id(pem: bytes, what: str) -> str:
@@ -211,7 +211,9 @@ def dcc_key(path: Path, certificate: Path | None = None) -> DccKey:
 
 def sign_dcc(root: "_Element", key: DccKey) -> "_Element":
     """The certificate with a signature of the whole of it."""
-    from signxml import CanonicalizationMethod, XMLSigner, methods
+    from signxml import methods
+    from signxml.algorithms import CanonicalizationMethod
+    from signxml.signer import XMLSigner
 
     signer = XMLSigner(
         method=methods.enveloped,

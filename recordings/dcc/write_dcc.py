@@ -12,7 +12,7 @@ from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_libraries
 
 if TYPE_CHECKING:
-    from lxml.etree import _Element
+    from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
 _SHA256: Final = "SHA-256"
 _CERTIFICATE: Final = "basic_certificateIdentification"
