@@ -17,7 +17,7 @@ from recordings.dcc.dcc_masses import certified_masses
 from recordings.dcc.dcc_signature import check_signature, trusted_key_id
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.calibration.campaign_file import load_campaign
-from replay.calibration.dcc_output import DccOutput
+from replay.calibration.dcc_output import DccOutput, write_dcc_output
 from replay.calibration.verify_bundle import verify
 from tests.recordings.dcc.certificates import (
     WEIGHTS,
@@ -235,6 +235,14 @@ def test_a_certificate_needs_what_the_campaign_does_not_state(
     said = payscope("calibrate", path, "-o", tmp_path / "e", "--dcc", tmp_path / "e.xml")
     one_line(said, "a DCC needs laboratory, customer, campaign.authoriser", "machine.model")
     assert not (tmp_path / "e.xml").exists()
+
+
+def test_without_a_line_there_is_no_certificate(tmp_path: Path, made: Calibrated) -> None:
+    without = made.document.model_copy(update={"calibration": None})
+    dcc = DccOutput(tmp_path / "e.xml")
+    remark = write_dcc_output(made.folder, without, dcc, None, force=False)
+    assert "no calibration line to certify" in remark
+    assert not dcc.file.exists()
 
 
 @pytest.mark.usefixtures("made")
