@@ -5,6 +5,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 pytest.importorskip("signxml", reason="signxml is not installed (pip install 'payscope[dcc]')")
@@ -12,6 +13,7 @@ pytest.importorskip("signxml", reason="signxml is not installed (pip install 'pa
 from lxml import etree
 
 from estimators.errors import CampaignError
+from recordings.calibration.certificate_text import not_stated, warnings_of, weighings
 from recordings.dcc.dcc_document import DCC, parse_dcc
 from recordings.dcc.dcc_masses import certified_masses
 from recordings.dcc.dcc_signature import check_signature, trusted_key_id
@@ -60,6 +62,11 @@ slope_deg = 0.5
 tyres = "runners"
 fuel = "none"
 temperature_degC = -4.0
+
+[decision]
+accuracy_class = "OIML R 51 Y(b)"
+scale_interval_kg = 3.0
+tare_kg = 100.0
 """
 
 
@@ -183,6 +190,22 @@ def test_the_evidence_verifies_and_its_page_says_what_a_certificate_says(
     assert "7.8 asks for it" not in page
 
 
+def test_the_page_has_the_weighings_max_and_min_of_r_51(made: Calibrated) -> None:
+    page = (made.folder / "report.html").read_text()
+    assert "Min of OIML R 51 Y(b), 10 e: 30.0 kg. Below it: 20.0005 kg." in page
+    assert "the heaviest load that was judged: 40.0 kg" in page
+    rows = weighings(made.document, made.readings)
+    fitted = made.document.calibration
+    assert fitted is not None
+    used = made.readings.filter(pl.col("used") & (pl.col("load_id") == "weight-1"))
+    errors = fitted.alpha_1 * used["mass_kg"] + fitted.beta_kg - 120.0005
+    row = next(each for each in rows if each["load"] == "weight-1")
+    assert row["count"] == used.height > 1
+    assert row["mean_kg"] == pytest.approx(errors.mean())
+    assert row["std_kg"] == pytest.approx(errors.std())
+    assert row["limit_kg"] == 1.5 * 3.0  # up to 50 e
+
+
 def test_the_certificate_is_signed_and_read_back(made: Calibrated, folder: Path) -> None:
     data = (folder / "sledge.xml").read_bytes()
     signed = check_signature(parse_dcc(data, "sledge.xml"), "sledge.xml")
@@ -259,8 +282,6 @@ def test_a_key_that_signs_no_xml_is_refused(
 
 
 def test_the_report_says_loudly_what_is_not_traceable(made: Calibrated) -> None:
-    from recordings.calibration.certificate_text import not_stated, warnings_of
-
     values = json.loads(made.document.data)
     values["campaign"]["masses"][0]["u_kg"] = 0.0
     values["campaign"]["machine"]["make"] = ""
