@@ -14,9 +14,11 @@ from lxml import etree
 
 from estimators.errors import CampaignError
 from recordings.calibration.certificate_text import not_stated, warnings_of, weighings
+from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
 from recordings.dcc.dcc_masses import certified_masses
 from recordings.dcc.dcc_signature import check_signature, trusted_key_id
+from recordings.dcc.write_dcc import dcc_of
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.dcc_output import DccOutput, write_dcc_output
@@ -223,6 +225,19 @@ def test_the_certificate_is_signed_and_read_back(made: Calibrated, folder: Path)
 def test_the_certificate_is_valid_after_the_official_schema(folder: Path, name: str) -> None:
     schema = etree.XMLSchema(etree.parse(SCHEMA))
     assert schema.validate(etree.parse(folder / name)), schema.error_log
+
+
+@pytest.mark.skipif(not SCHEMA.exists(), reason="the schema of the DCC is not beside the checkout")
+def test_a_certificate_after_another_names_it_by_its_digest(made: Calibrated) -> None:
+    before = Link(id="evidence-1", counter=1, sums_sha256="ab" * 32)
+    chained = made.document.model_copy(update={"chain": Chain(counter=2, previous=before)})
+    root = dcc_of(chained, "cd" * 32)
+    report = root.find(f".//{{{DCC}}}previousReport")
+    assert report is not None
+    assert report.findtext(f"{{{DCC}}}referralID") == "evidence-1"
+    assert report.findtext(f"{{{DCC}}}value") == "ab" * 32
+    schema = etree.XMLSchema(etree.parse(SCHEMA))
+    assert schema.validate(root), schema.error_log
 
 
 @pytest.mark.usefixtures("made")
