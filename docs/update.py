@@ -28,6 +28,7 @@ from analysis.calibration.campaign.campaign_plan import (
     Conditions,
     LeftOutLog,
     NotaryStretch,
+    Organisation,
     ReferenceMass,
     StatedComponent,
 )
@@ -137,6 +138,7 @@ def campaign_tables() -> str:
     return _tables(
         [
             ("`[campaign]`", About),
+            ("`[laboratory]` and `[customer]`", Organisation),
             ("`[machine]`", CalibratedMachine),
             ("`[[masses]]`", ReferenceMass),
             ("`[conditions]`", Conditions),

@@ -13,9 +13,17 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.calibration.campaign.campaign_plan import ReferenceMass
 from analysis.calibration.line.calibration import Calibration
 from recordings.calibration.calibration_plots import pictures
 from recordings.calibration.calibration_text import ESTIMATORS, in_words, unseen
+from recordings.calibration.certificate_text import (
+    certificate_rows,
+    not_stated,
+    range_sentences,
+    warnings_of,
+    weighings,
+)
 from recordings.calibration.days import runs_without_date
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import learnt_rows
@@ -45,6 +53,11 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         fitted=document.calibration,
         title=title_of(document),
         facts=facts(document),
+        certificate=certificate_rows(document),
+        warnings=warnings_of(document),
+        not_stated=not_stated(document),
+        weighings=weighings(document, readings),
+        range_sentences=list(range_sentences(document)),
         words=in_words(document, readings, points),
         unseen=unseen(document),
         pictures=pictures(document, readings),
@@ -183,7 +196,8 @@ def _references(document: EvidenceDocument) -> list[Mapping[str, Any]]:
             "id": mass.id,
             "value": kilograms(mass.value_kg, 3),
             "u": kilograms(mass.u_kg, 3),
-            "certificate": mass.certificate or "none named",
+            "certificate": _certificate(mass),
+            "issuer": mass.certificate_issuer or _NONE,
             "expires": day(mass.expires),
             "shared": f"{mass.source}: {kilograms(mass.shared_u_kg, 3)} kg" if mass.source else "",
         }
@@ -196,11 +210,21 @@ def _references(document: EvidenceDocument) -> list[Mapping[str, Any]]:
             "value": kilograms(body.empty_mass_kg, 3),
             "u": kilograms(body.empty_mass_u_kg, 3),
             "certificate": about.empty_certificate or "none named",
+            "issuer": _NONE,
             "expires": day(about.empty_expires),
             "shared": "every load",
         }
         rows.insert(0, machine)
     return rows
+
+
+def _certificate(mass: ReferenceMass) -> str:
+    """The certificate of a mass, or who says the mass; of a digital one who signed it."""
+    if mass.stated_by:
+        return f"stated by the {mass.stated_by}"
+    signed = f" ({mass.certificate_signature})" if mass.certificate_signature else ""
+    digest = f", SHA-256 {mass.certificate_sha256[:16]}…" if mass.certificate_sha256 else ""
+    return f"{mass.certificate or 'none named'}{signed}{digest}"
 
 
 def _runs(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:

@@ -3,7 +3,7 @@
 import datetime as dt
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -50,6 +50,7 @@ from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import Replayed, new_id, now, replay_runs, software
+from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
 
 #: How far a replay elsewhere may be off, in kg: other processors have other last bits.
 TOLERANCE_KG: Final = 1e-6
@@ -128,7 +129,7 @@ class EvidenceParts:
     drift: DriftCheck | None = None
 
 
-def calibrate(
+def calibrate(  # noqa: PLR0913  each is an option of the command
     campaign_file: Path,
     folder: Path,
     *,
@@ -137,6 +138,7 @@ def calibrate(
     recordings: bool = False,
     force: bool = False,
     timestamp_request_file: Path | None = None,
+    dcc: DccOutput | None = None,
     on_log: Callable[[str], None] = lambda _: None,
 ) -> Calibrated:
     """Replay a campaign's runs, fit the line, and write the evidence.
@@ -149,6 +151,7 @@ def calibrate(
         recordings: whether each replay's recording is part of the bundle.
         force: whether evidence in `folder` may be replaced.
         timestamp_request_file: where to write the query for a time-stamp authority, if at all.
+        dcc: where to write the digital calibration certificate, if at all, and what signs it.
         on_log: told each log's name as its replay begins.
 
     Raises:
@@ -158,6 +161,7 @@ def calibrate(
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(canonical(machine.model_dump(mode="json")))
     key = signing_key(key_file)
+    xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
     before = None if previous is None else before_of(previous, campaign.machine.id, key)
     check_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
@@ -195,7 +199,10 @@ def calibrate(
         calibrated = finish(evidence, made, folder, key, before, previous, stretch)
     if timestamp_request_file is not None:
         write_timestamp_request(folder, timestamp_request_file, force=force)
-    return calibrated
+    if dcc is None:
+        return calibrated
+    remark = write_dcc_output(folder, calibrated.document, dcc, xml_key, force=force)
+    return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
 def check_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:

@@ -10,6 +10,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.reference_masses import references
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError
+from replay.calibration.certified_masses import with_certified_masses
 from replay.machines.machine_file import load_machine, machine_path
 from replay.machines.toml_file import read_toml, validate
 
@@ -36,7 +37,13 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     content = read_toml(path, CampaignError)
     for place, text in left_open(content):
         raise CampaignError(f"{path}: {place}: is left to complete ('{text}')")
+    content = with_certified_masses(path, content)
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
+    if campaign.laboratory is not None and campaign.not_stated:
+        raise CampaignError(
+            f"{path}: [laboratory] makes this a certificate after ISO/IEC 17025, 7.8, which lacks "
+            f"{', '.join(campaign.not_stated)}; complete them, or leave [laboratory] out"
+        )
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)

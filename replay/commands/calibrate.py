@@ -45,6 +45,19 @@ def command(
             metavar="FILE", help="Write the query that a time-stamp authority (RFC 3161) answers."
         ),
     ] = None,
+    dcc: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write a digital calibration certificate (DCC 3.2.1) as well."
+        ),
+    ] = None,
+    dcc_key: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Private ECDSA or RSA key (PEM) that signs --dcc."),
+    ] = None,
+    dcc_certificate: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Certificate (PEM) of --dcc-key, if any.")
+    ] = None,
     force: Annotated[bool, typer.Option(help="Replace evidence that is there.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
@@ -54,6 +67,7 @@ def command(
     """
     from replay.calibration.calibrate_campaign import calibrate
     from replay.calibration.check_mass import Known, check_mass
+    from replay.calibration.dcc_output import DccOutput
     from replay.commands.print_tables import console, print_json
     from replay.commands.progress_bar import Stages
 
@@ -63,6 +77,10 @@ def command(
         raise typer.BadParameter("--check needs --previous, the evidence that it checks")
     if check is not None and timestamp_request is not None:
         raise typer.BadParameter("--timestamp-request is of a campaign, not of --check")
+    if dcc is None and (dcc_key or dcc_certificate):
+        raise typer.BadParameter("--dcc-key and --dcc-certificate are of --dcc")
+    if check is not None and dcc is not None:
+        raise typer.BadParameter("--dcc is of a campaign, not of --check")
     with Stages(1) as stages:
         if check is not None and previous is not None:
             known = Known(check, check_u, certificate, day)
@@ -76,6 +94,7 @@ def command(
                 recordings=recordings,
                 force=force,
                 timestamp_request_file=timestamp_request,
+                dcc=None if dcc is None else DccOutput(dcc, dcc_key, dcc_certificate),
                 on_log=stages.begin,
             )
     if as_json:
@@ -89,6 +108,7 @@ def command(
 def _print(screen: "Console", made: "Calibrated") -> None:
     from recordings.calibration.calibration_report import facts, kilograms
     from recordings.calibration.calibration_text import in_words
+    from recordings.calibration.certificate_text import warnings_of
     from replay.commands.print_tables import plain_table, print_line, print_table
 
     table = plain_table(
@@ -112,6 +132,8 @@ def _print(screen: "Console", made: "Calibrated") -> None:
         if name != "made":
             print_line(screen, f"{name}: {value}")
     screen.print()
+    for sentence in warnings_of(made.document):
+        print_line(screen, sentence, "[bold red]!![/] ")
     for sentence in in_words(made.document, made.readings, made.points):
         print_line(screen, sentence)
     for remark in made.remarks:

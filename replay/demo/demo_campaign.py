@@ -9,20 +9,37 @@ from analysis.simulation import Scenario
 from replay.simulation.log_truth import true_trials
 
 _HEAD = """\
-# The demo's calibration: simulated logs, so that every mass is exactly known; a real campaign has
-# certificates instead. docs/evidence.md explains every key.
+# The demo's calibration: simulated logs. The certificates are examples and stand for none:
+# a simulated mass is exactly known. docs/evidence.md explains every key.
 
 [campaign]
 title = "Demo: simulated Cat 262C"
 intended_use = "showing what a calibration is"
 author = "payscope demo"
+author_function = "simulation"
+authoriser = "payscope demo"
+authoriser_function = "example"
+place = "simulated"
+place_kind = "other"
+deviations = "none"
 signer = "payscope demo"
 
 [machine]
 file = "{machine}"
 id = "simulated"
+make = "Caterpillar"
+model = "262C"
+condition = "simulated"
 empty_mass_kg = {empty_kg!r}
-empty_mass_u_kg = 0.0
+empty_mass_u_kg = 0.5
+empty_certificate = "example: weighbridge 1"
+
+[conditions]
+surface = "simulated, dry concrete"
+slope_deg = 0.0
+tyres = "simulated, rigid"
+fuel = "simulated, constant"
+temperature_degC = 20.0
 
 [method]
 estimator = "joint_mass"
@@ -31,7 +48,8 @@ _MASS = """
 [[masses]]
 id = "{id}"
 value_kg = {value_kg!r}
-u_kg = 0.0
+u_kg = 0.02
+certificate = "example: {id}"
 """
 _RUN = """
 [[runs]]

@@ -2,6 +2,7 @@
 
 import datetime as dt
 import json
+import os
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -24,13 +25,39 @@ _HEAD = """\
 title = ""
 intended_use = "TODO: what the calibration is for"
 author = "TODO: who made it"
-authoriser = ""                # who answers for it, if another
+author_function = "TODO: the author's function"
+authoriser = "TODO: who answers for it"
+authoriser_function = "TODO: the authoriser's function"
+place = "TODO: where the runs were made"
+place_kind = "customer"        # whose place: laboratory, customer or other
+deviations = "none"            # from the method
+# received = 2030-01-31        # when the machine was handed over
+# replaces = ""                # id of the evidence that this one replaces
+# replaces_reason = ""
 signer = ""                    # whose key signs
 valid_days = 365               # after the last run
+
+# ISO/IEC 17025, 7.8: with a laboratory the evidence is a certificate, and has to have everything
+# that one needs. Leave [laboratory] out for evidence of your own.
+[laboratory]
+name = "TODO"
+address = "TODO: street and number"
+city = "TODO: postal code and city"
+country = "TODO: two letters, such as DE"
+email = ""
+
+[customer]
+name = "TODO"
+address = "TODO: street and number"
+city = "TODO: postal code and city"
+country = "TODO: two letters"
 
 [machine]
 file = {machine}
 id = {id}
+make = "TODO: who built it"
+model = "TODO"
+condition = "TODO: such as tyres worn by a third"
 # empty_mass_kg = 3614.0       # weighed without load, where not the machine file's
 # empty_mass_u_kg = 2.0        # standard uncertainty (k = 1) of that
 # empty_certificate = ""
@@ -46,16 +73,19 @@ id = {id}
 id = "mass-1"
 value_kg = 50.0
 u_kg = 0.05                    # standard uncertainty (k = 1)
-certificate = "TODO"           # "" without
+certificate = "TODO"           # its number; "" without
+# stated_by = "customer"       # where the customer says the mass, and no laboratory
+# dcc = "certificate.xml#item" # read from a digital certificate; then without value_kg and u_kg
 # expires = 2030-12-31
 # source = "scale-1"
 # shared_u_kg = 0.04
 
 [conditions]                   # of all runs; a run may have its own
-# surface = "dry concrete"
-# tyres = "3.5 bar"
-# fuel = "half full"
-# temperature_degC = 15.0
+surface = "TODO: such as dry concrete"
+slope_deg = "TODO: of the ground, nose up"
+tyres = "TODO: such as 3.5 bar"
+fuel = "TODO: such as half full"
+temperature_degC = "TODO: of the air"
 
 [method]
 estimator = "joint_mass"       # or joint_payload, or a method of the paper such as pooled
@@ -158,8 +188,5 @@ def _stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], s
 
 
 def _from(folder: Path, path: Path) -> str:
-    """The path as it is named from a folder, or whole where it lies elsewhere."""
-    try:
-        return path.resolve().relative_to(folder.resolve()).as_posix()
-    except ValueError:
-        return str(path.resolve())
+    """The path as it is named from a folder: never absolute, since the file goes elsewhere."""
+    return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

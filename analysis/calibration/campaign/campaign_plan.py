@@ -2,7 +2,7 @@
 
 import datetime as dt
 from itertools import pairwise
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
@@ -15,12 +15,44 @@ JOINT_ESTIMATORS: Final = ("joint_mass", "joint_payload")
 #: The load of a run without any.
 EMPTY: Final = "empty"
 
+#: How `certificate_signature` begins where the laboratory's key is one that the campaign names.
+_TRUSTED: Final = "signed by a key of dcc_keys"
+#: What ISO/IEC 17025:2017 asks of a certificate: 7.8.2.1 c, f, o; and 7.8.4.1 b of a mobile scale.
+_CERTIFICATE_KEYS: Final = (
+    "authoriser",
+    "authoriser_function",
+    "place",
+    "place_kind",
+    "deviations",
+)
+_CONDITION_KEYS: Final = ("temperature_degC", "slope_deg", "surface", "tyres", "fuel")
+
 Id = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
 Text = Annotated[str, StringConstraints(max_length=2000)]
 Line = Annotated[str, StringConstraints(max_length=200)]
 Estimator = Literal[
     "joint_mass", "joint_payload", "pooled", "ls", "rls", "rtls", "fgls", "tls", "huber"
 ]
+
+
+class Organisation(BaseModel):
+    """A laboratory or a customer; with `[laboratory]` the evidence is a certificate."""
+
+    model_config = _FORBID
+
+    name: Line = Field(min_length=1, description="its name")
+    address: Line = Field(min_length=1, description="street and number, or what else finds it")
+    city: Line = Field(min_length=1, description="with the postal code")
+    country: Annotated[str, StringConstraints(pattern=r"^[A-Z]{2}$")] = Field(
+        description="two letters, ISO 3166-1"
+    )
+    email: Line = Field("", description="of whoever answers questions")
+
+    @property
+    def text(self) -> str:
+        """Name and address in a line."""
+        email = f", {self.email}" if self.email else ""
+        return f"{self.name}, {self.address}, {self.city}, {self.country}{email}"
 
 
 class About(BaseModel):
@@ -32,11 +64,27 @@ class About(BaseModel):
     intended_use: Text = Field(min_length=1, description="what the calibration is for")
     author: Line = Field(min_length=1, description="who made the campaign")
     authoriser: Line = Field("", description="who answers for it, if another")
+    author_function: Line = Field("", description="the author's function")
+    authoriser_function: Line = Field("", description="the authoriser's function")
+    place: Line = Field("", description="where the runs were made")
+    place_kind: Literal["", "laboratory", "customer", "other"] = Field(
+        "", description="whose place that is"
+    )
+    received: dt.date | None = Field(None, description="day when the machine was handed over")
+    deviations: Text = Field("", description='from the method; "none" where there are none')
+    replaces: Id | Literal[""] = Field("", description="id of the evidence that this one replaces")
+    replaces_reason: Text = Field("", description="why it is replaced")
     signer: Line = Field("", description="whose signing key it is, by name")
     valid_days: int = Field(
         365, ge=1, le=3650, description="days after the last run when the evidence expires"
     )
     remark: Text = Field("", description="for the reader, such as repairs since the last")
+
+    @model_validator(mode="after")
+    def _replaced_for_a_reason(self) -> Self:
+        if bool(self.replaces) != bool(self.replaces_reason):
+            raise ValueError("replaces and replaces_reason go together: what is replaced, and why")
+        return self
 
 
 class CalibratedMachine(BaseModel):
@@ -46,6 +94,9 @@ class CalibratedMachine(BaseModel):
 
     file: Line = Field(min_length=1, description="machine file, from the campaign file's folder")
     id: Id = Field(description="serial number: evidence is chained by it")
+    make: Line = Field("", description="who built it")
+    model: Line = Field("", description="which model it is")
+    condition: Line = Field("", description="its condition, such as tyres worn by a third")
     empty_mass_kg: float | None = Field(
         None, gt=0, description="its empty mass, where not the machine file's"
     )
@@ -69,6 +120,19 @@ class ReferenceMass(BaseModel):
     u_kg: float = Field(ge=0, le=1e5, description="standard uncertainty (k = 1) of that")
     certificate: Line = Field("", description="id of its certificate")
     expires: dt.date | None = Field(None, description="last day of the certificate")
+    stated_by: Literal["", "customer"] = Field(
+        "", description='"customer" where the customer says the mass, and no laboratory'
+    )
+    dcc: Line = Field(
+        "", description="digital certificate and item that it is read from: cert.xml#item"
+    )
+    certificate_sha256: Annotated[str, StringConstraints(pattern=r"^([0-9a-f]{64})?$")] = Field(
+        "", description="digest of the certificate; of a dcc it is computed"
+    )
+    certificate_issuer: Line = Field("", description="laboratory that issued the certificate")
+    certificate_signature: Line = Field(
+        "", description="who signed the dcc; written when it is read"
+    )
     source: Line = Field("", description="scale or certificate that several masses share")
     shared_u_kg: float = Field(
         0.0, ge=0, le=1e5, description="part of u_kg that all masses of that source share"
@@ -231,8 +295,13 @@ class CalibrationCampaign(BaseModel):
     model_config = _FORBID
 
     campaign: About
+    laboratory: Organisation | None = None
+    customer: Organisation | None = None
     machine: CalibratedMachine
     masses: tuple[ReferenceMass, ...] = Field((), max_length=200)
+    dcc_keys: tuple[Line, ...] = Field(
+        (), max_length=50, description="files with keys of laboratories that are trusted, in PEM"
+    )
     conditions: Conditions = Conditions.model_validate({})
     method: CampaignMethod = CampaignMethod.model_validate({})
     decision: AskedLimits | None = None
@@ -298,6 +367,46 @@ class CalibrationCampaign(BaseModel):
         """The last day of the evidence."""
         last = max(run.day for run in self.runs)
         return last + dt.timedelta(days=self.campaign.valid_days)
+
+    @property
+    def not_stated(self) -> tuple[str, ...]:
+        """Keys that ISO/IEC 17025, 7.8 asks for of a certificate, and that the file leaves open."""
+        found = [name for name in ("laboratory", "customer") if getattr(self, name) is None]
+        asked: tuple[tuple[str, BaseModel, tuple[str, ...]], ...] = (
+            ("campaign", self.campaign, _CERTIFICATE_KEYS),
+            ("machine", self.machine, ("make", "model", "condition")),
+        )
+        for table, model, names in asked:
+            found += [f"{table}.{name}" for name in names if not getattr(model, name)]
+        for name in _CONDITION_KEYS:
+            if any(self.conditions_of(run)[name] in ("", None) for run in self.runs):
+                found.append(f"conditions.{name}")
+        return tuple(found)
+
+    def conditions_of(self, run: CampaignRun) -> dict[str, Any]:
+        """The conditions of a run: its own where it has any, else those of all runs."""
+        own, common = run.conditions.model_dump(), self.conditions.model_dump()
+        return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
+
+    @property
+    def untraceable(self) -> tuple[str, ...]:
+        """What of the references is not traceable, a sentence each."""
+        found: list[str] = []
+        for mass in self.masses:
+            if mass.u_kg == 0.0:
+                found.append(f"mass '{mass.id}' has a standard uncertainty of 0")
+            if mass.stated_by:
+                found.append(f"mass '{mass.id}' is stated by the {mass.stated_by}")
+            elif not mass.certificate:
+                found.append(f"mass '{mass.id}' has no certificate")
+            if mass.dcc and not mass.certificate_signature.startswith(_TRUSTED):
+                found.append(f"the certificate of mass '{mass.id}' is {mass.certificate_signature}")
+        if self.method.estimator != "joint_payload":
+            if self.machine.empty_mass_u_kg == 0.0:
+                found.append("the machine's empty mass has a standard uncertainty of 0")
+            if not self.machine.empty_certificate:
+                found.append("the machine's empty mass has no certificate")
+        return tuple(found)
 
     def on_board(self, load_id: str) -> tuple[ReferenceMass, ...]:
         """The masses of a load."""

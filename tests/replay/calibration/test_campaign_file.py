@@ -53,6 +53,55 @@ def test_a_fault_is_one_line_with_its_remedy(
     assert not (campaign.parent / "evidence").exists()
 
 
+CERTIFICATE = """
+[laboratory]
+name = "Example Laboratory"
+address = "Example Street 1"
+city = "Exampletown"
+country = "DE"
+"""
+
+
+def test_a_campaign_of_a_laboratory_names_each_key_that_a_certificate_lacks(campaign: Path) -> None:
+    campaign.write_text(campaign.read_text() + CERTIFICATE)
+    with pytest.raises(CampaignError) as fault:
+        load_campaign(campaign)
+    for key in ("customer", "campaign.place", "machine.make", "conditions.tyres"):
+        assert key in str(fault.value)
+
+
+def test_a_campaign_of_before_is_read_and_says_what_it_does_not_state(campaign: Path) -> None:
+    read, _ = load_campaign(campaign)
+    assert "laboratory" in read.not_stated
+    assert "conditions.temperature_degC" in read.not_stated
+    assert read.untraceable == ("the machine's empty mass has no certificate",)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("u_kg = 0.02", "u_kg = 0.0", "mass 'block-1' has a standard uncertainty of 0"),
+        ('certificate = "K-1"', "", "mass 'block-1' has no certificate"),
+        ('certificate = "K-1"', 'stated_by = "customer"', "'block-1' is stated by the customer"),
+    ],
+)
+def test_a_mass_that_is_not_traceable_is_said(
+    campaign: Path, old: str, new: str, said: str
+) -> None:
+    text = campaign.read_text().replace("shared_u_kg = 0.01", "")
+    assert old in text
+    campaign.write_text(text.replace(old, new, 1))
+    assert any(said in each for each in load_campaign(campaign)[0].untraceable)
+
+
+def test_what_is_replaced_needs_a_reason(campaign: Path) -> None:
+    campaign.write_text(
+        campaign.read_text().replace('author = "A', 'replaces = "abc"\nauthor = "A', 1)
+    )
+    with pytest.raises(CampaignError, match="go together"):
+        load_campaign(campaign)
+
+
 def test_a_class_that_is_none_is_refused_before_the_work(campaign: Path) -> None:
     campaign.write_text(campaign.read_text() + '\n[decision]\naccuracy_class = "R 51 Y(c)"\n')
     with pytest.raises(CampaignError, match="no class"):
@@ -82,11 +131,19 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     one_line(left, "draft.toml", "campaign.intended_use: is left to complete")
     text = draft.read_text()
     undated, loads = ('day = "TODO"', "day = 2026-05-01"), ('["TODO"]', '["mass-1"]')
-    for open_one, said in (undated, loads, ('"TODO', '"Sledges')):
+    countries = [
+        ('"TODO: two letters, such as DE"', '"DE"'),
+        ('"TODO: two letters"', '"DE"'),
+        ('"TODO: of the ground, nose up"', "0.0"),
+        ('"TODO: of the air"', "15.0"),
+    ]
+    for open_one, said in (undated, loads, *countries, ('"TODO', '"Sledges')):
         assert open_one in text
         text = text.replace(open_one, said)
     draft.write_text(text)
     campaign, _ = load_campaign(draft)
     assert campaign.campaign.author == "Sledges: who made it"
+    assert not campaign.not_stated
+    assert str(tmp_path) not in text
     one_line(payscope("init", "--campaign", tmp_path / "none", "-o", tmp_path / "x.toml"), "none")
     one_line(payscope("init", "-o", tmp_path / "x.toml"), "--campaign DIR")

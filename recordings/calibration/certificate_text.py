@@ -1,0 +1,157 @@
+"""What ISO/IEC 17025:2017, 7.8 asks a certificate to say, in rows and sentences of the report."""
+
+import datetime as dt
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import polars as pl
+
+from recordings.calibration.evidence_document import EvidenceDocument
+
+NOT_STATED: Final = "not stated"
+_PLACES: Final = {
+    "laboratory": "at the laboratory",
+    "customer": "at the customer's",
+    "other": "elsewhere",
+}
+#: Smallest load of R 51's classes, in scale intervals e. Source: schedule 1 of the United Kingdom's
+#: Automatic Catchweighing Instruments Regulations 2003 (SI 2003/2761), after R 51.
+_MIN_E: Final = {"OIML R 51 Y(a)": 20.0, "OIML R 51 Y(b)": 10.0}
+
+
+def certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
+    """What stands on page 1: whose, where, of what, when, by whom; name and text."""
+    campaign = document.campaign
+    about, machine = campaign.campaign, campaign.machine
+    days = sorted(run.day for run in campaign.runs)
+    work = f"{days[0]}" if days[0] == days[-1] else f"{days[0]} to {days[-1]}"
+    kind = f" ({_PLACES[about.place_kind]})" if about.place_kind else ""
+    replaced = f"{about.replaces}, because {about.replaces_reason}" if about.replaces else "nothing"
+    return [
+        ("identification", document.id),
+        ("laboratory", NOT_STATED if campaign.laboratory is None else campaign.laboratory.text),
+        ("customer", NOT_STATED if campaign.customer is None else campaign.customer.text),
+        ("place of the work", f"{about.place}{kind}" if about.place else NOT_STATED),
+        ("item", f"{document.machine.machine.name}, serial number {machine.id}"),
+        ("make and model", f"{machine.make or NOT_STATED}, {machine.model or NOT_STATED}"),
+        ("condition", machine.condition or NOT_STATED),
+        *([("received", about.received.isoformat())] if about.received else []),
+        ("work done", work),
+        ("issued", document.made[:10]),
+        ("authorised by", _person(about.authoriser, about.authoriser_function)),
+        ("made by", _person(about.author, about.author_function)),
+        ("deviations from the method", about.deviations or NOT_STATED),
+        ("replaces", replaced),
+        *conditions_rows(document),
+    ]
+
+
+def _person(name: str, function: str) -> str:
+    if not name:
+        return NOT_STATED
+    return f"{name}, {function or 'function ' + NOT_STATED}"
+
+
+def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
+    """The conditions of the runs, each with every value that it had."""
+    shown = {
+        "temperature_degC": ("air temperature", "{:g} °C"),
+        "slope_deg": ("slope of the ground", "{:g}°"),
+        "surface": ("surface", "{}"),
+        "tyres": ("tyres", "{}"),
+        "fuel": ("fuel", "{}"),
+    }
+    campaign = document.campaign
+    runs = [campaign.conditions_of(run) for run in campaign.runs]
+    found: list[tuple[str, str]] = []
+    for key, (name, form) in shown.items():
+        said = [each[key] for each in runs]
+        texts = [NOT_STATED if value in ("", None) else form.format(value) for value in said]
+        found.append((name, "; ".join(dict.fromkeys(texts))))
+    return found
+
+
+def warnings_of(document: EvidenceDocument) -> list[str]:
+    """What a reader must see first: references that are not traceable."""
+    untraceable = document.campaign.untraceable
+    return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
+
+
+def not_stated(document: EvidenceDocument) -> list[str]:
+    """What the campaign file leaves open of what a certificate says."""
+    keys = document.campaign.not_stated
+    if not keys:
+        return []
+    return [f"Not stated, and ISO/IEC 17025, 7.8 asks for it: {', '.join(keys)}."]
+
+
+def weighings(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+    """Of each load the number of weighings, their mean error and standard deviation, kg.
+
+    The limit is that of a single error: categories Y of R 51 and classes of R 134 have none of a
+    mean or of a standard deviation (R 51 has those of category X, which checks packages).
+    """
+    fitted, limits = document.calibration, document.limits
+    if fitted is None:
+        return []
+    allowed = {} if limits is None else {row.load_id: row.limit_kg for row in limits.rows}
+    references = {each.load_id: each.reference_kg for each in document.references}
+    found: list[Mapping[str, Any]] = []
+    for load_id in document.campaign.load_ids:
+        used = readings.filter((pl.col("load_id") == load_id) & pl.col("used"))["mass_kg"]
+        masses = [m for m in used.to_list() if m is not None]
+        if not masses:
+            continue
+        errors = [fitted.alpha_1 * m + fitted.beta_kg - references[load_id] for m in masses]
+        mean = sum(errors) / len(errors)
+        many = len(errors) > 1
+        std = (sum((e - mean) ** 2 for e in errors) / (len(errors) - 1)) ** 0.5 if many else None
+        limit = allowed.get(load_id)
+        found.append(
+            {
+                "load": load_id,
+                "count": len(errors),
+                "mean_kg": mean,
+                "std_kg": std,
+                "largest_kg": max(errors, key=abs),
+                "limit_kg": limit,
+                "within": "–" if limit is None else _count_within(errors, limit),
+            }
+        )
+    return found
+
+
+def _count_within(errors: list[float], limit_kg: float) -> str:
+    return f"{sum(abs(error) <= limit_kg for error in errors)} of {len(errors)}"
+
+
+def range_sentences(document: EvidenceDocument) -> Iterator[str]:
+    """Max and Min of a class with a scale interval, and what the limits of each class are of."""
+    limits = document.limits
+    if limits is None:
+        return
+    name, e_kg = limits.rule.accuracy_class, limits.rule.scale_interval_kg
+    loads = [row.load_kg for row in limits.rows if row.load_kg > 0.0]
+    if name in _MIN_E and e_kg is not None and loads:
+        low_kg = _MIN_E[name] * e_kg
+        below = [f"{load:g} kg" for load in loads if load < low_kg]
+        less = f" Below it: {', '.join(below)}." if below else ""
+        yield (
+            f"Max, the heaviest load that was judged: {max(loads):,.1f} kg. Min of {name}, "
+            f"{_MIN_E[name]:g} e: {low_kg:,.1f} kg.{less}"
+        )
+    yield (
+        f"The limits of {name} are of each single error; it has none of a mean or of a standard "
+        "deviation."
+    )
+    rule = limits.rule
+    yield (
+        f"Decision rule: within the limits where a later mass errs beyond them with a probability "
+        f"of at most {rule.risk_1:g}, outside where it errs within them with at most that, else "
+        "undecided (JCGM 106, guarded acceptance by specific risk)."
+    )
+
+
+def issue_day(document: EvidenceDocument) -> dt.date:
+    """The day of issue."""
+    return dt.date.fromisoformat(document.made[:10])

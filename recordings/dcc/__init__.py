@@ -1,0 +1,1 @@
+"""Digital calibration certificates (DCC): read with their signature, and written."""

@@ -1,0 +1,146 @@
+"""A digital calibration certificate of a stranger: bounded, without DTD, of one version."""
+
+import re
+from collections.abc import Iterator
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Final
+
+from estimators.errors import EvidenceError
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
+
+DCC: Final = "https://ptb.de/dcc"
+SI: Final = "https://ptb.de/si"
+DS: Final = "http://www.w3.org/2000/09/xmldsig#"
+#: The version that is read and written. 3.3 has other elements; earlier ones lack some.
+VERSION: Final = "3.2.1"
+#: Bytes of a certificate: a hundred weights take 0.3 MB, and an embedded PDF a few MB.
+MOST_BYTES: Final = 16 << 20
+#: Elements of a certificate, for the same reason.
+_MOST_ELEMENTS: Final = 200_000
+_IDS: Final = ("id", "Id", "ID", "{http://www.w3.org/XML/1998/namespace}id")
+#: Core data that the schema asks for, and the form of each.
+_CORE: Final = {
+    "countryCodeISO3166_1": r"[A-Z]{2}",
+    "uniqueIdentifier": r"\S+(\s+\S+)*",
+    "beginPerformanceDate": r"\d{4}-\d\d-\d\d",
+    "endPerformanceDate": r"\d{4}-\d\d-\d\d",
+}
+
+
+def refuse_without_libraries() -> None:
+    """Refuse certificates where the libraries that they need are not installed.
+
+    Raises:
+        EvidenceError: lxml or signxml is missing.
+    """
+    lacking = [name for name in ("lxml", "signxml") if find_spec(name) is None]
+    if lacking:
+        raise EvidenceError(
+            f"digital calibration certificates need {' and '.join(lacking)}: "
+            "pip install 'payscope[dcc]'"
+        )
+
+
+def parse_dcc(data: bytes, what: str) -> "_Element":
+    """Parse a certificate, and check its frame; nothing outside of it is read.
+
+    Args:
+        data: its bytes.
+        what: its name, for errors.
+
+    Returns:
+        Its root. Whether it is signed is another matter.
+
+    Raises:
+        EvidenceError: too large, no XML, with a DTD, of another version, or no certificate.
+    """
+    refuse_without_libraries()
+    from lxml import etree
+
+    if len(data) > MOST_BYTES:
+        raise EvidenceError(f"{what}: has more than {MOST_BYTES >> 20} MiB, the most that is read")
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        huge_tree=False,
+        remove_comments=True,
+    )
+    try:
+        root = etree.fromstring(data, parser)
+    except (etree.XMLSyntaxError, ValueError) as fault:
+        raise EvidenceError(f"{what}: is no XML ({str(fault)[:120]})") from None
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise EvidenceError(f"{what}: has a DTD, and entities of a certificate are not read")
+    if root.tag != f"{{{DCC}}}digitalCalibrationCertificate":
+        raise EvidenceError(
+            f"{what}: is no digital calibration certificate: its root is {str(root.tag)[:80]}"
+        )
+    version = root.get("schemaVersion", "none")
+    if version != VERSION:
+        raise EvidenceError(
+            f"{what}: is of DCC version {version[:20]}, and only {VERSION} is read; ask the "
+            f"laboratory for one of {VERSION}, or state the masses by value_kg and u_kg"
+        )
+    fault = next(_faults(root), None)
+    if fault is not None:
+        raise EvidenceError(f"{what}: {fault}")
+    return root
+
+
+def _faults(root: "_Element") -> Iterator[str]:
+    """What keeps the frame from being a certificate's."""
+    seen: set[str] = set()
+    for count, element in enumerate(root.iter()):
+        if count > _MOST_ELEMENTS:
+            yield f"has more than {_MOST_ELEMENTS} elements"
+            return
+        if not isinstance(element.tag, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+            yield "has a processing instruction or an entity inside"
+            return
+        for name in _IDS:
+            value = element.get(name)
+            if value is not None and value in seen:
+                yield f"has two elements of the id '{value[:60]}'"
+            if value is not None:
+                seen.add(value)
+    yield from _frame_faults(root)
+
+
+def _frame_faults(root: "_Element") -> Iterator[str]:
+    """What of the parts that every certificate has once is there twice, or not."""
+    names = [child.tag for child in root]
+    for name in ("administrativeData", "measurementResults"):
+        if names.count(f"{{{DCC}}}{name}") != 1:
+            yield f"has {names.count(f'{{{DCC}}}{name}')} elements {name} instead of one"
+            return
+        if len(list(root.iter(f"{{{DCC}}}{name}"))) != 1:
+            yield f"has an element {name} inside of another"
+    core = root.findall(f"{{{DCC}}}administrativeData/{{{DCC}}}coreData")
+    if len(core) != 1:
+        yield f"has {len(core)} elements coreData instead of one"
+        return
+    for name, form in _CORE.items():
+        found = core[0].findall(f"{{{DCC}}}{name}")
+        if len(found) != 1 or not re.fullmatch(form, leaf_text(found[0]) or ""):
+            yield f"has no valid {name}"
+
+
+def dcc_bytes(root: "_Element") -> bytes:
+    """A certificate as it is written."""
+    from lxml import etree
+
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+
+
+def leaf_text(element: "_Element | None") -> str | None:
+    """The text of an element without others in it, stripped; None where it has any or is not there.
+
+    Text that is cut by an element would be read by one program to its end and by another not.
+    """
+    if element is None or len(element):
+        return None
+    return (element.text or "").strip()

@@ -1,0 +1,225 @@
+"""The XML signature of a certificate: of the whole of it, by a public key, checked and made."""
+
+import hashlib
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from estimators.errors import EvidenceError
+from recordings.dcc.dcc_document import DS
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
+
+#: Signature methods that are accepted: no SHA-1, no DSA, and no HMAC, whose key anybody may have.
+_METHODS: Final = (
+    *("ECDSA_SHA256", "ECDSA_SHA384", "ECDSA_SHA512"),
+    *("RSA_SHA256", "RSA_SHA384", "RSA_SHA512"),
+    *("SHA256_RSA_MGF1", "SHA384_RSA_MGF1", "SHA512_RSA_MGF1"),
+)
+_DIGESTS: Final = ("SHA256", "SHA384", "SHA512")
+#: Transforms of the one reference: without the signature, in canonical form; XPath and XSLT could
+#: choose what is signed.
+_TRANSFORMS: Final = (
+    "http://www.w3.org/2000/09/xmldsig#enveloped-signature",
+    "http://www.w3.org/2001/10/xml-exc-c14n#",
+    "http://www.w3.org/TR/2001/REC-xml-c14n-20010315",
+    "http://www.w3.org/2006/12/xml-c14n11",
+)
+_RSA_BITS_MIN: Final = 2048
+
+
+@dataclass(frozen=True, slots=True)
+class SignedDcc:
+    """A certificate as far as it is signed.
+
+    Attributes:
+        root: what is to be read of it: where there is a signature, only what that is of.
+        key_id: SHA-256 of the key that signed; "" where it is unsigned.
+    """
+
+    root: "_Element"
+    key_id: str
+
+    def signature(self, trusted: Collection[str]) -> str:
+        """In words, who signed.
+
+        Args:
+            trusted: ids of the keys that the user gives.
+        """
+        if not self.key_id:
+            return UNSIGNED
+        if self.key_id in trusted:
+            return f"{TRUSTED} {self.key_id[:12]}…"
+        return f"signed by an unknown key {self.key_id[:12]}…"
+
+
+UNSIGNED: Final = "unsigned"
+TRUSTED: Final = "signed by a key of dcc_keys,"
+
+
+def check_signature(root: "_Element", what: str) -> SignedDcc:
+    """Check the signature of a certificate, where it has one.
+
+    Args:
+        root: of the certificate.
+        what: its name, for errors.
+
+    Raises:
+        EvidenceError: a signature that does not hold, of a part only, at another place, a second
+            one, or by a weak method or key.
+    """
+    found = list(root.iter(f"{{{DS}}}Signature"))
+    if not found:
+        return SignedDcc(root, "")
+    if len(found) > 1:
+        raise EvidenceError(f"{what}: has {len(found)} signatures; only one of the whole is read")
+    if found[0].getparent() is not root:
+        raise EvidenceError(f"{what}: its signature is not a child of the certificate itself")
+    references = list(found[0].iter(f"{{{DS}}}Reference"))
+    if len(references) != 1 or references[0].get("URI") != "":
+        raise EvidenceError(f"{what}: its signature is not of the whole certificate")
+    strange = [
+        str(each.get("Algorithm"))
+        for each in references[0].iter(f"{{{DS}}}Transform")
+        if each.get("Algorithm") not in _TRANSFORMS
+    ]
+    if strange:
+        raise EvidenceError(f"{what}: its signature has a transform that is not read: {strange[0]}")
+    signed, pem = _verified(root, found[0], what)
+    if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != root.tag:
+        raise EvidenceError(f"{what}: its signature is not of the whole certificate")
+    return SignedDcc(signed, _key_id(pem, what))
+
+
+def _verified(root: "_Element", signature: "_Element", what: str) -> tuple["_Element", bytes]:
+    """What is signed, and the public key that signed, as PEM or DER."""
+    from cryptography import x509
+    from signxml.algorithms import DigestAlgorithm, SignatureMethod
+    from signxml.exceptions import SignXMLException
+    from signxml.verifier import SignatureConfiguration, XMLVerifier
+
+    config = SignatureConfiguration(
+        require_x509=False,
+        location="./",
+        signature_methods=frozenset(SignatureMethod[name] for name in _METHODS),
+        digest_algorithms=frozenset(DigestAlgorithm[name] for name in _DIGESTS),
+    )
+    options: dict[str, Any] = {}
+    pem = b""
+    held = signature.find(f".//{{{DS}}}X509Certificate")
+    try:
+        if held is not None:
+            # whether it is trusted is asked by its key, not by a chain to whatever authority
+            text = "".join((held.text or "").split())
+            pem = f"-----BEGIN CERTIFICATE-----\n{text}\n-----END CERTIFICATE-----\n".encode()
+            options["x509_cert"] = x509.load_pem_x509_certificate(pem)
+        result = XMLVerifier().verify(root, expect_config=config, **options)
+    except (SignXMLException, ValueError, TypeError, KeyError, AttributeError) as fault:
+        raise EvidenceError(
+            f"{what}: its signature does not hold ({str(fault)[:160] or type(fault).__name__})"
+        ) from None
+    except Exception as fault:  # noqa: BLE001  a stranger chose the bytes; cryptography has its own
+        raise EvidenceError(
+            f"{what}: its signature does not hold ({type(fault).__name__})"
+        ) from None
+    if isinstance(result, list) or result.signed_xml is None:
+        raise EvidenceError(f"{what}: its signature is not of the whole certificate")
+    return result.signed_xml, pem or result.signature_key
+
+
+def _key_id(pem: bytes, what: str) -> str:
+    """SHA-256 of a public key: of its SubjectPublicKeyInfo in DER."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives import serialization
+    from cryptography.hazmat.primitives.asymmetric import ec, rsa
+
+    try:
+        if b"CERTIFICATE" in pem:
+            key = x509.load_pem_x509_certificate(pem).public_key()
+        else:
+            key = serialization.load_pem_public_key(pem)
+    except ValueError:
+        raise EvidenceError(f"{what}: has no public key or certificate in PEM") from None
+    if isinstance(key, rsa.RSAPublicKey) and key.key_size < _RSA_BITS_MIN:
+        raise EvidenceError(f"{what}: an RSA key of {key.key_size} bits is too short")
+    if not isinstance(key, rsa.RSAPublicKey | ec.EllipticCurvePublicKey):
+        raise EvidenceError(f"{what}: its key is neither RSA nor ECDSA")
+    der = key.public_bytes(
+        serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
+    )
+    return hashlib.sha256(der).hexdigest()
+
+
+def trusted_key_id(path: Path) -> str:
+    """The id of a key that the user gives, in PEM: a public key, or a certificate of one.
+
+    Raises:
+        EvidenceError: it cannot be read.
+    """
+    try:
+        return _key_id(path.read_bytes(), str(path))
+    except OSError as error:
+        raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+@dataclass(frozen=True, slots=True)
+class DccKey:
+    """A private key that signs certificates, and its own certificate, if any; both in PEM."""
+
+    private: bytes
+    certificate: bytes | None
+    method: str
+
+
+def dcc_key(path: Path, certificate: Path | None = None) -> DccKey:
+    """Read the key that signs certificates.
+
+    XML signatures by Ed25519 are known to few programs, so this is a key of its own.
+
+    Raises:
+        EvidenceError: it cannot be read, is neither ECDSA nor RSA, or is not the certificate's.
+    """
+    from cryptography import x509
+    from cryptography.hazmat.primitives import serialization
+    from cryptography.hazmat.primitives.asymmetric import ec, rsa
+
+    try:
+        private = path.read_bytes()
+        held = None if certificate is None else certificate.read_bytes()
+        key = serialization.load_pem_private_key(private, None)
+        own = None if held is None else x509.load_pem_x509_certificate(held).public_key()
+    except OSError as error:
+        raise EvidenceError(f"{error.filename}: cannot be read ({error.strerror})") from None
+    except (ValueError, TypeError):
+        raise EvidenceError(
+            f"{path}: is no private key in PEM without a password, or its certificate is none"
+        ) from None
+    if not isinstance(key, ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey):
+        raise EvidenceError(
+            f"{path}: an XML signature needs an ECDSA or RSA key; make one with `openssl genpkey "
+            "-algorithm EC -pkeyopt ec_paramgen_curve:P-256`"
+        )
+    if isinstance(key, rsa.RSAPrivateKey) and key.key_size < _RSA_BITS_MIN:
+        raise EvidenceError(f"{path}: an RSA key of {key.key_size} bits is too short")
+    if own is not None and own != key.public_key():
+        raise EvidenceError(f"{certificate}: is not the certificate of {path}")
+    method = "ecdsa-sha256" if isinstance(key, ec.EllipticCurvePrivateKey) else "rsa-sha256"
+    return DccKey(private, held, method)
+
+
+def sign_dcc(root: "_Element", key: DccKey) -> "_Element":
+    """The certificate with a signature of the whole of it."""
+    from signxml import methods
+    from signxml.algorithms import CanonicalizationMethod
+    from signxml.signer import XMLSigner
+
+    signer = XMLSigner(
+        method=methods.enveloped,
+        signature_algorithm=key.method,
+        digest_algorithm="sha256",
+        c14n_algorithm=CanonicalizationMethod.EXCLUSIVE_XML_CANONICALIZATION_1_0,
+    )
+    held = None if key.certificate is None else key.certificate.decode()
+    return signer.sign(root, key=key.private, cert=held, always_add_key_value=held is None)

@@ -1,0 +1,385 @@
+"""Write evidence of a calibration as a digital calibration certificate (DCC 3.2.1, D-SI 2.1)."""
+
+import math
+from typing import TYPE_CHECKING, Any, Final
+
+from analysis.calibration.campaign.campaign_plan import Organisation
+from analysis.calibration.use.error_limits import OUTSIDE, WITHIN
+from estimators.errors import EvidenceError
+from recordings.calibration.calibration_text import ESTIMATORS
+from recordings.calibration.certificate_text import issue_day, range_sentences, warnings_of
+from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_libraries
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
+
+_SHA256: Final = "SHA-256"
+_CERTIFICATE: Final = "basic_certificateIdentification"
+#: Norms that the fit, its uncertainties and its verdicts are after.
+_METHODS: Final = (
+    ("Straight line, errors in both variables", "ISO/TS 28037:2010", "basic_calibrationSOP"),
+    ("Uncertainty of measurement", "JCGM 100:2008", "basic_methodMeasurementUncertainty"),
+    ("Decision rule", "JCGM 106:2012", "basic_decisionRule"),
+)
+#: refType, D-SI unit, name of the influence conditions; texts have no unit.
+_CONDITIONS: Final = (
+    ("temperature_degC", "basic_temperature", r"\\degreecelsius", "Air temperature"),
+    ("slope_deg", "basic_influenceCondition", r"\\degree", "Slope of the ground"),
+    ("surface", "basic_influenceCondition", "", "Surface"),
+    ("tyres", "basic_influenceCondition", "", "Tyres"),
+    ("fuel", "basic_influenceCondition", "", "Fuel"),
+)
+
+
+def refuse_incomplete(document_campaign: Any, what: object) -> None:
+    """Refuse a certificate that lacks what the schema or ISO/IEC 17025, 7.8 asks for.
+
+    Raises:
+        EvidenceError: names every key that is not stated.
+    """
+    refuse_without_libraries()
+    lacking = document_campaign.not_stated
+    if lacking:
+        raise EvidenceError(f"{what}: a DCC needs {', '.join(lacking)}; state them in the campaign")
+
+
+def dcc_of(document: EvidenceDocument, sums_sha256: str) -> "_Element":
+    """The certificate of a calibration, unsigned.
+
+    Args:
+        document: the evidence; everything in the certificate is of it.
+        sums_sha256: of the SHA256SUMS of its bundle, which binds the two.
+
+    Raises:
+        EvidenceError: it is no calibration with a line, or lacks what a certificate needs.
+    """
+    refuse_incomplete(document.campaign, document.id)
+    if document.kind != "calibration" or document.calibration is None:
+        raise EvidenceError(f"{document.id}: has no calibration line, so there is no DCC of it")
+    from lxml import etree
+
+    root = etree.Element(
+        f"{{{DCC}}}digitalCalibrationCertificate",
+        {"schemaVersion": VERSION},
+        nsmap={"dcc": DCC, "si": SI},
+    )
+    _administrative(_add(root, "administrativeData"), document, sums_sha256)
+    _results(_add(root, "measurementResults"), document)
+    return root
+
+
+def _add(parent: "_Element", name: str, text: str | None = None, **attributes: str) -> "_Element":
+    from lxml import etree
+
+    made = etree.SubElement(parent, f"{{{DCC}}}{name}", attributes)
+    if text is not None:
+        made.text = " ".join(text.split())
+    return made
+
+
+def _text(parent: "_Element", name: str, text: str, **attributes: str) -> "_Element":
+    made = _add(parent, name, **attributes)
+    _add(made, "content", text, lang="en")
+    return made
+
+
+def _decimal(value: float) -> str:
+    """A number as D-SI has it, every digit kept."""
+    return repr(float(value))
+
+
+def _factor(value: float) -> str:
+    """A coverage factor or probability, which D-SI has without an exponent."""
+    return f"{value:.12f}".rstrip("0").ljust(3, "0")
+
+
+def _real(
+    parent: "_Element",
+    value: float,
+    unit: str,
+    expanded: tuple[float, float, float] | None = None,
+    interval: tuple[float, float, float, float] | None = None,
+) -> None:
+    """A D-SI real; `expanded` is U, k, p, and `interval` is u, min, max, p."""
+    from lxml import etree
+
+    def add(inside: "_Element", name: str, text: str | None = None) -> "_Element":
+        made = etree.SubElement(inside, f"{{{SI}}}{name}")
+        made.text = text
+        return made
+
+    real = add(parent, "real")
+    add(real, "value", _decimal(value))
+    add(real, "unit", unit)
+    if expanded is not None:
+        u, k, p = expanded
+        said = add(real, "expandedUnc")
+        add(said, "uncertainty", _decimal(u))
+        add(said, "coverageFactor", _factor(k))
+        add(said, "coverageProbability", _factor(p))
+    if interval is not None:
+        u, low, high, p = interval
+        said = add(real, "coverageInterval")
+        add(said, "standardUnc", _decimal(u))
+        add(said, "intervalMin", _decimal(low))
+        add(said, "intervalMax", _decimal(high))
+        add(said, "coverageProbability", _factor(p))
+
+
+def _identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:
+    made = _add(parent, "identification", refType=ref)
+    _add(made, "issuer", issuer)
+    _add(made, "value", value)
+    _text(made, "name", name)
+
+
+def _contact(parent: "_Element", name: str, said: Organisation) -> None:
+    made = _add(parent, name)
+    _text(made, "name", said.name)
+    if said.email:
+        _add(made, "eMail", said.email)
+    place = _add(made, "location")
+    _add(place, "city", said.city)
+    _add(place, "countryCode", said.country)
+    _add(place, "street", said.address)
+
+
+def _hash(parent: "_Element", name: str, about: tuple[str, str, str]) -> None:
+    referral, referral_id, digest = about
+    made = _add(parent, name)
+    _text(made, "referral", referral)
+    _add(made, "referralID", referral_id)
+    _add(made, "procedure", _SHA256)
+    _add(made, "value", digest)
+
+
+def _software(parent: "_Element", document: EvidenceDocument) -> None:
+    made = _add(parent, "software")
+    _text(made, "name", "payscope")
+    _add(made, "release", f"v{document.software.payscope}")
+    _add(made, "type", "application")
+
+
+def _administrative(admin: "_Element", document: EvidenceDocument, sums_sha256: str) -> None:
+    campaign = document.campaign
+    about, machine, laboratory = campaign.campaign, campaign.machine, campaign.laboratory
+    assert laboratory is not None
+    assert campaign.customer is not None
+    _software(_add(admin, "dccSoftware"), document)
+    core = _add(admin, "coreData")
+    _add(core, "countryCodeISO3166_1", laboratory.country)
+    _add(core, "usedLangCodeISO639_1", "en")
+    _add(core, "mandatoryLangCodeISO639_1", "en")
+    _add(core, "uniqueIdentifier", document.id)
+    _identification(
+        _add(core, "identifications"),
+        "calibrationLaboratory",
+        sums_sha256,
+        "SHA-256 of SHA256SUMS of the evidence",
+        "basic_documentIdentification",
+    )
+    if about.received:
+        _add(core, "receiptDate", about.received.isoformat())
+    days = [run.day for run in campaign.runs]
+    _add(core, "beginPerformanceDate", min(days).isoformat())
+    _add(core, "endPerformanceDate", max(days).isoformat())
+    _add(core, "performanceLocation", about.place_kind)
+    _add(core, "issueDate", issue_day(document).isoformat())
+    if about.replaces:
+        changed = _add(core, "reportAmendedSubstituted")
+        _add(changed, "typeOfChange", "substituted")
+        _add(changed, "replacedUniqueIdentifier", about.replaces)
+    before = document.chain.previous
+    if before is not None:
+        what = "SHA256SUMS of the evidence of this machine before this one"
+        _hash(core, "previousReport", (what, before.id, before.sums_sha256))
+    item = _add(_add(admin, "items"), "item", id="machine")
+    _text(item, "name", document.machine.machine.name)
+    _text(item, "description", f"Condition: {machine.condition}")
+    _text(_add(item, "manufacturer"), "name", machine.make)
+    _add(item, "model", machine.model)
+    identified = _add(item, "identifications")
+    _identification(identified, "manufacturer", machine.id, "Serial number", "basic_serialNumber")
+    for part, value in machine.parts.items():
+        if part.strip() and value.strip():
+            _identification(identified, "other", value, part, "basic_partIdentification")
+    _contact(_add(admin, "calibrationLaboratory"), "contact", laboratory)
+    people = _add(admin, "respPersons")
+    for name, role, signs in (
+        (about.authoriser, about.authoriser_function, "true"),
+        (about.author, about.author_function, "false"),
+    ):
+        person = _add(people, "respPerson")
+        _text(_add(person, "person"), "name", name)
+        if role:
+            _add(person, "role", role)
+        _add(person, "mainSigner", signs)
+    _contact(admin, "customer", campaign.customer)
+    _statements(_add(admin, "statements"), document)
+
+
+def _statements(parent: "_Element", document: EvidenceDocument) -> None:
+    about, limits = document.campaign.campaign, document.limits
+    said = [("Scope", document.notice), ("Intended use", about.intended_use)]
+    said += [("Place of the work", about.place), ("Deviations from the method", about.deviations)]
+    said += [("Warning", text) for text in warnings_of(document)]
+    said += [("Range and decision rule", text) for text in range_sentences(document)]
+    if about.replaces_reason:
+        said.append(("Reason of the replacement", about.replaces_reason))
+    for name, text in said:
+        made = _add(parent, "statement")
+        _text(made, "name", name)
+        _text(made, "declaration", text)
+    if limits is not None:
+        made = _add(parent, "statement", refType="basic_conformity")
+        _text(made, "name", "Error limits")
+        _add(made, "reference", limits.rule.accuracy_class)
+        _text(made, "declaration", limits.statement)
+        if limits.verdict in (WITHIN, OUTSIDE):
+            _add(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
+
+
+def _results(parent: "_Element", document: EvidenceDocument) -> None:
+    fitted = document.calibration
+    assert fitted is not None
+    result = _add(parent, "measurementResult", refId="machine")
+    _text(result, "name", "Calibration of the mass that the machine's logs give")
+    _text(
+        result,
+        "description",
+        f"{ESTIMATORS.get(document.estimator.name, document.estimator.name)}; its definition has "
+        f"the SHA-256 {document.estimator.definition_sha256}",
+    )
+    methods = _add(result, "usedMethods")
+    for name, norm, ref in _METHODS:
+        method = _add(methods, "usedMethod", refType=ref)
+        _text(method, "name", name)
+        _add(method, "norm", norm)
+    _software(_add(result, "usedSoftware"), document)
+    _equipment(_add(result, "measuringEquipments"), document)
+    _conditions(_add(result, "influenceConditions"), document)
+    found = _add(result, "results")
+    line_result = _add(found, "result", refType="basic_calibrationFunction")
+    _text(line_result, "name", "Line: calibrated mass = alpha times estimate plus beta")
+    data = _add(line_result, "data")
+    for name, value, unit, interval in (
+        ("alpha", fitted.alpha_1, r"\\one", fitted.alpha_interval_1),
+        ("beta", fitted.beta_kg, r"\\kilogram", fitted.beta_interval_kg),
+    ):
+        quantity = _add(data, "quantity", refType="basic_measuredValue")
+        _text(quantity, "name", name)
+        low, high = interval
+        if low is None or high is None or not low < value < high:
+            _real(quantity, value, unit)
+        else:
+            # D-SI wants a standard uncertainty beside the interval: that of the same half width
+            u = (high - low) / 2.0 / fitted.coverage_k_1
+            _real(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
+    at_kg, readings = fitted.budget_at
+    quantity = _add(data, "quantity", refType="basic_measuredValue")
+    _text(quantity, "name", f"Later mass, mean of {readings} readings")
+    _mass(quantity, document, at_kg)
+    _errors(_add(found, "result", refType="basic_measurementError"), document)
+
+
+def _mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
+    """A mass with its expanded uncertainty."""
+    fitted = document.calibration
+    assert fitted is not None
+    at_kg, readings = fitted.budget_at
+    k = fitted.coverage_k_1
+    u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
+    if not (math.isfinite(u_kg) and k >= 1.0):
+        raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
+    _real(quantity, mass_kg, r"\\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
+
+
+def _errors(result: "_Element", document: EvidenceDocument) -> None:
+    """Reference, calibrated mass and error of each run."""
+    fitted = document.calibration
+    assert fitted is not None
+    references = {each.load_id: each for each in document.references}
+    _text(result, "name", "Errors of the runs")
+    data = _add(result, "data")
+    for point in fitted.points:
+        if point.error_kg is None:
+            continue
+        reference = references[point.load_id]
+        row = _add(data, "list")
+        _text(row, "name", f"{point.run_id}: {point.load_id}")
+        quantity = _add(row, "quantity", refType="basic_referenceValue")
+        _real(
+            quantity,
+            reference.reference_kg,
+            r"\\kilogram",
+            expanded=(2.0 * reference.u_kg, 2.0, 0.954),
+        )
+        quantity = _add(row, "quantity", refType="basic_measuredValue")
+        _mass(quantity, document, reference.reference_kg + point.error_kg)
+        quantity = _add(row, "quantity", refType="basic_measurementError")
+        _real(quantity, point.error_kg, r"\\kilogram")
+
+
+def _equipment(parent: "_Element", document: EvidenceDocument) -> None:
+    """The reference masses; certificates by hash where the evidence has that."""
+    campaign = document.campaign
+    machine = document.machine.machine
+    for mass in campaign.masses:
+        made = _add(parent, "measuringEquipment", refType="basic_measurementStandard")
+        _text(made, "name", f"Reference mass {mass.id}")
+        if mass.stated_by:
+            _text(made, "description", f"Stated by the {mass.stated_by}")
+        elif mass.certificate_sha256:
+            about = ("Certificate of the mass", mass.certificate, mass.certificate_sha256)
+            _hash(made, "certificate", about)
+        identified = _add(made, "identifications")
+        _identification(
+            identified, "calibrationLaboratory", mass.id, "Id", "basic_equipmentIdentification"
+        )
+        if mass.certificate:
+            _identification(
+                identified,
+                "other",
+                mass.certificate,
+                "Certificate",
+                _CERTIFICATE,
+            )
+        _known(made, "Mass", mass.value_kg, mass.u_kg)
+    if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:
+        made = _add(parent, "measuringEquipment", refType="basic_measurementStandard")
+        _text(made, "name", "The machine without load")
+        if campaign.machine.empty_certificate:
+            _identification(
+                _add(made, "identifications"),
+                "other",
+                campaign.machine.empty_certificate,
+                "Certificate",
+                _CERTIFICATE,
+            )
+        _known(made, "Empty mass", machine.empty_mass_kg, machine.empty_mass_u_kg or 0.0)
+
+
+def _known(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> None:
+    quantity = _add(
+        _add(equipment, "measuringEquipmentQuantities"),
+        "measuringEquipmentQuantity",
+        refType="basic_referenceValue",
+    )
+    _text(quantity, "name", name)
+    _real(quantity, value_kg, r"\\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
+
+
+def _conditions(parent: "_Element", document: EvidenceDocument) -> None:
+    campaign = document.campaign
+    runs = [campaign.conditions_of(run) for run in campaign.runs]
+    for key, ref, unit, name in _CONDITIONS:
+        for value in dict.fromkeys(each[key] for each in runs):
+            made = _add(parent, "influenceCondition", refType=ref)
+            _text(made, "name", name)
+            data = _add(made, "data")
+            if unit:
+                quantity = _add(data, "quantity", refType="basic_measuredValue")
+                _real(quantity, value, unit)
+            else:
+                _text(data, "text", value)

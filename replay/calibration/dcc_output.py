@@ -1,0 +1,80 @@
+"""`calibrate --dcc`: the digital calibration certificate beside the evidence."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
+from estimators.errors import EvidenceError
+from recordings.calibration.bundle_folder import SUMS
+from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.report.atomic_output import atomic_file, check_output
+
+if TYPE_CHECKING:
+    from recordings.dcc.dcc_signature import DccKey
+
+
+@dataclass(frozen=True, slots=True)
+class DccOutput:
+    """Where a certificate is written, and with what it is signed.
+
+    Attributes:
+        file: the certificate.
+        key_file: private ECDSA or RSA key in PEM; None leaves it unsigned.
+        certificate_file: the key's own certificate in PEM, if it has one.
+    """
+
+    file: Path
+    key_file: Path | None = None
+    certificate_file: Path | None = None
+
+
+def check_dcc_output(
+    source: Path, campaign: CalibrationCampaign, dcc: DccOutput, *, force: bool
+) -> "DccKey | None":
+    """Refuse a certificate before the work that it is of.
+
+    Returns:
+        The key that signs it, if one is given.
+
+    Raises:
+        EvidenceError: the campaign lacks what a certificate needs, or the key is none.
+        OutputError: the file cannot be written.
+    """
+    from recordings.dcc.dcc_signature import dcc_key
+    from recordings.dcc.write_dcc import refuse_incomplete
+
+    refuse_incomplete(campaign, source)
+    check_output(dcc.file, force=force)
+    if dcc.key_file is None and dcc.certificate_file is not None:
+        raise EvidenceError("--dcc-certificate is of --dcc-key; give both")
+    return None if dcc.key_file is None else dcc_key(dcc.key_file, dcc.certificate_file)
+
+
+def write_dcc_output(
+    folder: Path, document: EvidenceDocument, dcc: DccOutput, key: "DccKey | None", *, force: bool
+) -> str:
+    """Write the certificate of a bundle, and check it as a reader would.
+
+    Returns:
+        A remark for whoever makes it.
+
+    Raises:
+        EvidenceError: there is no line to certify, or what was made does not pass its own check.
+    """
+    from recordings.dcc.dcc_document import dcc_bytes, parse_dcc
+    from recordings.dcc.dcc_signature import check_signature, sign_dcc
+    from recordings.dcc.write_dcc import dcc_of
+
+    if document.calibration is None:
+        return f"no {dcc.file}: there is no calibration line to certify"
+    root = dcc_of(document, hashlib.sha256((folder / SUMS).read_bytes()).hexdigest())
+    signed = root if key is None else sign_dcc(root, key)
+    data = dcc_bytes(signed)
+    checked = check_signature(parse_dcc(data, str(dcc.file)), str(dcc.file))
+    with atomic_file(dcc.file, force=force) as partial:
+        partial.write_bytes(data)
+    if not checked.key_id:
+        return f"{dcc.file} is unsigned; sign it with --dcc-key KEY.pem (ECDSA or RSA)"
+    return f"{dcc.file} is signed by the key {checked.key_id[:12]}…"
