@@ -75,7 +75,37 @@ const reportOf = (bytes) => {
   for (const term of page.querySelectorAll("dt")) facts[term.textContent] ??= term.nextElementSibling?.textContent ?? "";
   const rows = (label) => [...page.querySelectorAll(`[aria-label="${label}"] tbody tr`)].map((row) => (
     [...row.cells].map((cell) => cell.textContent)));
-  return { facts, budget: rows("Uncertainty budget"), points: rows("Points") };
+  return { facts, text: page.body.textContent, budget: rows("Uncertainty budget"), points: rows("Points") };
+};
+
+/** Evidence without a line: how far the estimates of each load are from its reference. */
+const checkWithoutLine = (held, evidence, readings, add) => {
+  const references = referencesOf(evidence), points = pointsOf(readings, references);
+  const stored = tableOf(held, "points.parquet", POINT_COLUMNS, add) ?? [];
+  const plain = points.runs.map((run) => ({
+    run_id: run.id, reference_kg: run.reference, readings: run.masses.length, rejected: run.rejected, mean_kg: run.mean, std_kg: run.std }));
+  if (differences(stored, plain, "points").length) add("irreproducible", "points.parquet", "does not follow from the readings");
+  const text = held.has("report.html") ? reportOf(held.get("report.html")).text : "";
+  const facts = references.loads.flatMap((load, k) => {
+    const own = points.used.filter((run) => run.load === load);
+    if (!own.length) return [];
+    const signed = (value) => (value < 0 ? "" : "+") + grouped(value, 2);
+    const off = meanOf(own.map((run) => run.mean)) - references.mass[k];
+    const masses = own.flatMap((run) => run.masses), mean = meanOf(masses);
+    let said = `the estimate is ${signed(off)} kg off`;
+    if (masses.length > 1) {
+      const std = Math.sqrt(sumOf(masses.map((mass) => (mass - mean) ** 2)) / (masses.length - 1));
+      const common = Math.max(0, ...own.map((run) => run.common));
+      const u = Math.hypot(std / Math.sqrt(masses.length), common, Math.sqrt(references.covariance[k][k]));
+      said += `; ${masses.length} readings scatter by ${grouped(std, 2)} kg, and the difference has a standard uncertainty of ` +
+        `${grouped(u, 2)} kg by scatter, priors and reference`;
+    }
+    const line = `Load '${load}', reference ${grouped(references.mass[k], 2)} kg: ${said}.`;
+    const printed = text.includes(line);
+    if (!printed) add("tampered", "report.html", `does not print what the readings give: “${line}”`);
+    return [[`load ${load}`, said, "not in it", printed ? said : "not printed"]];
+  });
+  return { none: `There is no calibration line: ${evidence.no_fit}.`, facts };
 };
 
 /** What the readings come to, beside evidence.json, points.parquet and report.html. */
@@ -87,7 +117,7 @@ const checkNumbers = (held, evidence, readings, add) => {
   try {
     computed = calibrationOf(evidence, readings);
   } catch (fault) {
-    if (stored === null) return { none: `There is no calibration line: ${evidence.no_fit}.` };
+    if (stored === null) return checkWithoutLine(held, evidence, readings, add);
     add("irreproducible", "evidence.json: calibration", `cannot be computed anew: ${fault.message}`);
     return { none: "No line could be computed from these readings." };
   }

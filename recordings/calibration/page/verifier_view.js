@@ -35,7 +35,10 @@ const verdictText = ({ worst, signature }) => {
 const same = (values) => (new Set(values).size === 1 ? "same" : "DIFFERENT");
 
 const numbersView = ({ computed, facts, budget, none }) => {
-  if (!computed) return [element("p", {}, none)];
+  if (!computed) {
+    const rows = (facts ?? []).map(([name, own, , page]) => [name, own, page === own ? "same" : "DIFFERENT"]);
+    return [element("p", {}, none), ...(rows.length ? [tableView("From the readings", ["", "computed here", "in report.html"], rows)] : [])];
+  }
   const [first, second, third] = computed.covariance.map((value) => value.toPrecision(6));
   const heads = ["computed here", "evidence.json", "report.html", ""];
   return [
@@ -75,39 +78,50 @@ const show = (found) => {
 };
 
 const fail = (fault) => {
+  byId("state").textContent = "Not checked.";
   byId("result").replaceChildren(element("h2", {}, "Result"),
     element("p", { id: "verdict", class: "alarm" }, `Not checked: ${fault instanceof Fault ? fault.message : `the files cannot be read (${fault.message})`}.`));
 };
 
 /** The bundle that was given last; checked again when the key changes. */
 let held = null;
+/** Counts what was asked for: an answer that is overtaken is not shown. */
+let asked = 0;
+
+const today = () => {
+  const now = new Date();
+  return [now.getFullYear(), now.getMonth() + 1, now.getDate()].map((part) => String(part).padStart(2, "0")).join("-");
+};
 
 const checkHeld = async () => {
   if (held === null) return;
+  const files = held, mine = (asked += 1);
   byId("state").textContent = "Checking …";
   // the word is drawn before the work begins
   await new Promise((resolve) => { setTimeout(resolve, 20); });
   try {
-    const now = new Date();
-    const day = [now.getFullYear(), now.getMonth() + 1, now.getDate()].map((part) => String(part).padStart(2, "0")).join("-");
-    show(await checkBundle(held, keyOf(byId("key").value), day));
-    byId("state").textContent = `Checked ${held.size} files.`;
+    const found = await checkBundle(files, keyOf(byId("key").value), today());
+    if (mine !== asked) return;
+    show(found);
+    byId("state").textContent = `Checked ${files.size} files.`;
   } catch (fault) {
-    fail(fault);
-    byId("state").textContent = "Not checked.";
+    if (mine === asked) fail(fault);
   }
 };
 
 const take = async (collect) => {
+  held = null;
+  const mine = (asked += 1);
   byId("state").textContent = "Reading …";
+  byId("result").replaceChildren();
   try {
-    held = await bundleOf(await collect());
+    const files = await bundleOf(await collect());
+    if (mine !== asked) return;
+    held = files;
+    await checkHeld();
   } catch (fault) {
-    held = null;
-    fail(fault);
-    byId("state").textContent = "Not checked.";
+    if (mine === asked) fail(fault);
   }
-  await checkHeld();
 };
 
 const picked = (input) => [...input.files].map((file) => [file.webkitRelativePath || file.name, file]);
