@@ -1,4 +1,4 @@
-"""The page that checks evidence in a browser: its own arithmetic against ours, and what it finds."""
+"""The page that checks evidence in a browser: its arithmetic against ours, what it finds."""
 
 import shutil
 import zipfile
@@ -49,9 +49,17 @@ class Verifier:
         self.page: Any = self.context.new_page()
         self.asked: list[str] = []
         self.complaints: list[str] = []
-        self.page.on("request", lambda each: self.asked.append(each.url))
-        self.page.on("console", lambda message: self.complaints.append(message.text))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page: Any = self.page
+
+        def ask(request: Any) -> None:
+            self.asked.append(request.url)
+
+        def complain(what: Any) -> None:
+            self.complaints.append(str(getattr(what, "text", what)))
+
+        page.on("request", ask)
+        page.on("console", complain)
+        page.on("pageerror", complain)
         self.page.goto(file.as_uri())
 
     def check(self, bundle: Path, key: Path | None = None, *, field: str = "#folder") -> Shown:
@@ -68,7 +76,8 @@ class Verifier:
             """() => [...document.querySelectorAll("#result tbody tr")].map(
                (row) => [...row.cells].map((cell) => cell.textContent))"""
         )
-        return Shown(*texts, {name: cells for name, *cells in rows})
+        verdict, signed, findings = texts
+        return Shown(verdict, signed, findings, {name: cells for name, *cells in rows})
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +221,7 @@ def test_alpha_changed_in_evidence_and_page_alike_is_found(
 def test_a_tampering_is_found_with_the_key(
     verifier: Verifier, made: Made, tmp_path: Path, name: str
 ) -> None:
-    tamper: Tamper = TAMPERINGS[name][0]
+    tamper: Tamper = TAMPERINGS[name].tamper
     shown = verifier.check(tampered(made.bundle, tmp_path / "b", tamper, signed=True), made.public)
     assert shown.findings
     assert "Signed by" not in shown.signed, shown
@@ -222,7 +231,7 @@ def test_without_a_signature_numbers_that_contradict_the_readings_are_found(
     verifier: Verifier, made: Made, tmp_path: Path
 ) -> None:
     for name in ("beta", "the valid range", "the mass of a reading", "a mass' uncertainty"):
-        folder = tampered(made.bundle, tmp_path / name, TAMPERINGS[name][0], signed=False)
+        folder = tampered(made.bundle, tmp_path / name, TAMPERINGS[name].tamper, signed=False)
         shown = verifier.check(folder)
         assert "UNSIGNED" in shown.signed
         assert "does not follow from the readings" in shown.findings, (name, shown)
@@ -317,8 +326,10 @@ def test_its_own_hashes_and_signatures_are_those_of_the_browser(verifier: Verifi
             own, browser, hashes = verifier.page.evaluate(
                 """async (each) => {
                   const [key, signature, message] = each.map(unhex);
-                  const theirs = async (name) => new Uint8Array(await crypto.subtle.digest(name, message));
-                  return [ownVerify(key, signature, message), await browserVerify(key, signature, message),
+                  const theirs = async (name) =>
+                    new Uint8Array(await crypto.subtle.digest(name, message));
+                  const browser = await browserVerify(key, signature, message);
+                  return [ownVerify(key, signature, message), browser,
                     sameBytes(ownSha256(message), await theirs("SHA-256")) &&
                     sameBytes(sha512(message), await theirs("SHA-512"))];
                 }""",
@@ -333,7 +344,7 @@ def campaign(seed: int) -> tuple[dict[str, Any], pl.DataFrame, Any]:
     """A campaign by chance, as evidence has it; its readings; and our calibration of it."""
     rng = np.random.default_rng(seed)
     count, days = int(rng.integers(3, 7)), int(rng.integers(1, 5))
-    masses = [
+    masses: list[dict[str, Any]] = [
         {"id": f"m{k}", "value_kg": 50.0, "u_kg": float(rng.uniform(0.1, 4.0)),
          "source": "s" if rng.random() < 0.5 else "", "shared_u_kg": 0.05}
         for k in range(1, count)
