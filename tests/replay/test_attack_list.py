@@ -11,7 +11,6 @@ from tests.replay.attack_list import ATTACKS, Attack
 from tests.replay.made_evidence import Made
 from tests.replay.sledge import Payscope
 
-
 #: Where a signature may be there that holds, by whomever.
 SIGNED_ANEW = ("signature", "own key", "chain")
 
