@@ -1,5 +1,6 @@
 """The page that checks evidence in a browser: its arithmetic against ours, what it finds."""
 
+import re
 import shutil
 import zipfile
 from collections.abc import Iterator
@@ -117,6 +118,13 @@ def test_the_page_is_small_the_same_twice_and_the_one_that_the_version_names(
         # names of formats are no addresses that anything is fetched from
         text = page.decode().replace("https://in-toto.io/Statement/v1", "")
         assert name not in text.replace("https://payscope.invalid/calibration-evidence/v1", "")
+
+
+def test_the_changelog_has_the_digest_of_no_other_page() -> None:
+    text = (REPO / "CHANGELOG.md").read_text(encoding="utf-8")
+    about = r"SHA-256 of the page of this version.{0,80}?`([0-9a-f]{64})`"
+    stated = re.findall(about, text, re.DOTALL)
+    assert set(stated[:1]) <= {verifier_sha256()}
 
 
 def test_a_bundle_gives_the_numbers_that_evidence_and_report_have(
