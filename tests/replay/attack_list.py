@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from recordings.calibration.bundle_folder import EVIDENCE, READINGS, REPORT, STATEMENT
+from recordings.calibration.bundle_folder import EVIDENCE, REPORT, STATEMENT
 from tests.replay.attack_steps import (
     Asked,
     anew,
@@ -156,7 +156,7 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("signature", "an empty object", with_bytes(STATEMENT, b"{}"), 3, _NO_ENVELOPE),
     Attack("signature", "the evidence of another bundle", of_first(EVIDENCE), 3,
            "is not the file that was signed"),
-    Attack("signature", "the readings of another bundle", of_first(READINGS), 3,
+    Attack("signature", "the page of another bundle", of_first(REPORT), 3,
            "is not the file whose digest"),
     # all made anew, and signed with a key of one's own
     Attack("own key", "nothing else", anew(), 3, _NOT_GIVEN),
@@ -193,7 +193,8 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("chain", "a higher number, by the signer",
            resigned(in_evidence("chain", "counter", to=7)), 3, "counter"),
     Attack("chain", "no link, by the signer",
-           resigned(at("chain", {"counter": 1, "previous": None})), 5, "previous"),
+           resigned(at("chain", {"counter": 1, "previous": None})), 3,
+           "the counter only grows"),
     # days
     Attack("days", "a log of the day before", resigned(began("2026-04-30 12:00:00 UTC")), 4,
            "was recorded on 2026-04-30"),
