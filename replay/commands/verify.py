@@ -16,7 +16,7 @@ def command(
     folders: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[FOLDER]...",
+            metavar="FOLDER",
             help="Evidence; several are a chain. Or the list of a notary.",
             show_default=False,
         ),
@@ -55,8 +55,8 @@ def command(
 ) -> None:
     """Check evidence: files, signature, chain, fit, budget, report and, with logs, every replay.
 
-    --page writes a page that checks evidence in a browser, by a program of its own; it is the same
-    for all evidence, and its SHA-256 is what `payscope --version` prints.
+    --page writes a page that checks evidence in a browser, by a program of its own: the same for
+    all evidence, with the SHA-256 that `payscope --version` prints.
 
     Several folders are checked each by itself, and as the chain of their machine: gaps, forks and
     links that do not fit are found.
