@@ -58,6 +58,7 @@ ORDER = (
     ("analysis/explain",),
     ("recordings/report",),
     ("recordings/fleet", "recordings/paper", "recordings/rrd", "recordings/signatures"),
+    ("recordings/calibration/page",),
     ("recordings/notary",),
     ("recordings/calibration", "recordings/compare", "recordings/plots", "recordings/review"),
     ("recordings", "recordings/dcc", "recordings/explain"),

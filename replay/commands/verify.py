@@ -14,11 +14,13 @@ if TYPE_CHECKING:
 
 def command(
     folders: Annotated[
-        list[Path],
+        list[Path] | None,
         typer.Argument(
-            metavar="FOLDER", help="Evidence; several are a chain. Or the list of a notary."
+            metavar="FOLDER",
+            help="Evidence; several are a chain. Or the list of a notary.",
+            show_default=False,
         ),
-    ],
+    ] = None,
     logs: Annotated[
         Path | None, typer.Option(help="Folder with the logs: replay them all and compare.")
     ] = None,
@@ -43,8 +45,18 @@ def command(
         typer.Option(help="Certificates (PEM) of time-stamp authorities that you trust."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+    page: Annotated[
+        bool, typer.Option("--page", help="Write the page that checks evidence in a browser.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File of that page.", show_default=False)
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite it.")] = False,
 ) -> None:
     """Check evidence: files, signature, chain, fit, budget, report and, with logs, every replay.
+
+    --page writes a page that checks evidence in a browser, by a program of its own: the same for
+    all evidence, with the SHA-256 that `payscope --version` prints.
 
     Several folders are checked each by itself, and as the chain of their machine: gaps, forks and
     links that do not fit are found.
@@ -53,6 +65,12 @@ def command(
     7 expired, 8 made by another version: the first of these that is found. Nothing in the folder is
     run.
     """
+    if page:
+        _write_page(folders or [], output, force=force)
+        return
+    if output is not None or not folders:
+        what = "-o is of --page" if folders else "name the folder of the evidence, or give --page"
+        raise typer.BadParameter(what)
     from replay.calibration.verify_bundle import verify
     from replay.calibration.verify_chain import VerifiedChain, verify_chain
     from replay.commands.print_tables import print_json
@@ -79,6 +97,19 @@ def command(
         _print(found)
     if found.outcome is not None:
         raise typer.Exit(int(found.outcome))
+
+
+def _write_page(folders: list[Path], output: Path | None, *, force: bool) -> None:
+    """Write the page that checks evidence in a browser."""
+    if folders:
+        raise typer.BadParameter("--page is the same for all evidence; leave out the folder")
+    from recordings.calibration.page.verifier_page import NAME, verifier_page, verifier_sha256
+    from recordings.report.atomic_output import atomic_file
+
+    target = output or Path(NAME)
+    with atomic_file(target, force=force) as written:
+        written.write_bytes(verifier_page())
+    typer.echo(f"{target}: SHA-256 {verifier_sha256()}")
 
 
 def _verify_list(path: Path, key: Path | None, *, signed: bool, as_json: bool) -> None:

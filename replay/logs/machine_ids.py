@@ -20,6 +20,8 @@ KEYS: Final = frozenset(
 )
 _LONGEST: Final = 64
 _SEPARATORS: Final = re.compile(r"[^a-z0-9]+")
+#: Of a preamble's line: "# Machine ID: CAT262C-0042", "machine_id;CAT262C-0042;;".
+_NAMED_LINE: Final = re.compile(r'^[\s#%/"]*([^:=,;\t"]{1,60}?)"?\s*[:=,;\t]\s*(.+)$')
 #: What rosbag2 calls the record of an MCAP file that has its metadata.yaml.
 _ROSBAG2: Final = "rosbag2"
 _SERIALIZED: Final = "serialized_metadata"
@@ -39,15 +41,26 @@ def ids_among(texts: Mapping[str, str], record: str = "") -> Iterator[str]:
             yield said[:_LONGEST]
 
 
+def ids_in_preamble(lines: Iterable[str]) -> Iterator[str]:
+    """Yield the serial numbers in the lines above a text table, a name and a value each."""
+    for line in lines:
+        named = _NAMED_LINE.match(line)
+        if named is not None:
+            yield from ids_among({named[1]: named[2].strip(' ,;\t"')})
+
+
 def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
     """The serial numbers in the metadata of the files of a log, each once.
 
-    MCAP has metadata records, and rosbag2 `custom_data`; a ROS 1 bag has neither.
+    MCAP has metadata records, and rosbag2 `custom_data`, which its SQLite storage repeats since ROS
+    2 Iron. A ROS 1 bag has neither: its connections name nodes, topics and types.
     """
     found: list[str] = []
     for path in files:
         if path.suffix == ".mcap":
             found += _of_mcap(path)
+        elif path.suffix == ".db3":
+            found += _of_db3(path)
         elif path.name == "metadata.yaml":
             from replay.logs.rosbag2 import custom_data
 
@@ -64,3 +77,11 @@ def _of_mcap(path: Path) -> Iterator[str]:
             yield from ids_among(custom_data(texts[_SERIALIZED].encode()))
         else:
             yield from ids_among(texts, name)
+
+
+def _of_db3(path: Path) -> Iterator[str]:
+    from replay.logs.rosbag2 import custom_data
+    from replay.logs.sqlite import metadata_texts
+
+    for text in metadata_texts(path):
+        yield from ids_among(custom_data(text.encode()))

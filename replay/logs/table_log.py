@@ -11,7 +11,7 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from replay.logs.log import TABLE, Checked, Log, TimeAxis
-from replay.logs.machine_ids import ids_among
+from replay.logs.machine_ids import ids_among, ids_in_preamble
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.storage import LossList
 from replay.logs.tables import (
@@ -86,9 +86,11 @@ class TableLog(Log):
         return tuple(f"{self.path.name}: {note}" for note in dict.fromkeys(self._notes))
 
     def machine_ids(self) -> tuple[str, ...]:
-        """Those of the metadata of a Parquet or Arrow file; a text has none."""
-        metadata = {} if isinstance(self._columns, CsvColumns) else self._columns.metadata
-        return tuple(dict.fromkeys(ids_among(metadata)))
+        """Those of the metadata of a Parquet or Arrow file, or of the lines above a text table."""
+        columns = self._columns
+        text = isinstance(columns, CsvColumns)
+        found = ids_in_preamble(columns.preamble) if text else ids_among(columns.metadata)
+        return tuple(dict.fromkeys(found))
 
     def units(self, topic: str) -> dict[str, str]:
         """The units that names, a row of units or metadata state, by field."""

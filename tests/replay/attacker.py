@@ -67,7 +67,7 @@ class Bundle:
         self.readings = pl.DataFrame(rows, schema=self.readings.schema)
 
 
-Tamper = Callable[[Bundle], None]
+Tamper = Callable[[Bundle], object]
 
 
 def tampered(genuine: Path, folder: Path, tamper: Tamper, *, signed: bool) -> Path:

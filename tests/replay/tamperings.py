@@ -3,7 +3,7 @@
 import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import polars as pl
 
@@ -123,229 +123,252 @@ def compressed(data: bytes) -> bytes:
     return out.getvalue()
 
 
-#: name: the change; what is found where key and earlier evidence are given; what is found with
-#: neither, once the attacker has taken the signature off (None: nothing can be).
-TAMPERINGS: dict[str, tuple[Tamper, BundleOutcome, BundleOutcome | None]] = {
-    "alpha": (fit("alpha_1"), TAMPERED, IRREPRODUCIBLE),
-    "beta": (fit("beta_kg"), TAMPERED, IRREPRODUCIBLE),
-    "slope": (fit("c1_1"), TAMPERED, IRREPRODUCIBLE),
-    "a digit of the covariance": (fit("covariance", 1), TAMPERED, IRREPRODUCIBLE),
-    "chi squared": (fit("chi2_1"), TAMPERED, IRREPRODUCIBLE),
-    "the uncertainty": (fit("u_kg"), TAMPERED, IRREPRODUCIBLE),
-    "the coverage factor": (fit("coverage_k_1"), TAMPERED, IRREPRODUCIBLE),
-    "the valid range": (fit("range_kg", 1), TAMPERED, IRREPRODUCIBLE),
-    "a row of the budget": (fit("budget", 0, "u_kg"), TAMPERED, IRREPRODUCIBLE),
-    "an error of a point": (fit("points", 2, "error_kg"), TAMPERED, IRREPRODUCIBLE),
-    "a sentence": (in_evidence("calibration", "says", to=[]), TAMPERED, IRREPRODUCIBLE),
-    "the confidence": (in_evidence("options", "confidence_1", to=0.5), TAMPERED, IRREPRODUCIBLE),
-    "the verdict's risk": (in_evidence("limits", "risk_1", to=0.5), TAMPERED, IRREPRODUCIBLE),
-    "the asked class": (
+class Tampering(NamedTuple):
+    """One change of a bundle.
+
+    Attributes:
+        tamper: the change.
+        outcome: what is found where key and earlier evidence are given.
+        unsigned_outcome: what is found with neither, once the attacker has taken the signature off;
+            None where nothing can be.
+        kind: of what is changed.
+        words: what is said of it where key and earlier evidence are given.
+    """
+
+    tamper: Tamper
+    outcome: BundleOutcome
+    unsigned_outcome: BundleOutcome | None
+    kind: str
+    words: str
+
+
+TAMPERINGS: dict[str, Tampering] = {
+    "alpha": Tampering(fit("alpha_1"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.alpha_1: does not follow from the readings"),
+    "beta": Tampering(fit("beta_kg"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.beta_kg: does not follow from the readings"),
+    "slope": Tampering(fit("c1_1"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.c1_1: does not follow from the readings"),
+    "a digit of the covariance": Tampering(
+        fit("covariance", 1), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.covariance.1: does not follow from the readings"),
+    "chi squared": Tampering(fit("chi2_1"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.chi2_1: does not follow from the readings"),
+    "the uncertainty": Tampering(fit("u_kg"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.u_kg: does not follow from the readings"),
+    "the coverage factor": Tampering(fit("coverage_k_1"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.coverage_k_1: does not follow from the readings"),
+    "the valid range": Tampering(fit("range_kg", 1), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.range_kg.1: does not follow from the readings"),
+    "a row of the budget": Tampering(fit("budget", 0, "u_kg"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.budget.0.u_kg: does not follow from the readings"),
+    "an error of a point": Tampering(
+        fit("points", 2, "error_kg"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.points.2.error_kg: does not follow from the readings"),
+    "a sentence": Tampering(
+        in_evidence("calibration", "says", to=[]), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: calibration.says: does not follow from the readings"),
+    "the confidence": Tampering(
+        in_evidence("options", "confidence_1", to=0.5), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: options: are not those of the campaign's method"),
+    "the verdict's risk": Tampering(
+        in_evidence("limits", "risk_1", to=0.5), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: limits.risk_1: does not follow from the readings"),
+    "the asked class": Tampering(
         in_evidence("campaign", "decision", "accuracy_class", to="OIML R 134 0.2"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the verdict": (in_evidence("limits", "verdict", to="outside"), TAMPERED, IRREPRODUCIBLE),
-    "the last day": (
-        in_evidence("expires", to="2035-01-01"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the intended use": (
+        TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: limits.risk_1: does not follow from the readings"),
+    "the verdict": Tampering(
+        in_evidence("limits", "verdict", to="outside"), TAMPERED, IRREPRODUCIBLE, "the fit",
+        "evidence.json: limits.verdict: does not follow from the readings"),
+    "the last day": Tampering(
+        in_evidence("expires", to="2035-01-01"), TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: expires: is not 2027-05-04, as the runs' days give"),
+    "the intended use": Tampering(
         in_evidence("campaign", "campaign", "intended_use", to="trade"),
-        TAMPERED,
-        None,
-    ),
-    "the author": (in_evidence("campaign", "campaign", "author", to="N. N."), TAMPERED, None),
-    "the notice": (in_evidence("notice", to="Legal for trade."), TAMPERED, TAMPERED),
-    "an unknown key": (lambda b: b.evidence.update(more=1), TAMPERED, TAMPERED),
-    "a number as text": (in_evidence("chain", "counter", to="2"), TAMPERED, TAMPERED),
-    "the machine's id": (
+        TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
+    "the author": Tampering(
+        in_evidence("campaign", "campaign", "author", to="N. N."),
+        TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
+    "the notice": Tampering(
+        in_evidence("notice", to="Legal for trade."),
+        TAMPERED, TAMPERED, "the campaign", "evidence.json: notice: Input should be"),
+    "an unknown key": Tampering(
+        lambda b: b.evidence.update(more=1), TAMPERED, TAMPERED, "the campaign",
+        "evidence.json: more: Extra inputs are not permitted, which its schema refuses"),
+    "a number as text": Tampering(
+        in_evidence("chain", "counter", to="2"), TAMPERED, TAMPERED, "the campaign",
+        "evidence.json: holds a value in a form that its schema does not have"),
+    "the machine's id": Tampering(
         in_evidence("campaign", "machine", "id", to="sledge-8"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a part": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "the machine file is of machine 'sledge-7', and the campaign of 'sledge-8'"),
+    "a part": Tampering(
         in_evidence("campaign", "machine", "parts", "runners", to="R-2"),
-        TAMPERED,
-        None,
-    ),
-    "the machine's mass": (
+        TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
+    "the machine's mass": Tampering(
         in_evidence("machine", "machine", "empty_mass_kg", to=101.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a setting": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: estimator: is not that of the settings"),
+    "a setting": Tampering(
         in_evidence("machine", "settings", "gate", "window_samples", to=300),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a channel's scale": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: estimator: is not that of the settings"),
+    "a channel's scale": Tampering(
         in_evidence("machine", "channels", "force_x_N", "scale", to=1.1),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a reference mass": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: estimator: is not that of the settings"),
+    "a reference mass": Tampering(
         in_evidence("campaign", "masses", 0, "value_kg", to=21.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a mass' uncertainty": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: references: are not what the masses on board add up to"),
+    "a mass' uncertainty": Tampering(
         in_evidence("campaign", "masses", 0, "u_kg", to=0.011),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "what masses share": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: references: are not what the masses on board add up to"),
+    "what masses share": Tampering(
         in_evidence("campaign", "masses", 1, "shared_u_kg", to=0.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a certificate": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: references: are not what the masses on board add up to"),
+    "a certificate": Tampering(
         in_evidence("campaign", "masses", 0, "certificate", to="K-9"),
-        TAMPERED,
-        None,
-    ),
-    "an expired certificate": (
+        TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
+    "an expired certificate": Tampering(
         in_evidence("campaign", "masses", 0, "expires", to="2026-01-01"),
-        TAMPERED,
-        INCOMPLETE,
-    ),
-    "the references": (
+        TAMPERED, INCOMPLETE, "the campaign",
+        "run 'run-1' of 2026-05-02: the certificate of mass 'block-1' expired on 2026-01-01"),
+    "the references": Tampering(
         in_evidence("references", 1, "reference_kg", to=121.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the day of a run": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: references: are not what the masses on board add up to"),
+    "the day of a run": Tampering(
         in_evidence("campaign", "runs", 0, "day", to="2026-05-03"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a load on board": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "run 'run-0', reading 1: is of another load, day or log than its run"),
+    "a load on board": Tampering(
         in_evidence("campaign", "runs", 1, "loads", to=["block-2"]),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a run excluded afterwards": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "evidence.json: references: are not what the masses on board add up to"),
+    "a run excluded afterwards": Tampering(
         in_evidence("campaign", "runs", 2, "excluded", to="wheel slip"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the operator": (
+        TAMPERED, IRREPRODUCIBLE, "the campaign",
+        "readings.parquet: run 'run-2', reading 1: is used, and its run is excluded"),
+    "the operator": Tampering(
         in_evidence("campaign", "runs", 0, "operator", to="N. N."),
-        TAMPERED,
-        None,
-    ),
-    "a dropped run": (without_run, TAMPERED, INCOMPLETE),
-    "a run dropped everywhere": (without_run_anywhere, TAMPERED, IRREPRODUCIBLE),
-    "swapped logs": (swapped_logs, TAMPERED, None),
-    "a log's digest": (
+        TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
+    "a dropped run": Tampering(without_run, TAMPERED, INCOMPLETE, "tables",
+        "readings.parquet: run 'run-1': is missing"),
+    "a run dropped everywhere": Tampering(without_run_anywhere, TAMPERED, IRREPRODUCIBLE, "tables",
+        "evidence.json: learnt: is of other logs than the campaign's"),
+    "swapped logs": Tampering(swapped_logs, TAMPERED, None, "logs",
+        "statement.dsse.json: is not signed by the key"),
+    "a log's digest": Tampering(
         in_evidence("logs", 0, "files", 0, "sha256", to="0" * 64),
-        TAMPERED,
-        None,
-    ),
-    "the mean of a prior that was learnt": (
+        TAMPERED, None, "logs", "statement.dsse.json: is not signed by the key"),
+    "the mean of a prior that was learnt": Tampering(
         in_evidence("learnt", "terms", "const", "mean", to=lambda x: x + 1.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the width of one": (
+        TAMPERED, IRREPRODUCIBLE, "learnt priors",
+        "evidence.json: learnt: does not follow from what its logs say"),
+    "the width of one": Tampering(
         in_evidence("learnt", "terms", "const", "std", to=lambda x: x * 0.5),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "one that was not learnt": (
+        TAMPERED, IRREPRODUCIBLE, "learnt priors",
+        "evidence.json: learnt: does not follow from what its logs say"),
+    "one that was not learnt": Tampering(
         lambda b: b.evidence["learnt"]["terms"].update(
-            const_yaw={"mean": 0.0, "std": 1.0, "mean_u": 1.0}
-        ),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "what a log said of a nuisance": (
+            const_yaw={"mean": 0.0, "std": 1.0, "mean_u": 1.0}),
+        TAMPERED, TAMPERED, "learnt priors",
+        "evidence.json: learnt.terms.const_yaw.[key]: Input should be"),
+    "what a log said of a nuisance": Tampering(
         in_evidence("learnt", "logs", 0, "posterior", to=lambda x: x + 0.01),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "what a log said left out": (
-        lambda b: b.evidence["learnt"]["logs"].pop(0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "what another log said": (
+        TAMPERED, IRREPRODUCIBLE, "learnt priors",
+        "evidence.json: learnt: does not follow from what its logs say"),
+    "what a log said left out": Tampering(
+        lambda b: b.evidence["learnt"]["logs"].pop(0), TAMPERED, IRREPRODUCIBLE, "learnt priors",
+        "evidence.json: learnt: does not follow from what its logs say"),
+    "what another log said": Tampering(
         in_evidence("learnt", "logs", 0, "log", to="load-9.csv"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "nothing learnt": (in_evidence("learnt", to=None), TAMPERED, IRREPRODUCIBLE),
-    "priors made narrow throughout": (relearnt, TAMPERED, None),
-    "a log that could not weigh": (
-        in_evidence("logs", 0, "can_weigh", to=False),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the mass of a reading": (another_mass, TAMPERED, IRREPRODUCIBLE),
-    "a dropped reading": (without_reading, TAMPERED, IRREPRODUCIBLE),
-    "a reading more": (one_reading_more, TAMPERED, IRREPRODUCIBLE),
-    "a reading rejected without a reason": (reading(0, used=False), TAMPERED, INCOMPLETE),
-    "a reading rejected with one": (
-        reading(0, used=False, reason="outlier"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a reading of another log": (reading(0, log="load-9.csv"), TAMPERED, IRREPRODUCIBLE),
-    "the points": (moved_point, TAMPERED, IRREPRODUCIBLE),
-    "the line before": (
+        TAMPERED, IRREPRODUCIBLE, "learnt priors",
+        "evidence.json: learnt: is of other logs than the campaign's"),
+    "nothing learnt": Tampering(
+        in_evidence("learnt", to=None), TAMPERED, IRREPRODUCIBLE, "learnt priors",
+        "evidence.json: estimator: is not that of the settings"),
+    "priors made narrow throughout": Tampering(relearnt, TAMPERED, None, "learnt priors",
+        "statement.dsse.json: is not signed by the key"),
+    "a log that could not weigh": Tampering(
+        in_evidence("logs", 0, "can_weigh", to=False), TAMPERED, IRREPRODUCIBLE, "logs",
+        "readings.parquet: run 'run-0', reading 1: is used, and its log cannot weigh"),
+    "the mass of a reading": Tampering(another_mass, TAMPERED, IRREPRODUCIBLE, "tables",
+        "evidence.json: calibration.alpha_1: does not follow from the readings"),
+    "a dropped reading": Tampering(without_reading, TAMPERED, IRREPRODUCIBLE, "tables",
+        "readings.parquet: run 'run-0', reading 2: should be number 1"),
+    "a reading more": Tampering(one_reading_more, TAMPERED, IRREPRODUCIBLE, "tables",
+        "evidence.json: calibration.alpha_1: does not follow from the readings"),
+    "a reading rejected without a reason": Tampering(
+        reading(0, used=False), TAMPERED, INCOMPLETE, "tables",
+        "readings.parquet: run 'run-0', reading 1: is left out without a reason"),
+    "a reading rejected with one": Tampering(
+        reading(0, used=False, reason="outlier"), TAMPERED, IRREPRODUCIBLE, "tables",
+        "evidence.json: calibration.alpha_1: does not follow from the readings"),
+    "a reading of another log": Tampering(
+        reading(0, log="load-9.csv"), TAMPERED, IRREPRODUCIBLE, "tables",
+        "run 'run-0', reading 1: is of another load, day or log than its run"),
+    "the points": Tampering(moved_point, TAMPERED, IRREPRODUCIBLE, "tables",
+        "points.parquet: does not follow from the readings"),
+    "the line before": Tampering(
         in_evidence("as_found", "alpha_1", to=lambda x: x * 1.01),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the counter": (in_evidence("chain", "counter", to=7), TAMPERED, TAMPERED),
-    "the link": (
-        in_evidence("chain", "previous", "sums_sha256", to="0" * 64),
-        TAMPERED,
-        None,
-    ),
-    "no link": (
+        TAMPERED, IRREPRODUCIBLE, "chain",
+        "evidence.json: as_found.rms_error_kg: does not follow from the points"),
+    "the counter": Tampering(in_evidence("chain", "counter", to=7), TAMPERED, TAMPERED, "chain",
+        "evidence.json: chain.counter: does not follow that of the link before"),
+    "the link": Tampering(
+        in_evidence("chain", "previous", "sums_sha256", to="0" * 64), TAMPERED, None, "chain",
+        "evidence.json: chain.previous: is other evidence than that given"),
+    "no link": Tampering(
         lambda b: b.evidence.update(chain={"counter": 1, "previous": None}),
-        TAMPERED,
-        None,
-    ),
-    "a tolerance that forgives": (
+        TAMPERED, None, "chain", "evidence.json: chain.counter: is 1, and that before it 1"),
+    "a tolerance that forgives": Tampering(
         in_evidence("replay_tolerance_kg", to=1e9),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "the software": (in_evidence("software", "python", to="4.0.0"), TAMPERED, None),
-    "an edited report": (of_bytes(REPORT, edited_report), TAMPERED, TAMPERED),
-    "a removed report": (at_last(lambda f: (f / REPORT).unlink()), INCOMPLETE, INCOMPLETE),
-    "removed points": (at_last(lambda f: (f / POINTS).unlink()), INCOMPLETE, INCOMPLETE),
-    "removed digests": (at_last(lambda f: (f / SUMS).unlink()), INCOMPLETE, INCOMPLETE),
-    "one digest removed": (at_last(dropped_sum), TAMPERED, TAMPERED),
-    "a renamed file": (
+        TAMPERED, TAMPERED, "the campaign", "evidence.json: replay_tolerance_kg: Input should be"),
+    "the software": Tampering(
+        in_evidence("software", "python", to="4.0.0"),
+        TAMPERED, None, "the campaign", "statement.dsse.json: is not signed by the key"),
+    "an edited report": Tampering(of_bytes(REPORT, edited_report), TAMPERED, TAMPERED, "files",
+        "report.html: is not the page that the evidence gives"),
+    "a removed report": Tampering(
+        at_last(lambda f: (f / REPORT).unlink()),
+        INCOMPLETE, INCOMPLETE, "files", "report.html: is missing"),
+    "removed points": Tampering(
+        at_last(lambda f: (f / POINTS).unlink()),
+        INCOMPLETE, INCOMPLETE, "files", "points.parquet: is missing"),
+    "removed digests": Tampering(
+        at_last(lambda f: (f / SUMS).unlink()),
+        INCOMPLETE, INCOMPLETE, "files", "SHA256SUMS: is missing"),
+    "one digest removed": Tampering(at_last(dropped_sum), TAMPERED, TAMPERED, "files",
+        "calibration.rrd: is not listed in SHA256SUMS"),
+    "a renamed file": Tampering(
         at_last(lambda f: (f / REPORT).rename(f / "report.htm")),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "an added file": (at_last(lambda f: (f / "note.txt").write_text("n")), TAMPERED, TAMPERED),
-    "an added folder": (at_last(lambda f: (f / "more").mkdir()), TAMPERED, TAMPERED),
-    "an added recording": (
+        TAMPERED, TAMPERED, "files", "report.htm: is no file of a bundle"),
+    "an added file": Tampering(
+        at_last(lambda f: (f / "note.txt").write_text("n")),
+        TAMPERED, TAMPERED, "files", "note.txt: is no file of a bundle"),
+    "an added folder": Tampering(
+        at_last(lambda f: (f / "more").mkdir()),
+        TAMPERED, TAMPERED, "files", "more/: is a folder, which no bundle has; it was not opened"),
+    "an added recording": Tampering(
         lambda b: ((b.folder / "runs").mkdir(), (b.folder / "runs/x.rrd").write_bytes(b"RRF2")),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "a link": (at_last(link), TAMPERED, TAMPERED),
-    "a line end": (of_bytes(EVIDENCE, lambda data: data + b"\n"), TAMPERED, TAMPERED),
-    "spaces": (
+        TAMPERED, TAMPERED, "files", "runs/x.rrd: is a recording that the evidence does not name"),
+    "a link": Tampering(at_last(link), TAMPERED, TAMPERED, "files",
+        "report.html: is a link, which no bundle has; it was not followed"),
+    "a line end": Tampering(
+        of_bytes(EVIDENCE, lambda data: data + b"\n"),
+        TAMPERED, TAMPERED, "JSON", "evidence.json: is not in the canonical form of RFC 8785"),
+    "spaces": Tampering(
         of_bytes(EVIDENCE, lambda data: data.replace(b'{"', b'{ "', 1)),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "a compressed table": (
-        of_bytes(READINGS, lambda data: compressed(data)),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "another recording": (
+        TAMPERED, TAMPERED, "JSON", "evidence.json: is not in the canonical form of RFC 8785"),
+    "a compressed table": Tampering(
+        of_bytes(READINGS, lambda data: compressed(data)), TAMPERED, TAMPERED, "tables",
+        "readings.parquet: is not the table whose digest evidence.json has"),
+    "another recording": Tampering(
         of_bytes(RECORDING, lambda data: data + b"\0"),
-        TAMPERED,
-        None,
-    ),
-}
+        TAMPERED, None, "files", "statement.dsse.json: is not signed by the key"),
+}  # fmt: skip

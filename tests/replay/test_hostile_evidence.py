@@ -21,6 +21,7 @@ from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.check_outcomes import BundleOutcome
 from replay.calibration.calibrate_campaign import calibrate
 from replay.calibration.verify_bundle import Verified, verify
+from tests.replay.attack_list import JSON_FORMS, OUTSIDE
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
@@ -43,29 +44,9 @@ def said(found: Verified) -> str:
     return "\n".join(map(str, found.findings))
 
 
-@pytest.mark.parametrize(
-    ("data", "what"),
-    [
-        (b"[" * 100_000, "nested deeper"),
-        (b'{"a":' * 40 + b"1" + b"}" * 40, "nested deeper"),
-        (b'{"a":' + b"9" * 5000 + b"}", "a number of 5000 digits"),
-        (b'{"a":1e' + b"9" * 5000 + b"}", "a number of 5002 characters"),
-        (b'{"a":1e999}', "the number 1e999"),
-        (b'{"a":NaN}', "the number NaN"),
-        (b'{"a":1,"a":2}', "a name that comes twice"),
-        (b'{"b":1,"a":2}', "not in the canonical form"),
-        (b'{"a":1.0}', "not in the canonical form"),
-        (b'{"a":"\xff"}', "no JSON"),
-        (b'{"a":"\\ud800"}', "canonical"),
-        (b"", "no JSON"),
-        (pickle.dumps({"a": 1}), "no JSON"),
-        (b" " * ((16 << 20) + 1), "are more than"),
-        (b'{"a":1}', "which its schema refuses"),
-        (b"[]", "which its schema refuses"),
-    ],
-)
+@pytest.mark.parametrize(("_", "data", "what"), JSON_FORMS, ids=[name for name, *_ in JSON_FORMS])
 def test_json_beyond_its_bounds_is_refused(
-    genuine: Path, tmp_path: Path, data: bytes, what: str
+    genuine: Path, tmp_path: Path, _: str, data: bytes, what: str
 ) -> None:
     found = changed(genuine, tmp_path, EVIDENCE, data)
     assert found.outcome is BundleOutcome.TAMPERED
@@ -86,17 +67,7 @@ def test_the_statement_is_read_with_the_same_care(genuine: Path, tmp_path: Path)
         assert STATEMENT in said(changed(genuine, place, STATEMENT, data))
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "0" * 64 + "  ../../etc/passwd\n",
-        "0" * 64 + "  /etc/passwd\n",
-        "0" * 64 + "  runs/../../x.rrd\n",
-        "0" * 64 + "  report.html \n",
-        "zz\n",
-        "0" * 64 + " *report.html\n",
-    ],
-)
+@pytest.mark.parametrize("line", OUTSIDE)
 def test_names_that_lead_outside_are_refused(genuine: Path, tmp_path: Path, line: str) -> None:
     sums = (genuine / SUMS).read_bytes() + line.encode()
     found = changed(genuine, tmp_path, SUMS, sums)

@@ -2,7 +2,7 @@
 
 import sqlite3
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Final
 
@@ -193,6 +193,20 @@ class Db3File:
     def close(self) -> None:
         """Release the file."""
         self._opened.close()
+
+
+def metadata_texts(path: Path) -> list[str]:
+    """The copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
+    try:
+        database = _connect(path, unfinished=False)
+    except LogError:
+        return []
+    query = "SELECT metadata FROM metadata WHERE typeof(metadata) = 'text' ORDER BY id DESC"
+    with closing(database):
+        try:
+            return [str(text) for (text,) in fetch_all(database, f"{query} LIMIT 1")]
+        except BrokenBytesError:
+            return []
 
 
 def _connect(path: Path, *, unfinished: bool) -> sqlite3.Connection:

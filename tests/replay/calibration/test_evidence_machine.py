@@ -1,7 +1,9 @@
 """Which machine: a sister's log, machine file or evidence is refused wherever evidence is used."""
 
 import shutil
+import sqlite3
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 
 import polars as pl
@@ -23,6 +25,7 @@ from replay.fleet.machine_setups import NamedFiles, machine_setups
 from replay.fleet.run_fleet import fleet_run
 from replay.inputs.machine_identity import logged_id
 from replay.logs import open_log
+from replay.logs.machine_ids import machine_ids
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
 from tests.replay.attacker import Bundle, tampered
@@ -248,6 +251,39 @@ def test_the_metadata_of_a_log_name_its_machine(
 ) -> None:
     with open_log(named_log(folder / "load-0.csv", tmp_path / "a.parquet", metadata)) as log:
         assert logged_id([log], known) == told
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ("# Machine ID: A-7", ("A-7",)),
+        ("machine_serial;A-7;;", ("A-7",)),
+        ('"Vehicle Serial Number","A-7"', ("A-7",)),
+        ("# recorded with: A-7", ()),
+        ("", ()),
+    ],
+)
+def test_the_lines_above_a_text_table_name_its_machine(
+    tmp_path: Path, folder: Path, lines: str, told: tuple[str, ...]
+) -> None:
+    table = (folder / "load-0.csv").read_text()
+    (tmp_path / "a.csv").write_text(f"{lines}\n{table}" if lines else table)
+    with open_log(tmp_path / "a.csv") as log:
+        assert log.machine_ids() == told
+
+
+def test_a_bare_database_has_the_metadata_of_its_directory(tmp_path: Path) -> None:
+    path = tmp_path / "a.db3"
+    yaml = "version: 9\ncustom_data:\n  machine_id: A-7\n"
+    for told in (("A-7",), ()):
+        with closing(sqlite3.connect(path)) as database:
+            if told:
+                database.execute("CREATE TABLE metadata (id INTEGER, metadata TEXT)")
+                database.execute("INSERT INTO metadata VALUES (1, ?)", (yaml,))
+            else:
+                database.execute("DROP TABLE metadata")
+            database.commit()
+        assert machine_ids([path]) == told
 
 
 def test_logs_of_two_machines_are_no_time_line(folder: Path, payscope: Payscope) -> None:

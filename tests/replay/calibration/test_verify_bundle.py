@@ -174,7 +174,7 @@ def test_it_verifies_as_another_user_who_may_only_read_it(made: Made) -> None:
 
 def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_path: Path) -> None:
     """Where everything else follows from them, only the logs tell."""
-    relearnt, _, _ = TAMPERINGS["priors made narrow throughout"]
+    relearnt = TAMPERINGS["priors made narrow throughout"].tamper
     folder = tampered(made.bundle, tmp_path / "b", relearnt, signed=False)
     assert verify(folder).outcome is None
     found = verify(folder, logs=made.campaign.parent)

@@ -1,0 +1,65 @@
+"""The page that checks a bundle in a browser: one file, of its parts in this folder.
+
+It computes digests, signature, line and uncertainty by itself, in JavaScript, and asks nothing of
+anybody. The same bytes come out for every bundle, so that its digest can be published.
+"""
+
+import base64
+import hashlib
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+NAME: Final = "payscope-verifier.html"
+#: In the order in which they need each other.
+_SCRIPTS: Final = (
+    "bytes.js",
+    "sha2.js",
+    "ed25519.js",
+    "weak_keys.js",
+    "canonical_json.js",
+    "parquet.js",
+    "matrices.js",
+    "distributions.js",
+    "campaign_points.js",
+    "line_fit.js",
+    "uncertainty.js",
+    "printed_numbers.js",
+    "bundle_files.js",
+    "signature.js",
+    "check_bundle.js",
+    "verifier_view.js",
+)
+_PAGE: Final = "verifier.html"
+_STYLE: Final = "verifier.css"
+
+
+def verifier_page() -> bytes:
+    """The page, the same bytes whenever this version makes it."""
+    style = f"\n{_text(_STYLE)}"
+    script = "\n".join(('"use strict";', *(_text(name) for name in _SCRIPTS)))
+    page = _text(_PAGE)
+    parts = {
+        "version": version("payscope"),
+        "style_hash": _digest(style),
+        "script_hash": _digest(script),
+        "style": style,
+        "script": script,
+    }
+    for name, text in parts.items():
+        page = page.replace(f"{{{name}}}", text, 1)
+    return page.encode()
+
+
+def verifier_sha256() -> str:
+    """SHA-256 of the page, in hexadecimal digits."""
+    return hashlib.sha256(verifier_page()).hexdigest()
+
+
+def _text(name: str) -> str:
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+
+
+def _digest(text: str) -> str:
+    """What the page's own policy lets run: this text and no other."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
