@@ -24,8 +24,8 @@ _METHODS: Final = (
 )
 #: refType, D-SI unit, name of the influence conditions; texts have no unit.
 _CONDITIONS: Final = (
-    ("temperature_degC", "basic_temperature", r"\\degreecelsius", "Air temperature"),
-    ("slope_deg", "basic_influenceCondition", r"\\degree", "Slope of the ground"),
+    ("temperature_degC", "basic_temperature", r"\degreecelsius", "Air temperature"),
+    ("slope_deg", "basic_influenceCondition", r"\degree", "Slope of the ground"),
     ("surface", "basic_influenceCondition", "", "Surface"),
     ("tyres", "basic_influenceCondition", "", "Tyres"),
     ("fuel", "basic_influenceCondition", "", "Fuel"),
@@ -264,8 +264,8 @@ def _results(parent: "_Element", document: EvidenceDocument) -> None:
     _text(line_result, "name", "Line: calibrated mass = alpha times estimate plus beta")
     data = _add(line_result, "data")
     for name, value, unit, interval in (
-        ("alpha", fitted.alpha_1, r"\\one", fitted.alpha_interval_1),
-        ("beta", fitted.beta_kg, r"\\kilogram", fitted.beta_interval_kg),
+        ("alpha", fitted.alpha_1, r"\one", fitted.alpha_interval_1),
+        ("beta", fitted.beta_kg, r"\kilogram", fitted.beta_interval_kg),
     ):
         quantity = _add(data, "quantity", refType="basic_measuredValue")
         _text(quantity, "name", name)
@@ -292,7 +292,7 @@ def _mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> N
     u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
-    _real(quantity, mass_kg, r"\\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
+    _real(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
 
 
 def _errors(result: "_Element", document: EvidenceDocument) -> None:
@@ -312,13 +312,13 @@ def _errors(result: "_Element", document: EvidenceDocument) -> None:
         _real(
             quantity,
             reference.reference_kg,
-            r"\\kilogram",
+            r"\kilogram",
             expanded=(2.0 * reference.u_kg, 2.0, 0.954),
         )
         quantity = _add(row, "quantity", refType="basic_measuredValue")
         _mass(quantity, document, reference.reference_kg + point.error_kg)
         quantity = _add(row, "quantity", refType="basic_measurementError")
-        _real(quantity, point.error_kg, r"\\kilogram")
+        _real(quantity, point.error_kg, r"\kilogram")
 
 
 def _equipment(parent: "_Element", document: EvidenceDocument) -> None:
@@ -367,7 +367,7 @@ def _known(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> No
         refType="basic_referenceValue",
     )
     _text(quantity, "name", name)
-    _real(quantity, value_kg, r"\\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
+    _real(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
 
 
 def _conditions(parent: "_Element", document: EvidenceDocument) -> None:

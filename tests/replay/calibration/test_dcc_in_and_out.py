@@ -1,6 +1,7 @@
 """Masses out of a digital certificate, a campaign with them, and the certificate that it writes."""
 
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -172,6 +173,14 @@ def test_the_certificate_has_the_numbers_of_the_evidence(made: Calibrated, folde
     assert root.findtext(f".//{{{DCC}}}replacedUniqueIdentifier") == "evidence-0"
     hashes = [each.text for each in root.iterfind(f".//{{{DCC}}}certificate/{{{DCC}}}value")]
     assert hashes == [each.certificate_sha256 for each in made.document.campaign.masses]
+
+
+@pytest.mark.usefixtures("made")
+def test_units_are_those_of_the_si_format(folder: Path) -> None:
+    root = etree.parse(folder / "sledge.xml").getroot()
+    units = {each.text for each in root.iter(f"{SI}unit")}
+    assert {r"\one", r"\kilogram"} <= units
+    assert all(re.fullmatch(r"\\[a-z]+", str(unit)) for unit in units), units
 
 
 def test_the_evidence_verifies_and_its_page_says_what_a_certificate_says(
