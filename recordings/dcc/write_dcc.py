@@ -20,15 +20,15 @@ _CERTIFICATE: Final = "basic_certificateIdentification"
 _METHODS: Final = (
     ("Straight line, errors in both variables", "ISO/TS 28037:2010", "basic_calibrationSOP"),
     ("Uncertainty of measurement", "JCGM 100:2008", "basic_methodMeasurementUncertainty"),
-    ("Decision rule", "JCGM 106:2012", "basic_decisionRule"),
+    ("Decision rule", "JCGM 106:2012", "payscope_decisionRule"),
 )
 #: refType, D-SI unit, name of the influence conditions; texts have no unit.
 _CONDITIONS: Final = (
     ("temperature_degC", "basic_temperature", r"\degreecelsius", "Air temperature"),
-    ("slope_deg", "basic_influenceCondition", r"\degree", "Slope of the ground"),
-    ("surface", "basic_influenceCondition", "", "Surface"),
-    ("tyres", "basic_influenceCondition", "", "Tyres"),
-    ("fuel", "basic_influenceCondition", "", "Fuel"),
+    ("slope_deg", "payscope_influenceCondition", r"\degree", "Slope of the ground"),
+    ("surface", "payscope_influenceCondition", "", "Surface"),
+    ("tyres", "payscope_influenceCondition", "", "Tyres"),
+    ("fuel", "payscope_influenceCondition", "", "Fuel"),
 )
 
 
@@ -161,12 +161,32 @@ def _software(parent: "_Element", document: EvidenceDocument) -> None:
     _add(made, "type", "application")
 
 
+def _ref_types(parent: "_Element", document: EvidenceDocument) -> None:
+    """Where the words of the attributes refType stand."""
+    for namespace, name, link, release in (
+        ("basic", "Terms for every certificate", "https://dccwiki.ptb.de", ""),
+        (
+            "payscope",
+            "Terms that the list of the namespace basic is not known to have",
+            "payscope/docs/evidence.md",
+            document.software.payscope,
+        ),
+    ):
+        made = _add(parent, "refTypeDefinition")
+        _text(made, "name", name)
+        _add(made, "namespace", namespace)
+        _add(made, "link", link)
+        if release:
+            _add(made, "release", release)
+
+
 def _administrative(admin: "_Element", document: EvidenceDocument, sums_sha256: str) -> None:
     campaign = document.campaign
     about, machine, laboratory = campaign.campaign, campaign.machine, campaign.laboratory
     assert laboratory is not None
     assert campaign.customer is not None
     _software(_add(admin, "dccSoftware"), document)
+    _ref_types(_add(admin, "refTypeDefinitions"), document)
     core = _add(admin, "coreData")
     _add(core, "countryCodeISO3166_1", laboratory.country)
     _add(core, "usedLangCodeISO639_1", "en")
@@ -177,7 +197,7 @@ def _administrative(admin: "_Element", document: EvidenceDocument, sums_sha256: 
         "calibrationLaboratory",
         sums_sha256,
         "SHA-256 of SHA256SUMS of the evidence",
-        "basic_documentIdentification",
+        "payscope_documentIdentification",
     )
     if about.received:
         _add(core, "receiptDate", about.received.isoformat())
@@ -203,7 +223,7 @@ def _administrative(admin: "_Element", document: EvidenceDocument, sums_sha256: 
     _identification(identified, "manufacturer", machine.id, "Serial number", "basic_serialNumber")
     for part, value in machine.parts.items():
         if part.strip() and value.strip():
-            _identification(identified, "other", value, part, "basic_partIdentification")
+            _identification(identified, "other", value, part, "payscope_partIdentification")
     _contact(_add(admin, "calibrationLaboratory"), "contact", laboratory)
     people = _add(admin, "respPersons")
     for name, role, signs in (
@@ -260,7 +280,7 @@ def _results(parent: "_Element", document: EvidenceDocument) -> None:
     _equipment(_add(result, "measuringEquipments"), document)
     _conditions(_add(result, "influenceConditions"), document)
     found = _add(result, "results")
-    line_result = _add(found, "result", refType="basic_calibrationFunction")
+    line_result = _add(found, "result", refType="payscope_calibrationFunction")
     _text(line_result, "name", "Line: calibrated mass = alpha times estimate plus beta")
     data = _add(line_result, "data")
     for name, value, unit, interval in (
@@ -335,7 +355,7 @@ def _equipment(parent: "_Element", document: EvidenceDocument) -> None:
             _hash(made, "certificate", about)
         identified = _add(made, "identifications")
         _identification(
-            identified, "calibrationLaboratory", mass.id, "Id", "basic_equipmentIdentification"
+            identified, "calibrationLaboratory", mass.id, "Id", "payscope_equipmentIdentification"
         )
         if mass.certificate:
             _identification(
