@@ -6,6 +6,7 @@ work, of which it has so many seconds, and is then done with it. Both ways give 
 is written for both uses integers of 64 bits and no more than numpy's scalars know.
 """
 
+import sys
 from collections.abc import Callable
 from functools import cached_property, update_wrapper
 from time import thread_time
@@ -22,6 +23,11 @@ MOST_TURNS: Final = 8192
 MOST_SECONDS: Final = 0.2
 #: How a function is compiled, by the name of the decorator in `estimators.compiled`.
 _COMPILED, _UNCOUNTED, _INLINED = "compiled", "uncounted", "inlined"
+
+
+def is_compiler_loaded() -> bool:
+    """Whether this process has loaded numba, so that compiled loops begin at once."""
+    return "estimators.compiled" in sys.modules
 
 
 class _Budget:

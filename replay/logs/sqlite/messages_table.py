@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from estimators.interpreted import is_compiler_loaded
 from replay.logs.sqlite.database_pages import PageLayout, RowFilter, page_layout
 from replay.logs.sqlite.row_query import LEAST_ID, Row, TableRows, read_rows, sqlite_call
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch
@@ -49,7 +50,8 @@ class MessageTable:
     def times(self) -> Iterator[TableRows]:
         """Rows without their messages."""
         everything = RowFilter(np.empty(0, np.int64), True, _LEAST_NS, _MOST_NS, False)
-        if self._layout is not None and self._file.size < _LEAST_BYTES:
+        by_sqlite = self._file.size < _LEAST_BYTES and not is_compiler_loaded()
+        if self._layout is not None and by_sqlite:
             faults: list[str] = []
             found = list(self._from_sqlite(LEAST_ID, everything, faults.append))
             # what is damaged is told once, as the messages' pages tell it
