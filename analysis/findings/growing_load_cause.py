@@ -26,7 +26,7 @@ _LEFT: Final = 0.02
 #: Who drives for longer does not load any more: what then ends the drive would weigh by its time.
 _LONGEST_S: Final = 15.0
 #: What every log may have besides; columns of more noise would leave it in this one's way.
-_USUAL: Final = ("const", "direction")
+_USUAL: Final = ("const", "direction", "viscous_drift", "viscous_bend")
 
 
 class _Growth(NamedTuple):
