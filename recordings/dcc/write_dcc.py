@@ -1,9 +1,9 @@
 """Write evidence of a calibration as a digital calibration certificate (DCC 3.2.1, D-SI 2.1)."""
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from analysis.calibration.campaign.campaign_plan import Organisation
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Organisation
 from analysis.calibration.use.error_limits import OUTSIDE, WITHIN
 from estimators.errors import EvidenceError
 from recordings.calibration.calibration_text import ESTIMATORS
@@ -32,16 +32,16 @@ _CONDITIONS: Final = (
 )
 
 
-def refuse_incomplete(document_campaign: Any, what: object) -> None:
+def refuse_incomplete(campaign: CalibrationCampaign, source: object) -> None:
     """Refuse a certificate that lacks what the schema or ISO/IEC 17025, 7.8 asks for.
 
     Raises:
         EvidenceError: names every key that is not stated.
     """
     refuse_without_libraries()
-    lacking = document_campaign.not_stated
-    if lacking:
-        raise EvidenceError(f"{what}: a DCC needs {', '.join(lacking)}; state them in the campaign")
+    if campaign.not_stated:
+        keys = ", ".join(campaign.not_stated)
+        raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
 
 
 def dcc_of(document: EvidenceDocument, sums_sha256: str) -> "_Element":
