@@ -49,8 +49,8 @@ def weights_of_list(
         return by_name
     if len(scope) != count:
         raise EvidenceError(
-            f"{what}: a list of {count} masses names no weights, and its result is of "
-            f"{len(scope)} items, so which mass is whose is not said; {_REMEDY}"
+            f"{what}: a list of masses names no weights, and has {count} values for a result whose "
+            f"number of items is {len(scope)}, so which mass is whose is not said; {_REMEDY}"
         )
     order = [each.get("id") for each, _ in scope]
     if named_by is not None and [each for each in named_by if each in order] != order:
@@ -100,7 +100,10 @@ def _named_items(
             )
     weights = [items[0] for items in found]
     if len(weights) != count:
-        raise EvidenceError(f"{what}: a list of {count} masses has {len(weights)} names beside it")
+        raise EvidenceError(
+            f"{what}: a list of masses has {count} values, and the number of its names is "
+            f"{len(weights)}"
+        )
     if len(set(weights)) != count:
         raise EvidenceError(f"{what}: a list of {count} masses names a weight twice")
     return weights

@@ -161,8 +161,11 @@ NAMES = "SN-weight-2 SN-weight-1"
 U = "<si:uncertaintyXMLList>0.0016 0.0016"
 FORGED_SETS: dict[str, tuple[Forge, str]] = {
     # the numbers
-    "a value too few": (put(LIST, "<si:valueXMLList>19.9991"), "has 2 names"),
-    "a value too many": (put(LIST, LIST + " 20.1"), "list of 3 masses has 2 names"),
+    "a value too few": (
+        put(LIST, "<si:valueXMLList>19.9991"),
+        "1 values, and the number of its names is 2",
+    ),
+    "a value too many": (put(LIST, LIST + " 20.1"), "3 values, and the number of its names is 2"),
     "no values": (put(LIST, "<si:valueXMLList>"), "no single si:valueXMLList"),
     "two lists of values": (put(LIST, LIST + "</si:valueXMLList>" + LIST), "no single si:value"),
     "a list and a value": (
@@ -177,7 +180,10 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     "infinite": (put(LIST, "<si:valueXMLList>19.9991 1e999"), "not finite"),
     "negative": (put(LIST, "<si:valueXMLList>19.9991 -20.0005"), "no mass of a weight"),
     "decimal commas": (put(LIST, "<si:valueXMLList>19,9991 20,0005"), "decimal number"),
-    "separated by semicolons": (put(LIST, "<si:valueXMLList>19.9991;20.0005"), "names beside it"),
+    "separated by semicolons": (
+        put(LIST, "<si:valueXMLList>19.9991;20.0005"),
+        "1 values, and the number of its names is 2",
+    ),
     "list cut by an element": (put(LIST, "<si:valueXMLList>19.9991 <si:x/>20.0005"), "single si:"),
     "more values than any set has": (put(LIST, LIST + " 20" * 1000), "more than 1000"),
     # their units
@@ -235,7 +241,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     ),
     "probability in percent": (put("ProbabilityXMLList>0.95", "ProbabilityXMLList>95"), "prob"),
     # whose each is
-    "a name too few": (put(NAMES, "SN-weight-1"), "list of 2 masses has 1 names"),
+    "a name too few": (put(NAMES, "SN-weight-1"), "number of its names is 1"),
     "a name of no item": (put(NAMES, "SN-weight-9 SN-weight-1"), "'SN-weight-9', which 0 items"),
     "a name twice": (put(NAMES, "SN-weight-1 SN-weight-1"), "names a weight twice"),
     "a name of two items": (
@@ -258,11 +264,11 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     ),
     "no names, a value too many": (
         lambda data: put(LIST, LIST + " 20.1")(put(NAMES, "M1 M1")(data)),
-        "names no weights, and its result is of 2 items",
+        "3 values for a result whose number of items is 2",
     ),
     "no names, of one item": (
         lambda data: put("<dcc:result>", '<dcc:result refId="weight-1">')(put(NAMES, "M1")(data)),
-        "names no weights, and its result is of 1 items",
+        "2 values for a result whose number of items is 1",
     ),
     "no names, referred to backwards": (
         lambda data: put("<dcc:result>", '<dcc:result refId="weight-2 weight-1">')(
