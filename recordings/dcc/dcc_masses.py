@@ -1,38 +1,20 @@
 """Reference masses out of a digital calibration certificate (DKD-E 7-2 for weights, and others)."""
 
-import math
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import DCC, SI, leaf_text
+from recordings.dcc.dcc_quantity import value_and_u_kg, value_count
+from recordings.dcc.dcc_weight_list import NamedItem, weights_of_list
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
 
-#: Kilograms of each D-SI unit of mass that is read.
-_UNITS_KG: Final = {
-    r"\kilogram": 1.0,
-    r"\kilo\gram": 1.0,
-    r"\gram": 1e-3,
-    r"\milli\gram": 1e-6,
-    r"\micro\gram": 1e-9,
-    r"\mega\gram": 1e3,
-    r"\tonne": 1e3,
-}
 #: What a quantity that is the mass calls itself, the best first. Conventional mass is what weights
 #: are certified in; of steel it differs from the mass by less than 1e-6.
 _KINDS: Final = ("conventionalMass", "mass", "measuredValue")
-_NUMBER: Final = re.compile(r"[-+]?(\d*\.\d+|\d+\.?\d*)([Ee][-+]?\d+)?")
-#: Characters of a number, of which no certificate needs more.
-_MOST_DIGITS: Final = 40
-#: A weight that is known less well than to 10 % is a misread unit.
-_MOST_U_1: Final = 0.1
-_MOST_KG: Final = 1e6
-#: Coverage factors beyond are no interval of 99.99 % even with two degrees of freedom.
-_MOST_K: Final = 100.0
 _MOST_NAMED: Final = 12
 
 
@@ -85,9 +67,9 @@ def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMa
     if not issuer:
         raise EvidenceError(f"{what}: does not name its laboratory")
     found: list[CertifiedMass] = []
+    masses = _CertificateMasses(root, named, what)
     for element, names in wanted:
-        about = f"{what}, item '{names[0]}'"
-        value_kg, u_kg = _mass(root, element, alone=len(items) == 1, what=about)
+        value_kg, u_kg = masses.value_and_u_kg(element, f"{what}, item '{names[0]}'")
         found.append(CertifiedMass(item or names[0], value_kg, u_kg, certificate, issuer))
     return found
 
@@ -99,20 +81,61 @@ def _names(item: "_Element") -> list[str]:
     return [name for name in names if name]
 
 
-def _mass(root: "_Element", item: "_Element", *, alone: bool, what: str) -> tuple[float, float]:
-    """Value and standard uncertainty of the one quantity that is the item's mass."""
-    quantities = list(_quantities(root, item.get("id"), alone=alone))
-    for kind in _KINDS:
-        chosen = [each for each in quantities if kind in _kinds(each)]
-        if len(chosen) > 1:
-            raise EvidenceError(f"{what}: has {len(chosen)} quantities of the kind '{kind}'")
-        if chosen:
-            return _value(chosen[0], what)
-    kinds = sorted({kind for each in quantities for kind in _kinds(each)})[:_MOST_NAMED]
-    raise EvidenceError(
-        f"{what}: no quantity of it is a mass by its refType ({', '.join(_KINDS)}); "
-        f"there {'are ' + ', '.join(kinds) if kinds else 'is none'}"
-    )
+class _CertificateMasses:
+    """The quantities of a certificate that may be masses, and whose each is."""
+
+    def __init__(self, root: "_Element", items: Sequence[NamedItem], what: str) -> None:
+        self._items = items
+        self._what = what
+        self._quantities = list(_quantities(root))
+        self._weights: dict[_Element, list[_Element]] = {}
+
+    def value_and_u_kg(self, item: "_Element", what: str) -> tuple[float, float]:
+        """Value and standard uncertainty of the one quantity that is the item's mass."""
+        for kind in _KINDS:
+            chosen = [
+                (quantity, place)
+                for quantity, refers in self._quantities
+                if kind in _kinds(quantity) and self._may_be_of(item, quantity, refers)
+                for place in self._places(item, quantity, refers)
+            ]
+            if len(chosen) > 1:
+                raise EvidenceError(f"{what}: has {len(chosen)} quantities of the kind '{kind}'")
+            if chosen:
+                return value_and_u_kg(*chosen[0], what)
+        kinds = sorted(
+            {
+                kind
+                for quantity, refers in self._quantities
+                if self._may_be_of(item, quantity, refers)
+                for kind in _kinds(quantity)
+            }
+        )[:_MOST_NAMED]
+        raise EvidenceError(
+            f"{what}: no quantity of it is a mass by its refType ({', '.join(_KINDS)}); "
+            f"there {'are ' + ', '.join(kinds) if kinds else 'is none'}"
+        )
+
+    def _may_be_of(
+        self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
+    ) -> bool:
+        if refers is not None:
+            return item.get("id") in refers
+        return len(self._items) == 1 or quantity.find(f"{{{SI}}}realListXMLList") is not None
+
+    def _places(
+        self, item: "_Element", quantity: "_Element", refers: Sequence[str] | None
+    ) -> list[int | None]:
+        """Where in the quantity's list the item is; None of one value that is the item's."""
+        if value_count(quantity, self._what) is None:
+            shared = [each for each, _ in self._items if each.get("id") in (refers or ())]
+            if len(shared) > 1:
+                raise EvidenceError(f"{self._what}: has one mass for {len(shared)} items")
+            return [None]
+        if quantity not in self._weights:
+            self._weights[quantity] = weights_of_list(quantity, self._items, refers, self._what)
+        weights = self._weights[quantity]
+        return [place for place, weight in enumerate(weights) if weight is item]
 
 
 def _kinds(quantity: "_Element") -> list[str]:
@@ -120,8 +143,8 @@ def _kinds(quantity: "_Element") -> list[str]:
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 
 
-def _quantities(root: "_Element", item_id: str | None, *, alone: bool) -> Iterator["_Element"]:
-    """The quantities of results that are of an item."""
+def _quantities(root: "_Element") -> Iterator[tuple["_Element", list[str] | None]]:
+    """The quantities of results, with the ids of what each is of; None where none is named."""
     results = root.find(f"{{{DCC}}}measurementResults")
     assert results is not None
     for quantity in results.iterfind(f".//{{{DCC}}}results//{{{DCC}}}quantity"):
@@ -130,62 +153,4 @@ def _quantities(root: "_Element", item_id: str | None, *, alone: bool) -> Iterat
         while place is not None and own is None:
             own = place.get("refId", "").split() or None
             place = place.getparent()
-        if (own is None and alone) or (own is not None and item_id in own):
-            yield quantity
-
-
-def _value(quantity: "_Element", what: str) -> tuple[float, float]:
-    """Value and standard uncertainty of a quantity, in kg."""
-    reals = quantity.findall(f"{{{SI}}}real")
-    if len(reals) != 1:
-        raise EvidenceError(f"{what}: its mass is not one si:real")
-    real = reals[0]
-    unit = _one(real, "unit", what)
-    if unit not in _UNITS_KG:
-        raise EvidenceError(
-            f"{what}: its mass has the unit '{unit[:40]}'; of mass are {', '.join(_UNITS_KG)}"
-        )
-    value_kg = _number(_one(real, "value", what), "value", what) * _UNITS_KG[unit]
-    u_kg = _standard_u(real, what) * _UNITS_KG[unit]
-    if not 0.0 < value_kg <= _MOST_KG:
-        raise EvidenceError(f"{what}: {value_kg:g} kg is no mass of a weight")
-    if not 0.0 < u_kg <= _MOST_U_1 * value_kg:
-        raise EvidenceError(
-            f"{what}: a standard uncertainty of {u_kg:g} kg is none of {value_kg:g} kg"
-        )
-    return value_kg, u_kg
-
-
-def _standard_u(real: "_Element", what: str) -> float:
-    """Standard uncertainty in the unit of the value."""
-    expanded = list(real.iter(f"{{{SI}}}expandedUnc"))
-    interval = list(real.iter(f"{{{SI}}}coverageInterval"))
-    if len(expanded) + len(interval) != 1:
-        raise EvidenceError(f"{what}: has {len(expanded) + len(interval)} uncertainties, not one")
-    if interval:
-        return _number(_one(interval[0], "standardUnc", what), "standardUnc", what)
-    k = _number(_one(expanded[0], "coverageFactor", what), "coverageFactor", what)
-    if not 1.0 <= k <= _MOST_K:
-        raise EvidenceError(f"{what}: {k:g} is no coverage factor")
-    p = _number(_one(expanded[0], "coverageProbability", what), "coverageProbability", what)
-    if not 0.5 <= p < 1.0:
-        raise EvidenceError(f"{what}: {p:g} is no coverage probability of an expanded uncertainty")
-    return _number(_one(expanded[0], "uncertainty", what), "uncertainty", what) / k
-
-
-def _one(inside: "_Element", name: str, what: str) -> str:
-    """The text of the one child of a name."""
-    found = inside.findall(f"{{{SI}}}{name}")
-    text = leaf_text(found[0]) if len(found) == 1 else None
-    if not text:
-        raise EvidenceError(f"{what}: its {inside.tag.rpartition('}')[2]} has no single si:{name}")
-    return text
-
-
-def _number(text: str, name: str, what: str) -> float:
-    if len(text) > _MOST_DIGITS or not _NUMBER.fullmatch(text):
-        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is no decimal number")
-    value = float(text)
-    if not math.isfinite(value):
-        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not finite")
-    return value
+        yield quantity, own

@@ -169,7 +169,7 @@ def _ref_types(parent: "_Element", document: EvidenceDocument) -> None:
             "payscope",
             "Terms that the list of the namespace basic is not known to have",
             "payscope/docs/evidence.md",
-            document.software.payscope,
+            f"v{document.software.payscope}",
         ),
     ):
         made = _add(parent, "refTypeDefinition")

@@ -21,6 +21,19 @@ _RESULT = """<dcc:result refId="{id}"><dcc:name><dcc:content>Mass</dcc:content><
 <si:unit>\\kilogram</si:unit><si:expandedUnc><si:uncertainty>{expanded}</si:uncertainty>
 <si:coverageFactor>2</si:coverageFactor><si:coverageProbability>0.95</si:coverageProbability>
 </si:expandedUnc></si:real></dcc:quantity></dcc:data></dcc:result>"""
+#: A set: all weights in one result, as lists, beside which their numbers stand.
+_SET = """<dcc:result><dcc:name><dcc:content>Masses</dcc:content></dcc:name><dcc:data><dcc:list>
+<dcc:quantity><dcc:charsXMLList>{names}</dcc:charsXMLList></dcc:quantity>
+<dcc:quantity><dcc:charsXMLList>M1 M1</dcc:charsXMLList></dcc:quantity>
+<dcc:quantity refType="basic_nominalValue"><si:realListXMLList>
+<si:valueXMLList>20 20</si:valueXMLList><si:unitXMLList>\\kilogram</si:unitXMLList>
+</si:realListXMLList></dcc:quantity>
+<dcc:quantity refType="mass_conventionalMass"><si:realListXMLList>
+<si:valueXMLList>{values}</si:valueXMLList><si:unitXMLList>\\kilogram</si:unitXMLList>
+<si:expandedUncXMLList><si:uncertaintyXMLList>{expanded}</si:uncertaintyXMLList>
+<si:coverageFactorXMLList>2</si:coverageFactorXMLList>
+<si:coverageProbabilityXMLList>0.95</si:coverageProbabilityXMLList>
+</si:expandedUncXMLList></si:realListXMLList></dcc:quantity></dcc:list></dcc:data></dcc:result>"""
 _WHOLE = """<dcc:digitalCalibrationCertificate xmlns:dcc="https://ptb.de/dcc"
  xmlns:si="https://ptb.de/si" schemaVersion="3.2.1"><dcc:administrativeData>
 <dcc:dccSoftware><dcc:software><dcc:name><dcc:content>hand</dcc:content></dcc:name>
@@ -53,6 +66,18 @@ def weights_xml() -> bytes:
         for each, (value, u) in WEIGHTS.items()
     )
     return _WHOLE.format(items=items, results=results).encode()
+
+
+def weight_set_xml() -> bytes:
+    """An unsigned certificate of the same two weights as a set: their masses are one list."""
+    backwards = list(WEIGHTS)[::-1]
+    result = _SET.format(
+        names=" ".join(f"SN-{each}" for each in backwards),
+        values=" ".join(repr(WEIGHTS[each][0]) for each in backwards),
+        expanded=" ".join(repr(COVERAGE_FACTOR * WEIGHTS[each][1]) for each in backwards),
+    )
+    items = "".join(_ITEM.format(id=each) for each in WEIGHTS)
+    return _WHOLE.format(items=items, results=result).encode()
 
 
 @cache

@@ -12,7 +12,12 @@ from estimators.errors import EvidenceError
 from recordings.dcc.dcc_document import MOST_BYTES, parse_dcc
 from recordings.dcc.dcc_masses import CertifiedMass, certified_masses
 from recordings.dcc.dcc_signature import check_signature
-from tests.recordings.dcc.certificates import signed_weights, weights_xml, wrapped
+from tests.recordings.dcc.certificates import (
+    signed_weights,
+    weight_set_xml,
+    weights_xml,
+    wrapped,
+)
 
 Forge = Callable[[bytes], bytes]
 DTD = b'<!DOCTYPE d [<!ENTITY x SYSTEM "file:///etc/hostname">]>'
@@ -110,6 +115,10 @@ FORGED: dict[str, tuple[Forge, str]] = {
     ),
     "two items of one number": (put("SN-weight-2", "weight-1"), "2 items 'weight-1'"),
     "result of another item": (put('refId="weight-1"', 'refId="weight-2"'), "refType"),
+    "one mass for two items": (
+        put('<dcc:result refId="weight-1"', '<dcc:result refId="weight-1 weight-2"'),
+        "one mass for 2 items",
+    ),
     "two masses": (put("basic_nominalValue", "mass_conventionalMass"), "2 quantities"),
     "nominal value alone": (
         lambda data: data.replace(b"mass_conventionalMass", b"basic_nominalValue"),
@@ -146,6 +155,128 @@ FORGED: dict[str, tuple[Forge, str]] = {
         "coverageProbability",
     ),
     "probability of 1": (put("Probability>0.95", "Probability>1"), "coverage probability"),
+}
+LIST = "<si:valueXMLList>19.9991 20.0005"
+NAMES = "SN-weight-2 SN-weight-1"
+U = "<si:uncertaintyXMLList>0.0016 0.0016"
+FORGED_SETS: dict[str, tuple[Forge, str]] = {
+    # the numbers
+    "a value too few": (
+        put(LIST, "<si:valueXMLList>19.9991"),
+        "1 values, and the number of its names is 2",
+    ),
+    "a value too many": (put(LIST, LIST + " 20.1"), "3 values, and the number of its names is 2"),
+    "no values": (put(LIST, "<si:valueXMLList>"), "no single si:valueXMLList"),
+    "two lists of values": (put(LIST, LIST + "</si:valueXMLList>" + LIST), "no single si:value"),
+    "a list and a value": (
+        put(
+            "</si:expandedUncXMLList></si:realListXMLList>",
+            "</si:expandedUncXMLList></si:realListXMLList><si:real/>",
+        ),
+        "not one si:real",
+    ),
+    "no number": (put(LIST, "<si:valueXMLList>19.9991 NaN"), "'NaN' is no decimal number"),
+    "no number, of another weight": (put(LIST, "<si:valueXMLList>NaN 20.0005"), "decimal number"),
+    "infinite": (put(LIST, "<si:valueXMLList>19.9991 1e999"), "not finite"),
+    "negative": (put(LIST, "<si:valueXMLList>19.9991 -20.0005"), "no mass of a weight"),
+    "decimal commas": (put(LIST, "<si:valueXMLList>19,9991 20,0005"), "decimal number"),
+    "separated by semicolons": (
+        put(LIST, "<si:valueXMLList>19.9991;20.0005"),
+        "1 values, and the number of its names is 2",
+    ),
+    "list cut by an element": (put(LIST, "<si:valueXMLList>19.9991 <si:x/>20.0005"), "single si:"),
+    "more values than any set has": (put(LIST, LIST + " 20" * 1000), "more than 1000"),
+    # their units
+    "no units": (
+        drop(r"<si:unitXMLList>[^<]*</si:unitXMLList>(?=\n<si:expanded)"),
+        "single si:unitXMLList",
+    ),
+    "a unit of a length among them": (
+        put(
+            r"\kilogram</si:unitXMLList>" + "\n<si:exp",
+            r"\kilogram \metre</si:unitXMLList>" + "\n<si:exp",
+        ),
+        r"unit '\metre'",
+    ),
+    "three units of two values": (
+        put(
+            r"\kilogram</si:unitXMLList>" + "\n<si:exp",
+            r"\kilogram \kilogram \kilogram</si:unitXMLList>" + "\n<si:exp",
+        ),
+        "3 entries for 2 values",
+    ),
+    # their uncertainties
+    "no uncertainties": (
+        drop("<si:expandedUncXMLList>.*?</si:expandedUncXMLList>"),
+        "0 uncertainties",
+    ),
+    "uncertainties of single values": (
+        lambda data: data.replace(b"expandedUncXMLList", b"expandedUnc"),
+        "0 uncertainties",
+    ),
+    "three U of two values": (put(U, U + " 0.0016"), "3 entries for 2 values"),
+    "U of 0": (put(U, "<si:uncertaintyXMLList>0.0016 0"), "uncertainty of 0 kg"),
+    "negative U": (put(U, "<si:uncertaintyXMLList>0.0016 -0.0016"), "uncertainty of -0.0008 kg"),
+    "U that is no number": (put(U, "<si:uncertaintyXMLList>0.0016 NaN"), "decimal number"),
+    "U of grams": (put(U, "<si:uncertaintyXMLList>1.6 16"), "is none of 20.0005 kg"),
+    "one U for several units": (
+        lambda data: put(U, "<si:uncertaintyXMLList>0.0016")(
+            data.replace(rb"\kilogram</si:unitXMLList>", rb"\kilogram \tonne</si:unitXMLList>")
+        ),
+        "one uncertainty for values in several units",
+    ),
+    "U without k": (
+        drop("<si:coverageFactorXMLList>2</si:coverageFactorXMLList>"),
+        "coverageFactorXMLList",
+    ),
+    "k of single values": (
+        lambda data: data.replace(b"coverageFactorXMLList", b"coverageFactor"),
+        "coverageFactorXMLList",
+    ),
+    "k of 0": (put("FactorXMLList>2<", "FactorXMLList>2 0<"), "no coverage factor"),
+    "three k of two values": (put("FactorXMLList>2<", "FactorXMLList>2 2 2<"), "3 entries"),
+    "U without probability": (
+        drop("<si:coverageProbabilityXMLList>.*</si:coverageProbabilityXMLList>"),
+        "coverageProbabilityXMLList",
+    ),
+    "probability in percent": (put("ProbabilityXMLList>0.95", "ProbabilityXMLList>95"), "prob"),
+    # whose each is
+    "a name too few": (put(NAMES, "SN-weight-1"), "number of its names is 1"),
+    "a name of no item": (put(NAMES, "SN-weight-9 SN-weight-1"), "'SN-weight-9', which 0 items"),
+    "a name twice": (put(NAMES, "SN-weight-1 SN-weight-1"), "names a weight twice"),
+    "a name of two items": (
+        lambda data: put("<dcc:value>SN-weight-2", "<dcc:value>SN-weight-1")(
+            put(NAMES, "SN-weight-1 weight-2")(data)
+        ),
+        "'SN-weight-1', which 2 items",
+    ),
+    "names of a result that is of one item": (
+        put("<dcc:result>", '<dcc:result refId="weight-1">'),
+        "which 0 items of that result are called",
+    ),
+    "two lists of names that disagree": (
+        put("M1 M1", "SN-weight-1 SN-weight-2"),
+        "two lists of names",
+    ),
+    "labels that disagree": (
+        put(LIST, "<si:labelXMLList>weight-1 weight-2</si:labelXMLList>" + LIST),
+        "two lists of names",
+    ),
+    "no names, a value too many": (
+        lambda data: put(LIST, LIST + " 20.1")(put(NAMES, "M1 M1")(data)),
+        "3 values for a result whose number of items is 2",
+    ),
+    "no names, of one item": (
+        lambda data: put("<dcc:result>", '<dcc:result refId="weight-1">')(put(NAMES, "M1")(data)),
+        "2 values for a result whose number of items is 1",
+    ),
+    "no names, referred to backwards": (
+        lambda data: put("<dcc:result>", '<dcc:result refId="weight-2 weight-1">')(
+            put(NAMES, "M1")(data)
+        ),
+        "another order than the items",
+    ),
+    "two lists of masses": (put("basic_nominalValue", "mass_conventionalMass"), "2 quantities"),
 }
 SIGNED: dict[str, tuple[Forge, str]] = {
     "mass changed": (put("20.0005", "20.0006"), "does not hold"),
@@ -223,6 +354,14 @@ def test_a_forged_certificate_is_refused(name: str) -> None:
     forge, words = FORGED[name]
     with pytest.raises(EvidenceError, match=re.escape(words)):
         read(forge(weights_xml()))
+
+
+@pytest.mark.parametrize("name", FORGED_SETS)
+def test_a_forged_certificate_of_a_set_is_refused(name: str) -> None:
+    forge, words = FORGED_SETS[name]
+    with pytest.raises(EvidenceError, match=re.escape(words)) as refusal:
+        read(forge(weight_set_xml()))
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("name", SIGNED)

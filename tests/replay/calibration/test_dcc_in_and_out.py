@@ -29,6 +29,7 @@ from tests.recordings.dcc.certificates import (
     ec_key,
     public_pem,
     signed_weights,
+    weight_set_xml,
     weights_xml,
 )
 from tests.replay.sledge import Payscope, one_line
@@ -114,6 +115,16 @@ def test_masses_in_are_masses_out(tmp_path: Path) -> None:
     assert (first.certificate, first.certificate_issuer) == ("EXAMPLE-1", "Example Masses")
     assert first.certificate_signature.startswith("signed by a key of dcc_keys, ")
     assert campaign.untraceable == ()
+
+
+def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
+    path = certified_campaign(tmp_path)
+    (tmp_path / "weights.xml").write_bytes(weight_set_xml())
+    picked = '[{ dcc = "weights.xml#SN-weight-2", id = "weight-2" }, "weights.xml#weight-1"]'
+    path.write_text(path.read_text().replace('"weights.xml"', picked))
+    campaign, _ = load_campaign(path)
+    assert [m.id for m in campaign.masses] == ["weight-2", "weight-1"]
+    assert {m.id: (m.value_kg, pytest.approx(m.u_kg)) for m in campaign.masses} == WEIGHTS
 
 
 def test_a_signature_by_another_key_is_said(tmp_path: Path) -> None:

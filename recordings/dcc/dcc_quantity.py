@@ -1,0 +1,177 @@
+"""A mass and its uncertainty out of a quantity of a certificate: one value, or one of a list."""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from estimators.errors import EvidenceError
+from recordings.dcc.dcc_document import SI, leaf_text
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
+
+#: Kilograms of each D-SI unit of mass that is read.
+_UNITS_KG: Final = {
+    r"\kilogram": 1.0,
+    r"\kilo\gram": 1.0,
+    r"\gram": 1e-3,
+    r"\milli\gram": 1e-6,
+    r"\micro\gram": 1e-9,
+    r"\mega\gram": 1e3,
+    r"\tonne": 1e3,
+}
+_NUMBER: Final = re.compile(r"[-+]?(\d*\.\d+|\d+\.?\d*)([Ee][-+]?\d+)?")
+#: Characters of a number, of which no certificate needs more.
+_MOST_DIGITS: Final = 40
+#: A weight that is known less well than to 10 % is a misread unit.
+_MOST_U_1: Final = 0.1
+_MOST_KG: Final = 1e6
+#: Coverage factors beyond are no interval of 99.99 % even with two degrees of freedom.
+_MOST_K: Final = 100.0
+#: Values of a list; the largest sets have about 30 weights.
+MOST_VALUES: Final = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class DsiValue:
+    """One value of a quantity: a si:real, or an entry of a si:realListXMLList.
+
+    Attributes:
+        element: the si:real, or the list.
+        place: of the entry in the list; 0 of a si:real.
+        count: of the entries; 0 of a si:real.
+    """
+
+    element: "_Element"
+    place: int = 0
+    count: int = 0
+
+    def element_name(self, name: str) -> str:
+        """Name of an element, which in lists has an ending."""
+        return f"{name}XMLList" if self.count else name
+
+    def texts(self, inside: "_Element", name: str, what: str) -> list[str]:
+        """What an element has: one text, or in lists one for all entries or one for each.
+
+        Raises:
+            EvidenceError: none, or another number than that.
+        """
+        if not self.count:
+            return [one_text(inside, name, what)]
+        texts = list_texts(inside, self.element_name(name), what)
+        if len(texts) not in (1, self.count):
+            raise EvidenceError(
+                f"{what}: its si:{self.element_name(name)} has {len(texts)} entries for "
+                f"{self.count} values, neither one for all nor one for each"
+            )
+        return texts
+
+    def number(self, inside: "_Element", name: str, what: str) -> float:
+        """The entry's own number. All numbers of a list have to be numbers."""
+        texts = self.texts(inside, name, what)
+        numbers = [_number(text, self.element_name(name), what) for text in texts]
+        return numbers[self.place if len(numbers) > 1 else 0]
+
+
+def value_count(quantity: "_Element", what: str) -> int | None:
+    """Number of values of a quantity that is a list; None of one that is a si:real.
+
+    Raises:
+        EvidenceError: neither, or both, or too long a list.
+    """
+    reals = quantity.findall(f"{{{SI}}}real")
+    lists = quantity.findall(f"{{{SI}}}realListXMLList")
+    if len(reals) + len(lists) != 1:
+        raise EvidenceError(f"{what}: its mass is not one si:real or one si:realListXMLList")
+    if reals:
+        return None
+    count = len(list_texts(lists[0], "valueXMLList", what))
+    if count > MOST_VALUES:
+        raise EvidenceError(f"{what}: its list has {count} values, more than {MOST_VALUES}")
+    return count
+
+
+def value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[float, float]:
+    """Value and standard uncertainty of a mass.
+
+    Args:
+        quantity: that has it.
+        place: of the value in the quantity's list; None of a quantity of one value.
+        what: names certificate and item, for errors.
+
+    Raises:
+        EvidenceError: not a mass, not with one uncertainty, or numbers that no weight has.
+    """
+    count = value_count(quantity, what)
+    name = "real" if count is None else "realListXMLList"
+    element = quantity.find(f"{{{SI}}}{name}")
+    assert element is not None
+    value = DsiValue(element, place or 0, count or 0)
+    units = value.texts(element, "unit", what)
+    strange = next((unit for unit in units if unit not in _UNITS_KG), None)
+    if strange is not None:
+        raise EvidenceError(
+            f"{what}: its mass has the unit '{strange[:40]}'; of mass are {', '.join(_UNITS_KG)}"
+        )
+    unit_kg = _UNITS_KG[units[value.place if len(units) > 1 else 0]]
+    value_kg = value.number(element, "value", what) * unit_kg
+    u_kg = _standard_u(value, what, several_units=len(set(units)) > 1) * unit_kg
+    if not 0.0 < value_kg <= _MOST_KG:
+        raise EvidenceError(f"{what}: {value_kg:g} kg is no mass of a weight")
+    if not 0.0 < u_kg <= _MOST_U_1 * value_kg:
+        raise EvidenceError(
+            f"{what}: a standard uncertainty of {u_kg:g} kg is none of {value_kg:g} kg"
+        )
+    return value_kg, u_kg
+
+
+def _standard_u(value: DsiValue, what: str, *, several_units: bool) -> float:
+    """Standard uncertainty in the unit of the value."""
+    expanded = list(value.element.iter(f"{{{SI}}}{value.element_name('expandedUnc')}"))
+    interval = list(value.element.iter(f"{{{SI}}}{value.element_name('coverageInterval')}"))
+    if len(expanded) + len(interval) != 1:
+        raise EvidenceError(f"{what}: has {len(expanded) + len(interval)} uncertainties, not one")
+    inside, name = (interval[0], "standardUnc") if interval else (expanded[0], "uncertainty")
+    if several_units and len(value.texts(inside, name, what)) == 1:
+        raise EvidenceError(f"{what}: has one uncertainty for values in several units")
+    if interval:
+        return value.number(inside, name, what)
+    k = value.number(inside, "coverageFactor", what)
+    if not 1.0 <= k <= _MOST_K:
+        raise EvidenceError(f"{what}: {k:g} is no coverage factor")
+    p = value.number(inside, "coverageProbability", what)
+    if not 0.5 <= p < 1.0:
+        raise EvidenceError(f"{what}: {p:g} is no coverage probability of an expanded uncertainty")
+    return value.number(inside, name, what) / k
+
+
+def one_text(inside: "_Element", name: str, what: str) -> str:
+    """The text of the one child of a name.
+
+    Raises:
+        EvidenceError: there is none, or several.
+    """
+    found = inside.findall(f"{{{SI}}}{name}")
+    text = leaf_text(found[0]) if len(found) == 1 else None
+    if not text:
+        raise EvidenceError(f"{what}: its {inside.tag.rpartition('}')[2]} has no single si:{name}")
+    return text
+
+
+def list_texts(inside: "_Element", name: str, what: str) -> list[str]:
+    """The entries of the one child of a name.
+
+    Raises:
+        EvidenceError: there is no such child, or several.
+    """
+    return one_text(inside, name, what).split()
+
+
+def _number(text: str, name: str, what: str) -> float:
+    if len(text) > _MOST_DIGITS or not _NUMBER.fullmatch(text):
+        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is no decimal number")
+    value = float(text)
+    if not math.isfinite(value):
+        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not finite")
+    return value
