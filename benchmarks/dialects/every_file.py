@@ -6,6 +6,7 @@ from typing import Final
 from benchmarks.dialects import (
     controller_files,
     drawn_files,
+    drawn_frozen_files,
     drawn_last_files,
     drawn_next_files,
     later_files,
@@ -25,6 +26,7 @@ SETS: Final = {
     "drawn against the reader as it was": tuple(drawn_files.dialect_files()),
     "drawn before it was mended for those": tuple(drawn_next_files.dialect_files()),
     "drawn after the code was frozen": tuple(drawn_last_files.dialect_files()),
+    "drawn when it was frozen again": tuple(drawn_frozen_files.dialect_files()),
 }
 _ANSWERS: Final = {
     "GEAR": GEAR,
