@@ -26,7 +26,11 @@ _QUANTITY_OF: Final = {
 }  # fmt: skip
 #: Torque and energy have one dimension, so have turns and frequencies: the name tells.
 _TURNS: Final = ("rpm", "rad/s", "Hz", "deg/s")
-_TURNS_ALONE: Final = {"rpm": "rpm", "drehzahl": "rpm"}
+#: Columns that are called by their unit. (A column "min", "deg" or "hr" is something else.)
+_CALLED_BY_UNIT: Final = {
+    **{"rpm": "rpm", "drehzahl": "rpm"},
+    **{"kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W", "amps": "A", "nm": "N*m"},
+}
 
 
 def recognise(log: Log) -> Recognised:
@@ -72,8 +76,7 @@ def _columns(log: Log) -> list[LogColumn]:
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
         for name in row["fields"]:
-            # a column that is called rpm is in rpm
-            said, unit = meaning(_bare(name)), units.get(name) or _TURNS_ALONE.get(name.lower())
+            said, unit = meaning(_bare(name)), units.get(name) or _CALLED_BY_UNIT.get(name.lower())
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else meaning(name)
             found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
