@@ -44,6 +44,7 @@ def _loggers() -> list[DialectFile]:
                  '"End Of File (LGR S/N: 2090)"'],
             ).decode()).encode(),
             {"v": ("Speed, km/h (LGR S/N: 2090, SEN S/N: 201)", KMH)}, t0_ns=T0_NS,
+            keys=("log.day_first=false",),
         ),
         DialectFile(
             "OpenLog Artemis: rtcDate, rtcTime, ground speed in mm/s without a unit",
@@ -68,14 +69,14 @@ def _loggers() -> list[DialectFile]:
                 [[str(ticks + k * 200_000) for k in range(ROWS)], _KMH, _F],
                 ["Timestamp,Speed_kmh,Force_N"],
             ),
-            {"F": ("Force_N", SI)}, keys=("log.rate_hz=50",),
+            {"F": ("Force_N", SI)}, t0_ns=T0_NS,
         ),
         DialectFile(
             "LabVIEW: seconds since 1904, tabs, decimal comma",
             Style("\t", ",", 3, end="\r\n").table(
                 [_T + T0_NS / 1e9 + 2_082_844_800, _F, _V], ["Time\tForce (N)\tSpeed (m/s)"]
             ),
-            {"F": ("Force (N)", SI)}, suffix=".txt",
+            {"F": ("Force (N)", SI)}, suffix=".txt", t0_ns=T0_NS,
         ),
         DialectFile(
             "InfluxDB: annotations, start and stop beside the time",
@@ -188,6 +189,7 @@ def _motors() -> list[DialectFile]:
                  "tether_force (N)"],
             ),
             {"v": ("GPS_speed (m/s)", SI)},
+            units={"accSmooth[0]": "scale = 0.0047884"},
         ),
         DialectFile(
             "Simulink Data Inspector: rows of types, units and paths",
@@ -238,7 +240,7 @@ def _motors() -> list[DialectFile]:
                 ["time_s,left_torque_Nm,right_torque_Nm,left_speed_m_s,right_speed_m_s"],
             ),
             {"left": ("left_torque_Nm", SI)},
-            channels={},
+            units=dict.fromkeys(["right_torque_Nm", "right_speed_m_s"], "scale = -1"),
         ),
         DialectFile(
             "WinCC Comfort: a row a reading, Time_ms in millionths of a day",

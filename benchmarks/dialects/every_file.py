@@ -38,8 +38,8 @@ _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive 
 
 
 #: Those that are refused, by the beginning of their names: names behind blank cells, signs apart
-#: from their numbers.
-_REFUSED: Final = ("Yokogawa", "Graphtec")
+#: from their numbers, a row a reading under a time whose unit is not the one that it states.
+_REFUSED: Final = ("Yokogawa", "Graphtec", "WinCC")
 
 
 def every_file() -> list[DialectFile]:
@@ -63,6 +63,8 @@ def answered(draft: str, file: DialectFile) -> str:
             field = line.split('"')[1]
         if line == 'unit = "?"':
             line = file.units.get(field, line)
+        elif line.startswith("field = ") and file.units.get(field, "") == "scale = -1":
+            line = f"{line}\nscale = -1"
         for word, number in _ANSWERS.items():
             line = line.replace(word, f"{number:g}") if line.startswith("derive") else line
         if line.startswith("# wheel_radius_m"):

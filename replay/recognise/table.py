@@ -7,6 +7,7 @@ column tells is a question: the gear, the radius, the side, the unit, the sign.
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Final
 
 from analysis.model.physical_units import registry, unit_behind
@@ -95,11 +96,17 @@ def _quantity(said: str | None, unit: str | None) -> str | None:
     """The quantity of a name, as far as its unit allows it."""
     if unit is None or unit in _TURNS or said is None:
         return said
+    return _quantity_in(unit) or said
+
+
+@cache
+def _quantity_in(unit: str) -> str | None:
+    """The quantity that a unit alone tells."""
     dimension = registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():
         if registry().parse_units(each).dimensionality == dimension:
             return quantity
-    return said
+    return None
 
 
 def _speed(column: LogColumn) -> str | None:

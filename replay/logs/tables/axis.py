@@ -11,6 +11,7 @@ from replay.logs.tables.dates import clock_times, is_clock, is_date
 from replay.logs.tables.epochs import from_1904
 from replay.logs.tables.header import ColumnName, split_unit, zone_s
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
+from replay.logs.tables.only_time import only_time
 from replay.logs.tables.time_parts import (
     calendar_columns,
     calendar_times,
@@ -40,7 +41,7 @@ _NAMES: Final = (
     ),
     *("uhrzeit", "temps", "heure", "tiempo", "hora", "tempo", "ora", "czas", "tijd", "tid", "aika"),
     *("datahora", "dataora", "fechahora", "dateheure", "datumuhrzeit", "datumzeit", "dateandtime"),
-    *("время", "时间", "時間", "時刻", "시간"),
+    *("zaman", "время", "时间", "時間", "時刻", "시간"),
 )
 _DATES: Final = ("date", "day", "datum", "dateutc", "utcdate")
 _UNITS: Final = {
@@ -178,6 +179,8 @@ def find_times(
         return [(TableTimes(None, calendar=calendar), names)]
     found = _candidates(columns, cells)
     if not found:
+        found = only_time(columns, cells)
+    if not found:
         return None
     first = found[0]
     times = [
@@ -254,9 +257,10 @@ def _date_beside(
     own = cells(place)[:5]
     if not own or not all(is_clock(cell) for cell in own) or any(is_date(c[:10]) for c in own):
         return None
+    dated = letters(columns[place].bare).replace("time", "date")
     dates = [
         column.name
         for k, column in enumerate(columns)
-        if k != place and letters(column.bare) in _DATES and all(map(is_date, cells(k)[:5] or ""))
+        if k != place and letters(column.bare) in (*_DATES, dated) and all(map(is_date, cells(k)[:5] or ""))
     ]
     return dates[0] if dates else None

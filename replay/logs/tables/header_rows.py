@@ -9,6 +9,8 @@ from typing import Final
 from replay.logs.tables.header import is_units
 from replay.logs.tables.hints import DialectError, TableHints
 
+#: A cell of a row that says one thing of each column: "Unit: m/s", "Type: double".
+_ATTRIBUTE: Final = re.compile(r"(?P<key>[A-Za-z][A-Za-z ]*):\s*(?P<value>.*)")
 _COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
 
 
@@ -65,7 +67,14 @@ def rows_of_names(
             nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
             stated = next((r for r in nearby if _fits(r, width) and is_units(r.cells)), None)
         return given, stated
-    wide = [row for row in above if _fits(row, width) and row != stated]
+    attributes = {row.line: found for row in above if (found := _attribute(row))}
+    if stated is None and hints.units_row is None:
+        stated = next((row for key, row in attributes.values() if key in ("unit", "units")), None)
+    wide = [
+        row
+        for row in above
+        if _fits(row, width) and row != stated and row.line not in attributes
+    ]
     if not wide:
         return None, stated
     if hints.units_row is None and stated is None and len(wide) > 2:
@@ -86,6 +95,16 @@ def rows_of_names(
     if adjacent and is_units(last.cells):
         return before, last
     return last, before if adjacent and is_units(before.cells) else None
+
+
+def _attribute(row: TextRow) -> tuple[str, TextRow] | None:
+    """What a row says of each column, and its cells without that word; None for another row."""
+    said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
+    keys = {match["key"].lower() if match else None for match in said}
+    if len(said) < len(row.cells) // 2 or len(keys) != 1 or None in keys or len(row.cells) < 3:
+        return None
+    cells = tuple(cell.partition(":")[2].strip() for cell in row.cells)
+    return str(keys.pop()), TextRow(row.line, row.after, cells)
 
 
 def _fits(row: TextRow, width: int) -> bool:
