@@ -188,7 +188,7 @@ def _motors() -> list[DialectFile]:
                 ["loopIteration, time (us), amperageLatest (A), accSmooth[0], GPS_speed (m/s), "
                  "tether_force (N)"],
             ),
-            {"v": ("GPS_speed (m/s)", SI)},
+            {"v": ("GPS_speed (m/s)", SI)}, t0_ns=83_200_000_000,
             units={"accSmooth[0]": "scale = 0.0047884"},
         ),
         DialectFile(

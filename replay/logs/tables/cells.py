@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from functools import cache
+from functools import lru_cache
 from typing import Final
 
 import polars as pl
@@ -74,7 +74,7 @@ def is_signed(cell: str, decimal: str) -> tuple[bool, bool]:
     return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
 
 
-@cache
+@lru_cache(maxsize=1 << 16)
 def unit_in_cell(cell: str, decimal: str) -> str | None:
     """The unit behind a number as it stands there (` km/h`); None where there is none known."""
     match = _MEASURE.fullmatch(cell)

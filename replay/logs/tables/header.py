@@ -94,11 +94,12 @@ def zone_s(name: str) -> int | None:
     return -offset if match["sign"] == "-" else offset
 
 
-def is_units(cells: Sequence[str]) -> bool:
-    """Whether a row holds nothing but units."""
+def is_units(cells: Sequence[str], *, half: bool = False) -> bool:
+    """Whether a row holds nothing but units: most of them known, or `half`."""
     said = [cell.strip() for cell in cells if cell.strip()]
     known = sum(spelt_unit(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
     short = sum(len(cell) <= _LONGEST_UNIT or cell[0] in "[(" for cell in said)
-    return known > 0 and short == len(said) and 2 * (known + blank) > len(said)
+    enough = 2 * (known + blank) + half > len(said)
+    return known > 0 and short == len(said) and enough

@@ -81,7 +81,7 @@ def rows_of_names(
         # below the units may stand a row of types
         (*_, third, second, first) = wide
         together = first.line - third.line <= 2
-        if together and is_units(second.cells) and not is_units(first.cells + third.cells):
+        if together and is_units(second.cells, half=True) and not is_units(first.cells + third.cells):
             return third, second
     last, before = wide[-1], wide[-2] if len(wide) > 1 else None
     if stated is not None or hints.units_row == 0 or before is None:

@@ -46,7 +46,7 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     step, span = float(np.median(steps)), float(x[-1] - x[0])
     if epoch := epoch_of(float(x[0]), float(x[-1]), step, _STEPS_S):
         integers = stripped.cast(pl.Int64, strict=False)
-        exact = integers.count() == numbers.count()
+        exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
         return epoch.since_1970_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
     if _is_clock(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
