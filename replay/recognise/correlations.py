@@ -126,9 +126,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognised) 
     return found
 
 
-def _ask_mirrored_side(
-    log: Log, by_name: dict[str, ChannelProposal], found: Recognised
-) -> None:
+def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Recognised) -> None:
     """Ask which side turns backwards, where two speeds of one machine go against each other.
 
     A motor is often mounted mirrored; the mean of both would be nothing.

@@ -29,9 +29,9 @@ _QUANTITY_OF: Final = {
 _TURNS: Final = ("rpm", "rad/s", "Hz", "deg/s")
 #: Columns that are called by their unit. (A column "min", "deg" or "hr" is something else.)
 _CALLED_BY_UNIT: Final = {
-    **{"rpm": "rpm", "drehzahl": "rpm"},
-    **{"kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W", "amps": "A", "nm": "N*m"},
-}
+    "rpm": "rpm", "drehzahl": "rpm", "kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W",
+    "amps": "A", "nm": "N*m",
+}  # fmt: skip
 
 
 def recognise(log: Log) -> Recognised:

@@ -261,6 +261,8 @@ def _date_beside(
     dates = [
         column.name
         for k, column in enumerate(columns)
-        if k != place and letters(column.bare) in (*_DATES, dated) and all(map(is_date, cells(k)[:5] or ""))
+        if k != place
+        and letters(column.bare) in (*_DATES, dated)
+        and all(map(is_date, cells(k)[:5] or ""))
     ]
     return dates[0] if dates else None

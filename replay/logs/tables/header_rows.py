@@ -71,9 +71,7 @@ def rows_of_names(
     if stated is None and hints.units_row is None:
         stated = next((row for key, row in attributes.values() if key in ("unit", "units")), None)
     wide = [
-        row
-        for row in above
-        if _fits(row, width) and row != stated and row.line not in attributes
+        row for row in above if _fits(row, width) and row != stated and row.line not in attributes
     ]
     if not wide:
         return None, stated
@@ -81,7 +79,11 @@ def rows_of_names(
         # below the units may stand a row of types
         (*_, third, second, first) = wide
         together = first.line - third.line <= 2
-        if together and is_units(second.cells, half=True) and not is_units(first.cells + third.cells):
+        if (
+            together
+            and is_units(second.cells, half=True)
+            and not is_units(first.cells + third.cells)
+        ):
             return third, second
     last, before = wide[-1], wide[-2] if len(wide) > 1 else None
     if stated is not None or hints.units_row == 0 or before is None:

@@ -26,9 +26,7 @@ def only_time(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]) 
     if clocks:
         return clocks if len(clocks) == 1 else []
     rising = [
-        k
-        for k, column in enumerate(columns)
-        if column.unit in NS_PER_UNIT and _rises(cells(k))
+        k for k, column in enumerate(columns) if column.unit in NS_PER_UNIT and _rises(cells(k))
     ]
     return rising if len(rising) == 1 else []
 
