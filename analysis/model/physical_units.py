@@ -68,7 +68,8 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "standard_gravity": "g G g_n gee g's gs",
     "rad/s": "rad/s rad_s rad/sec",
     "deg/s": "deg/s deg_s dps °/s degree/s degrees/s deg/sec °/sec",
-    "rpm": "rpm 1/min u/min r/min min-1 min^-1 rev/min tr/min 1_min об/мин dev/dak obr/min ot/min giri/min 转/分",
+    "rpm": "rpm 1/min u/min r/min min-1 min^-1 rev/min tr/min 1_min "
+    "об/мин dev/dak obr/min ot/min giri/min 转/分",
     "rad/s**2": "rad/s2 rad/s^2 rad_s2",
     "rad": "rad radian radians",
     "deg": "deg ° degree degrees grad",

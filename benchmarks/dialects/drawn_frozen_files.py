@@ -1,4 +1,4 @@
-"""Twenty more dialects, drawn while the reader was frozen: whole exports, with what is odd in them."""
+"""Twenty more dialects, drawn while the reader was frozen: whole exports as tools write them."""
 
 from datetime import timedelta
 from typing import Final

@@ -67,12 +67,7 @@ def rows_of_names(
             nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
             stated = next((r for r in nearby if _fits(r, width) and is_units(r.cells)), None)
         return given, stated
-    attributes = {row.line: found for row in above if (found := _attribute(row))}
-    if stated is None and hints.units_row is None:
-        stated = next((row for key, row in attributes.values() if key in ("unit", "units")), None)
-    wide = [
-        row for row in above if _fits(row, width) and row != stated and row.line not in attributes
-    ]
+    stated, wide = _wide_rows(above, width, stated, hints)
     if not wide:
         return None, stated
     if hints.units_row is None and stated is None and len(wide) > 2:
@@ -97,6 +92,19 @@ def rows_of_names(
     if adjacent and is_units(last.cells):
         return before, last
     return last, before if adjacent and is_units(before.cells) else None
+
+
+def _wide_rows(
+    above: list[TextRow], width: int, stated: TextRow | None, hints: TableHints
+) -> tuple[TextRow | None, list[TextRow]]:
+    """The row of units, where one says that it is, and the rows that may be names or units."""
+    attributes = {row.line: found for row in above if (found := _attribute(row))}
+    if stated is None and hints.units_row is None:
+        stated = next((row for key, row in attributes.values() if key in ("unit", "units")), None)
+    wide = [
+        row for row in above if _fits(row, width) and row != stated and row.line not in attributes
+    ]
+    return stated, wide
 
 
 def _attribute(row: TextRow) -> tuple[str, TextRow] | None:
