@@ -99,6 +99,9 @@ def _wide_rows(
 ) -> tuple[TextRow | None, list[TextRow]]:
     """The row of units, where one says that it is, and the rows that may be names or units."""
     attributes = {row.line: found for row in above if (found := _attribute(row))}
+    if not any(_fits(row, width) and row.line not in attributes for row in above):
+        # one word before all names is a part of them: "Latest: Time (s)"
+        attributes = {}
     if stated is None and hints.units_row is None:
         stated = next((row for key, row in attributes.values() if key in ("unit", "units")), None)
     wide = [

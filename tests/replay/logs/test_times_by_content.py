@@ -118,3 +118,13 @@ def test_sides_that_go_against_each_other_are_asked_for(tmp_path: Path) -> None:
     with open_log(file) as log:
         _, lacking = draft_machine_file(log, None)
     assert any("mirrored" in each for each in lacking)
+
+
+@pytest.mark.parametrize("form", ["\u2212{}", "{}-", "({})", "- {}"])
+def test_negative_numbers_are_no_losses(tmp_path: Path, form: str) -> None:
+    cells = [form.format(k % 9 + 0.5) if k % 2 else f"{k % 9 + 0.5}" for k in range(ROWS)]
+    file = table(tmp_path, "time_s,force_N,v", [f"{k / 50},{c}" for k, c in enumerate(cells)])
+    log = open_log(file)
+    found = log.read("table", ["force_N"])["force_N"].to_list()
+    assert found == [(k % 9 + 0.5) * (-1 if k % 2 else 1) for k in range(ROWS)]
+    assert not log.losses()
