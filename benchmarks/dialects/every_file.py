@@ -37,9 +37,9 @@ _ANSWERS: Final = {
 _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")
 
 
-#: Those that are refused, by the beginning of their names: names behind blank cells, signs apart
-#: from their numbers, a row a reading under a time whose unit is not the one that it states.
-_REFUSED: Final = ("Yokogawa", "Graphtec", "WinCC")
+#: Those that are refused, by the beginning of their names: names behind blank cells, a row
+#: a reading under a time whose unit is not the one that it states.
+_REFUSED: Final = ("Yokogawa", "WinCC")
 
 
 def every_file() -> list[DialectFile]:
