@@ -56,38 +56,39 @@ def to_si(unit: str, si: str) -> tuple[float, float]:
 
 #: How people write units beside their numbers, by pint's name of each.
 _SPELLINGS: Final[Mapping[str, str]] = {
-    "m/s": "m/s m/sec mps m_s m*s^-1 ms-1",
-    "km/h": "km/h kmh kph km/hr kmph km_h",
+    "m/s": "m/s m/sec mps m_s m*s^-1 ms-1 м/с 米/秒",
+    "km/h": "km/h kmh kph km/hr kmph km_h км/ч km/sa km/u km/t 公里/小时 千米/时",
     "mph": "mph mi/h",
     "knot": "kn knot knots kt kts",
     "ft/s": "ft/s fps",
     "mm/s": "mm/s mm_s",
     "cm/s": "cm/s cm_s",
     "m/min": "m/min",
-    "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 m_s2 m/s**2 m*s^-2 ms-2",
+    "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 m_s2 m/s**2 m*s^-2 ms-2 м/с2 м/с^2",
     "standard_gravity": "g G g_n gee g's gs",
     "rad/s": "rad/s rad_s rad/sec",
     "deg/s": "deg/s deg_s dps °/s degree/s degrees/s deg/sec °/sec",
-    "rpm": "rpm 1/min u/min r/min min-1 min^-1 rev/min tr/min 1_min",
+    "rpm": "rpm 1/min u/min r/min min-1 min^-1 rev/min tr/min 1_min "
+    "об/мин dev/dak obr/min ot/min giri/min 转/分",
     "rad/s**2": "rad/s2 rad/s^2 rad_s2",
     "rad": "rad radian radians",
     "deg": "deg ° degree degrees grad",
-    "N": "N newton newtons",
-    "kN": "kN",
+    "N": "N newton newtons Н 牛",
+    "kN": "kN кН 千牛",
     "daN": "daN",
     "lbf": "lbf",
-    "kgf": "kgf",
-    "N*m": "Nm N*m N-m N.m N_m newton-meter newtonmeter",
-    "kN*m": "kNm kN*m kN-m kN_m",
+    "kgf": "kgf кгс",
+    "N*m": "Nm N*m N-m N.m N_m newton-meter newtonmeter Нм Н*м Н.м",
+    "kN*m": "kNm kN*m kN-m kN_m кНм кН*м",
     "mN*m": "mNm mN*m",
     "ft*lbf": "ft-lb ft*lb ft*lbf ftlb lb-ft lb*ft lbft lbf*ft lbf-ft ft-lbf",
-    "W": "W watt watts",
-    "kW": "kW",
+    "W": "W watt watts Вт",
+    "kW": "kW кВт",
     "horsepower": "hp",
     "metric_horsepower": "PS",
-    "A": "A amp amps ampere",
+    "A": "A amp amps ampere А",
     "mA": "mA",
-    "V": "V volt volts",
+    "V": "V volt volts В",
     "mV": "mV",
     "kV": "kV",
     "bar": "bar bars",
@@ -103,12 +104,12 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "cm": "cm",
     "km": "km",
     "ft": "ft feet",
-    "s": "s sec secs second seconds",
-    "ms": "ms msec msecs millisecond milliseconds",
-    "us": "us µs usec usecs microsecond microseconds",
+    "s": "s sec secs second seconds с sn 秒 초",
+    "ms": "ms msec msecs millisecond milliseconds мс 毫秒",
+    "us": "us µs usec usecs microsecond microseconds мкс 微秒",
     "ns": "ns nsec nsecs nanosecond nanoseconds",
-    "min": "min minute minutes",
-    "h": "h hr hour hours",
+    "min": "min minute minutes мин dk",
+    "h": "h hr hour hours ч",
     "Hz": "Hz hertz",
     "kHz": "kHz",
     "kg": "kg",
@@ -150,7 +151,8 @@ def unit_behind(name: str) -> tuple[str, str | None]:
     """A name without the unit behind it, and the unit: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
     words = re.split(r"[_\s.]+", name)
     for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):
-        unit = spelt_unit("_".join(words[-count:]))
+        # behind a name it is a serial number, not a Turkish second
+        unit = None if words[-1].lower() == "sn" else spelt_unit("_".join(words[-count:]))
         # a lone letter at the end is an axis or a side more often than tonnes
         if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
             return "_".join(words[:-count]), unit

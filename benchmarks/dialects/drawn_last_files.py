@@ -68,7 +68,6 @@ def _scopes() -> list[DialectFile]:
             "Rohde & Schwarz RTB: in s, CH1 in V",
             _SIX.table(volts, ["in s,C1 in V,C2 in V"]),
             {"F": ("C2 in V", 1e-3)},
-            keys=("log.time=in s",),
             channels={
                 "speed_x_m_s": 'field = "C1 in V"\nscale = 10.0',
                 "force_x_N": 'field = "C2 in V"\nscale = 1000.0',

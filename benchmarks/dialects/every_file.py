@@ -6,6 +6,7 @@ from typing import Final
 from benchmarks.dialects import (
     controller_files,
     drawn_files,
+    drawn_frozen_files,
     drawn_last_files,
     drawn_next_files,
     later_files,
@@ -25,6 +26,7 @@ SETS: Final = {
     "drawn against the reader as it was": tuple(drawn_files.dialect_files()),
     "drawn before it was mended for those": tuple(drawn_next_files.dialect_files()),
     "drawn after the code was frozen": tuple(drawn_last_files.dialect_files()),
+    "drawn when it was frozen again": tuple(drawn_frozen_files.dialect_files()),
 }
 _ANSWERS: Final = {
     "GEAR": GEAR,
@@ -35,9 +37,9 @@ _ANSWERS: Final = {
 _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")
 
 
-#: Those that are refused, by the beginning of their names: names behind blank cells, signs apart
-#: from their numbers.
-_REFUSED: Final = ("Yokogawa", "Graphtec")
+#: Those that are refused, by the beginning of their names: names behind blank cells, a row
+#: a reading under a time whose unit is not the one that it states.
+_REFUSED: Final = ("Yokogawa", "WinCC")
 
 
 def every_file() -> list[DialectFile]:
@@ -61,6 +63,8 @@ def answered(draft: str, file: DialectFile) -> str:
             field = line.split('"')[1]
         if line == 'unit = "?"':
             line = file.units.get(field, line)
+        elif line.startswith("field = ") and file.units.get(field, "") == "scale = -1":
+            line = f"{line}\nscale = -1"
         for word, number in _ANSWERS.items():
             line = line.replace(word, f"{number:g}") if line.startswith("derive") else line
         if line.startswith("# wheel_radius_m"):

@@ -89,9 +89,7 @@ def dialect_files() -> list[DialectFile]:
                 ],
             ),
             {"F": ("Force", SI)},
-            keys=("log.header_row=2",),
             t0_ns=T0_NS,
-            units={"Force": 'unit = "N"', "Speed": 'unit = "m/s"'},
         ),
         DialectFile(
             "AiM: quoted, preamble, units below, blank line",

@@ -29,7 +29,6 @@ def _scopes(d: dict[str, Floats]) -> list[DialectFile]:
             "Keysight: two rows of head",
             six.table(ch, ["x-axis,1,2", "second,Volt,Volt"]),
             {"F": ("2", 1e-3)},
-            keys=("log.time=x-axis",),
             channels=_taps("1", "2"),
         ),
         DialectFile(
@@ -172,7 +171,6 @@ def _apps(d: dict[str, Floats]) -> list[DialectFile]:
                 ["Device Time,Speed (OBD)(km/h),Force(N)"],
             ),
             {"v": ("Speed (OBD)(km/h)", KMH)},
-            keys=("log.time=Device Time",),
             t0_ns=T0_NS,
         ),
         DialectFile(

@@ -89,13 +89,13 @@ def command(
 
 def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
     """Print a log's description, its start in local time of `zone`."""
-    from replay.commands.print_tables import print_line, print_table
+    from replay.commands.print_tables import print_line, print_rows, print_table
 
     for line in _head(info, zone):
         print_line(screen, line)
     print_table(screen, _topic_table(info))
     if info.fields:
-        print_table(screen, _field_table(info))
+        print_rows(_FIELD_TITLES, _field_rows(info), _LEFT)
     for note in info.notes:
         print_line(screen, f"note: {note}")
     for mark, line in _verdict(info):
@@ -169,24 +169,21 @@ def _topic_table(info: "LogInfo") -> "Table":
     return table
 
 
-def _field_table(info: "LogInfo") -> "Table":
-    from rich.markup import escape
-    from rich.table import Table
+_FIELD_TITLES = ("field", "unit", "Hz", "min", "median", "max", "course")
+#: The field, its unit and its course.
+_LEFT = (0, 1, 6)
 
+
+def _field_rows(info: "LogInfo") -> list[tuple[str, ...]]:
     from estimators.errors import one_line
 
     several = len({each.topic for each in info.fields}) > 1
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column("field", overflow="fold")
-    table.add_column("unit", no_wrap=True)
-    for title in ("Hz", "min", "median", "max"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("course", no_wrap=True)
+    rows: list[tuple[str, ...]] = []
     for each in info.fields:
         name = f"{each.topic} {each.field}" if several else each.field
         numbers = (each.rate_hz, each.low, each.middle, each.high)
-        table.add_row(escape(one_line(name)), each.unit or "–", *map(_number, numbers), each.course)
-    return table
+        rows.append((one_line(name), each.unit or "–", *map(_number, numbers), each.course))
+    return rows
 
 
 def _troubles(info: "LogInfo") -> Iterator[str]:

@@ -69,7 +69,7 @@ def _open_directory(path: Path) -> Log:
 #: as well.
 TABLES: Final = (
     *(".csv", ".parquet", ".tsv", ".txt", ".dat", ".log", ".asc", ".arrow", ".feather", ".xlsx"),
-    *(".prn", ".lvm", ".vbo", ".pos", ".tab", ".gz"),
+    *(".prn", ".lvm", ".vbo", ".pos", ".tab", ".msl", ".gz"),
 )
 _TEXTS: Final = tuple(s for s in TABLES if s not in (".parquet", ".arrow", ".feather", ".xlsx"))
 #: What opens a file, by its suffix.

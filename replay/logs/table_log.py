@@ -21,6 +21,7 @@ from replay.logs.tables import (
     TableHints,
     TableTimes,
     TimeError,
+    disagreement,
     find_times,
 )
 
@@ -34,6 +35,8 @@ _FORMATS: Final = {
 }
 #: Columns that an error names.
 _NAMED: Final = 20
+#: Cells of a column that are compared with its time.
+_FIRST: Final = 400
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _TRUTHS: Final = ["true", "false"]
 _WHERE: Final = "in the machine file, or by --set log.KEY=VALUE"
@@ -66,6 +69,7 @@ class TableLog(Log):
             raise LogError(f"{path}: not a {self._suffix} table: {error}") from error
         except DialectError as error:
             raise LogError(f"{path}: {error} {_WHERE}") from error
+        self._is_time_given = time is not None and not (time.column is None and time.unit is None)
         found = self._find_times(time)
         names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
         self._parts = dict(zip(names, found, strict=True))
@@ -173,6 +177,7 @@ class TableLog(Log):
                 f"{_WHERE}"
             ) from error
         times = found.stamps
+        self._refuse_disagreement(axis, times)
         # one row has no spacing that would tell anything
         self._notes += found.notes
         # of pairs side by side one may end before the others
@@ -190,6 +195,19 @@ class TableLog(Log):
                 self.path, f"the time goes back at {backwards} rows: sorted by time", TABLE
             )
         return times.alias("log_time_ns")
+
+    def _refuse_disagreement(self, axis: TableTimes, times: pl.Series) -> None:
+        """Refuse a time that was not named, and that another one of the table contradicts."""
+        columns = self._columns
+        is_told = self._is_time_given or axis.time is None or len(self._parts) > 1
+        if is_told or not isinstance(columns, CsvColumns):
+            return
+        first = partial(columns.head, count=_FIRST)
+        said = disagreement(columns.columns, first, axis.columns[-1], times.head(columns.first))
+        if said:
+            raise LogError(
+                f"{self.path}: column '{axis.columns[-1]}' cannot be the time: {said} {_WHERE}"
+            )
 
     def _refuse_shared(self, axis: TableTimes, there: pl.Series, steps: pl.Series) -> None:
         """Refuse times that most rows share with the one before: their resolution is too coarse."""

@@ -33,6 +33,17 @@ _SIGN: Final = (
     "scale = -1"
 )
 
+_MIRRORED: Final = (
+    "which way '{0}' and '{1}' are positive: they go against each other ({2:.2f}); where one is "
+    "mounted mirrored, scale = -1 for it and its torque"
+)
+_AGAINST_PLACE: Final = (
+    "which way '{0}' is positive: it goes against the change of '{1}' ({2:.2f}); if it is "
+    "inverted, scale = -1"
+)
+#: Both sides of a machine, in m/s or as turns.
+_OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
+
 
 def _axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     """The three axes of the one accelerometer; none where there are several, or axes missing."""
@@ -92,6 +103,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognised) 
         ),
         None,
     )
+    _ask_mirrored_side(log, by_name, found)
     channels: list[ChannelProposal] = []
     for each in found.channels:
         reason = each.reason
@@ -105,11 +117,32 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognised) 
                     found.ask("sign", _SIGN.format(f"'{each.field}'", goes))
         if each is speed and place is not None:
             goes = _correlation(log, each, place)
+            if goes is not None and goes < -_CLEAR:
+                found.ask("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
             if goes is not None and abs(goes) > _CLEAR:
                 reason += f"; goes with the change of {place.field}, {goes:.2f}"
         channels.append(replace(each, reason=reason))
     found.channels = channels
     return found
+
+
+def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Recognised) -> None:
+    """Ask which side turns backwards, where two speeds of one machine go against each other.
+
+    A motor is often mounted mirrored; the mean of both would be nothing.
+    """
+    for name in _OF_SIDES:
+        left, right = (by_name.get(name.format(side)) for side in ("left", "right"))
+        if left is None or right is None or left.field is None or right.field is None:
+            continue
+        try:
+            t, x = _series(log, left.topic, left.field)
+            at, y = _series(log, right.topic, right.field)
+        except (LogError, pl.exceptions.PolarsError):
+            continue
+        goes = _goes(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
+        if goes is not None and goes < -_CLEAR:
+            found.ask("sign", _MIRRORED.format(left.field, right.field, goes))
 
 
 def _correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
@@ -125,11 +158,15 @@ def _correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> floa
         return None
     half = _SPAN_S / 2
     slope = np.interp(t + half, at, y) - np.interp(t - half, at, y)
+    return _goes(x, slope)
+
+
+def _goes(x: Floats, y: Floats) -> float | None:
     # what has a square beyond a float64 is scaled to 1 first
-    x, slope = (each / (float(np.abs(each).max()) or 1.0) for each in (x, slope))
-    if not (np.isfinite(slope).all() and x.std() > 0 and slope.std() > 0):
+    x, y = (each / (float(np.abs(each).max()) or 1.0) for each in (x, y))
+    if not (np.isfinite(y).all() and x.std() > 0 and y.std() > 0):
         return None
-    return float(np.corrcoef(x, slope)[0, 1])
+    return float(np.corrcoef(x, y)[0, 1])
 
 
 def _series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:

@@ -70,6 +70,12 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognised) -> bool:
         if not fitting:
             continue
         column = fitting[0]
+        if quantity == "torque" and column.said.part == "wheel":
+            reason = f"{column.field}: at the wheels of both sides; needs their radius"
+            found.sketch_source(column, "wheel_torque_N_m", column.unit, reason)
+            found.sketch("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
+            found.ask("radius", _RADIUS)
+            return True
         reason = f"{column.field}: at the motor; needs the gear"
         found.sketch_source(column, name, column.unit, reason)
         found.sketch("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)

@@ -1,6 +1,7 @@
 """What is proposed for a draft: channels with their reasons, and questions in the order of need."""
 
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Final
 
 from analysis.model.physical_units import to_si
@@ -31,13 +32,17 @@ class LogColumn:
 
     def is_in(self, unit: str) -> bool:
         """Whether the unit is of the dimension of another."""
-        if self.unit is None:
-            return False
-        try:
-            to_si(self.unit, unit)
-        except MachineError:
-            return False
-        return True
+        return self.unit is not None and _converts(self.unit, unit)
+
+
+@cache
+def _converts(unit: str, other: str) -> bool:
+    """Whether a unit is of the dimension of another."""
+    try:
+        to_si(unit, other)
+    except MachineError:
+        return False
+    return True
 
 
 @dataclass(frozen=True, slots=True)

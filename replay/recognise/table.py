@@ -7,6 +7,7 @@ column tells is a question: the gear, the radius, the side, the unit, the sign.
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Final
 
 from analysis.model.physical_units import registry, unit_behind
@@ -26,7 +27,11 @@ _QUANTITY_OF: Final = {
 }  # fmt: skip
 #: Torque and energy have one dimension, so have turns and frequencies: the name tells.
 _TURNS: Final = ("rpm", "rad/s", "Hz", "deg/s")
-_TURNS_ALONE: Final = {"rpm": "rpm", "drehzahl": "rpm"}
+#: Columns that are called by their unit. (A column "min", "deg" or "hr" is something else.)
+_CALLED_BY_UNIT: Final = {
+    "rpm": "rpm", "drehzahl": "rpm", "kph": "km/h", "kmh": "km/h", "mph": "mph", "watts": "W",
+    "amps": "A", "nm": "N*m",
+}  # fmt: skip
 
 
 def recognise(log: Log) -> Recognised:
@@ -72,8 +77,7 @@ def _columns(log: Log) -> list[LogColumn]:
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
         for name in row["fields"]:
-            # a column that is called rpm is in rpm
-            said, unit = meaning(_bare(name)), units.get(name) or _TURNS_ALONE.get(name.lower())
+            said, unit = meaning(_bare(name)), units.get(name) or _CALLED_BY_UNIT.get(name.lower())
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else meaning(name)
             found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
@@ -92,11 +96,17 @@ def _quantity(said: str | None, unit: str | None) -> str | None:
     """The quantity of a name, as far as its unit allows it."""
     if unit is None or unit in _TURNS or said is None:
         return said
+    return _quantity_in(unit) or said
+
+
+@cache
+def _quantity_in(unit: str) -> str | None:
+    """The quantity that a unit alone tells."""
     dimension = registry().parse_units(unit).dimensionality
     for each, quantity in _QUANTITY_OF.items():
         if registry().parse_units(each).dimensionality == dimension:
             return quantity
-    return said
+    return None
 
 
 def _speed(column: LogColumn) -> str | None:

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Final
 
@@ -9,15 +10,19 @@ from typing import Final
 _QUANTITIES: Final = (
     ("erpm", ("erpm",)),
     ("force", ("force", "kraft", "drawbar", "pull", "traction", "drawbarpull", "fuerza", "thrust",
-               "loadcell")),
-    ("torque", ("torque", "drehmoment", "moment", "trq", "tq", "mz", "my", "couple", "effort")),
+               "loadcell", "усилие", "сила", "тяга", "kuvvet", "força", "forza", "siła", "kracht",
+               "voima", "牵引力", "견인력")),
+    ("torque", ("torque", "drehmoment", "moment", "trq", "tq", "mz", "my", "couple", "effort", "nm",
+                "момент", "tork", "koppel")),
     ("current", ("current", "strom", "amps", "amp", "iq", "courant", "corriente")),
-    ("power", ("power", "leistung", "puissance")),
+    ("power", ("power", "leistung", "puissance", "watts", "мощность", "güç")),
     ("pressure", ("pressure", "druck", "press", "presion", "pression")),
     ("acceleration", ("acc", "accel", "acceleration", "beschleunigung", "longacc")),
     ("yaw rate", ("yawrate", "gyroz", "gierrate", "omegaz")),
     ("speed", ("speed", "velocity", "vel", "spd", "geschwindigkeit", "geschw", "velocidad",
-               "vitesse", "drehzahl", "rpm")),
+               "vitesse", "drehzahl", "rpm", "kph", "kmh", "mph", "скорость", "hız", "velocidade",
+               "velocità", "prędkość", "snelheid", "hastighet", "nopeus", "rychlost", "速度",
+               "车速", "속도")),
     ("position", ("position", "pos", "distance", "dist", "weg", "odometer", "travel")),
     ("steering", ("steer", "steering", "articulation", "lenk", "lenkwinkel")),
     ("boom", ("boom", "lift", "arm", "ausleger", "hub")),
@@ -62,6 +67,7 @@ class Meaning:
     is_of_supply: bool = False  #: of the battery or of what feeds a drive
 
 
+@lru_cache(maxsize=1 << 12)
 def meaning(name: str) -> Meaning:
     """Read a column's name.
 

@@ -8,6 +8,7 @@ from replay.logs.tables.axis import RowTimes, TableTimes, find_times
 from replay.logs.tables.csv_columns import CsvColumns
 from replay.logs.tables.dialect import Dialect, sniff
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
+from replay.logs.tables.only_time import disagreement
 from replay.logs.tables.text import Utf8Text, as_utf8, head_lines
 from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
@@ -23,6 +24,7 @@ __all__ = [
     "TimeError",
     "Utf8Text",
     "as_utf8",
+    "disagreement",
     "find_times",
     "head_lines",
     "sniff",

@@ -8,8 +8,10 @@ from typing import Final
 import polars as pl
 
 from replay.logs.tables.dates import clock_times, is_clock, is_date
-from replay.logs.tables.header import ColumnName, split_unit
+from replay.logs.tables.epochs import from_1904
+from replay.logs.tables.header import ColumnName, split_unit, zone_s
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
+from replay.logs.tables.only_time import only_time
 from replay.logs.tables.time_parts import (
     calendar_columns,
     calendar_times,
@@ -39,7 +41,7 @@ _NAMES: Final = (
     ),
     *("uhrzeit", "temps", "heure", "tiempo", "hora", "tempo", "ora", "czas", "tijd", "tid", "aika"),
     *("datahora", "dataora", "fechahora", "dateheure", "datumuhrzeit", "datumzeit", "dateandtime"),
-    *("время", "时间", "時間", "時刻", "시간"),
+    *("zaman", "время", "时间", "時間", "時刻", "시간"),
 )
 _DATES: Final = ("date", "day", "datum", "dateutc", "utcdate")
 _UNITS: Final = {
@@ -127,19 +129,21 @@ class TableTimes:
         assert self.time is not None
         text = cells[self.time]
         if self.date is not None:
-            return RowTimes(*clock_times(cells[self.date], text, self.day_first))
+            zone = zone_s(self.date) if zone_s(self.time) is None else zone_s(self.time)
+            return RowTimes(*clock_times(cells[self.date], text, self.day_first, zone))
         if text.dtype == pl.String:
             sample = text.head(1000).drop_nulls().str.strip_chars()
             words = sample.filter(sample != "").head(50).to_list()
             if words and sum(map(is_clock, words)) * 2 > len(words):
-                return RowTimes(*clock_times(None, text, self.day_first))
+                return RowTimes(*clock_times(None, text, self.day_first, zone_s(self.time)))
             if words and sum(is_date(word) for word in words) * 2 > len(words):
                 raise TimeError("it holds days without a time of day; name the column of times")
         if self.unit in ("min", "h"):
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
             return RowTimes(nanoseconds(scaled, "s"), ())
         if self.unit is not None or text.dtype.is_temporal():
-            return RowTimes(nanoseconds(text, self.unit or "s"))
+            stamps, note = from_1904(nanoseconds(text, self.unit or "s"))
+            return RowTimes(stamps, (note,) if note else ())
         if self.fraction is not None:
             # what has a fraction beside it counts seconds
             return RowTimes(nanoseconds(text, "s"))
@@ -174,6 +178,8 @@ def find_times(
     if calendar := calendar_columns(columns):
         return [(TableTimes(None, calendar=calendar), names)]
     found = _candidates(columns, cells)
+    if not found:
+        found = only_time(columns, cells)
     if not found:
         return None
     first = found[0]
@@ -251,9 +257,12 @@ def _date_beside(
     own = cells(place)[:5]
     if not own or not all(is_clock(cell) for cell in own) or any(is_date(c[:10]) for c in own):
         return None
+    dated = letters(columns[place].bare).replace("time", "date")
     dates = [
         column.name
         for k, column in enumerate(columns)
-        if k != place and letters(column.bare) in _DATES and all(map(is_date, cells(k)[:5] or ""))
+        if k != place
+        and letters(column.bare) in (*_DATES, dated)
+        and all(map(is_date, cells(k)[:5] or ""))
     ]
     return dates[0] if dates else None

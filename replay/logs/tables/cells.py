@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from functools import cache
+from functools import lru_cache
 from typing import Final
 
 import polars as pl
@@ -25,6 +25,11 @@ _TIME: Final = re.compile(
 )
 #: A cell of these alone is meant for a number, or a time.
 _NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
+#: A negative number with the minus of typographers, behind its digits, or in brackets.
+_SIGN_STARTS: Final = "\u2212\u2013("
+_SIGNED: Final = re.compile(
+    r"^(?:[\u2212\u2013]\s*(?P<a>[\d.,].*)|(?P<b>\d[\d.,]*)-|\((?P<c>\d[\d.,]*)\))$"
+)
 _TRUTHS: Final = frozenset({"true", "false"})
 #: A number with its unit: 3.50 km/h.
 _MEASURE: Final = re.compile(
@@ -43,6 +48,12 @@ def kind(cell: str, decimal: str) -> str:
     """
     if not cell:
         return "empty"
+    cell = (
+        _SIGNED.sub(r"-\g<a>\g<b>\g<c>", cell)
+        if cell[0] in _SIGN_STARTS or cell[-1] == "-"
+        else cell
+    )
+    cell = cell[0] + cell[1:].lstrip() if cell[0] in "+-" else cell
     if _NUMBERS[decimal].fullmatch(cell) or cell.lower() in _WORDS_OF_NUMBERS:
         return "number"
     if _TIME.fullmatch(cell) or cell.lower() in _TRUTHS:
@@ -74,7 +85,7 @@ def is_signed(cell: str, decimal: str) -> tuple[bool, bool]:
     return signed, signed and _THOUSANDS[decimal].fullmatch(cell) is not None
 
 
-@cache
+@lru_cache(maxsize=1 << 16)
 def unit_in_cell(cell: str, decimal: str) -> str | None:
     """The unit behind a number as it stands there (` km/h`); None where there is none known."""
     match = _MEASURE.fullmatch(cell)
@@ -101,6 +112,8 @@ def with_points(
         is_grouped: whether a lone sign before three digits is known to separate thousands.
     """
     cell = pl.col(column.name).str.strip_chars()
+    cell = cell.str.replace(_SIGNED.pattern, "-${a}${b}${c}")
+    cell = cell.str.replace(r"^([+-])\s+", "${1}")
     if unit is not None:
         cell = pl.when(cell.str.ends_with(unit)).then(cell.str.strip_suffix(unit)).otherwise(cell)
     form = _grouped(decimal) if is_grouped else _surely_grouped(decimal)

@@ -87,9 +87,14 @@ class CsvColumns:
         """Some lines above the names."""
         return self._dialect.preamble
 
-    def head(self, place: int) -> list[str]:
+    @property
+    def first(self) -> int:
+        """Rows that `head` is taken from."""
+        return len(self._dialect.rows)
+
+    def head(self, place: int, count: int = 50) -> list[str]:
         """Some first cells of a column, those that are not empty."""
-        return some_cells(self._dialect, place)
+        return some_cells(self._dialect, place, count)
 
     def check(self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]) -> None:
         """Look for rows that are too long, too short or torn, and read some columns on the way.

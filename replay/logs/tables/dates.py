@@ -38,6 +38,8 @@ _COMPACT_CLOCK: Final = (
     r"(?P<h>\d{2})(?P<min>\d{2})(?P<s>\d{2})(?:[.,](?P<frac>\d{1,9})\d*)?(?P<zone>Z)?"
 )
 DAY_NS: Final = 86_400 * 10**9
+#: Years that a clock may show, one that was never set included; beyond, another calendar counts.
+_YEARS: Final = (1900, 2200)
 _HALF_DAY_NS: Final = DAY_NS // 2
 #: A jump back over midnight by the clock of twelve hours.
 _TWELVE_NS: Final = (10 * 3600 * 10**9, 12 * 3600 * 10**9)
@@ -70,7 +72,10 @@ def _date_pattern(text: str) -> str | None:
 
 
 def clock_times(
-    dates: pl.Series | None, times: pl.Series, day_first: bool | None
+    dates: pl.Series | None,
+    times: pl.Series,
+    day_first: bool | None,
+    zone_s: int | None = None,
 ) -> tuple[pl.Series, tuple[str, ...]]:
     """Log times of days and times of day.
 
@@ -78,6 +83,7 @@ def clock_times(
         dates: the days (rows,), None where the times have them, or there are none.
         times: times of day (rows,), with or without days.
         day_first: whether the day stands before the month, where it is given.
+        zone_s: seconds before UTC of cells without a zone, where the column's name has them.
 
     Returns:
         Stamps, null where a cell is none; and notes.
@@ -99,7 +105,9 @@ def clock_times(
     notes: list[str] = []
     day = _days(part, day_first, notes)
     stamps = day * DAY_NS + _clock_ns(part)
-    if part.get_column("zone").drop_nulls().is_empty():
+    if part.get_column("zone").drop_nulls().is_empty() and zone_s is not None:
+        stamps = stamps - zone_s * 10**9
+    elif part.get_column("zone").drop_nulls().is_empty():
         notes.append("the times name no zone: they are taken as UTC")
     return stamps.alias("log_time_ns"), tuple(notes)
 
@@ -145,6 +153,13 @@ def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Se
         short = pl.col("name").str.slice(0, 3).str.to_lowercase()
         number = short.replace_strict(list(_MONTHS), list(range(1, 13)), default=None)
         part = part.with_columns(number.cast(pl.String).alias("m"))
+    years = part.get_column("y").cast(pl.Int64, strict=False).drop_nulls()
+    odd = years.filter((years < _YEARS[0]) | (years > _YEARS[1]))
+    if odd.len():
+        raise TimeError(
+            f"'{odd[0]}' is no year of a log in the calendar of Gregory: set [log] rate_hz = the "
+            "rows in a second,"
+        )
     written = pl.concat_str("y", pl.lit("-"), "m", pl.lit("-"), "d")
     day = written.str.to_date("%Y-%m-%d", strict=False)
     return part.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()

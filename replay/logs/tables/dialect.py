@@ -29,6 +29,8 @@ _FEW_FAULTS: Final = 0.02
 _FEW: Final = 8
 #: Data begin at a row of data of which so large a share of the next rows are data.
 _NEXT: Final = 9
+#: Rows of a preamble above the names that may look like data.
+_FEW_ABOVE: Final = 2
 _NEXT_SHARE: Final = 2 / 3
 
 
@@ -226,7 +228,9 @@ def _reading(
         (
             k
             for k, yes in enumerate(is_data)
-            if yes and sum(n := is_data[k : k + _NEXT]) >= _NEXT_SHARE * len(n)
+            if yes
+            and sum(n := is_data[k : k + _NEXT]) >= _NEXT_SHARE * len(n)
+            and not _has_names_below(rows[k + 1 : k + _NEXT], n[1:], numeric, width, decimal)
         ),
         None,
     )
@@ -244,6 +248,21 @@ def _reading(
         sum(x for x, _ in with_sign),
         sum(y for _, y in with_sign),
         grouped,
+    )
+
+
+def _has_names_below(
+    rows: Sequence[TextRow],
+    is_data: Sequence[bool],
+    numeric: Sequence[int],
+    width: int,
+    decimal: str,
+) -> bool:
+    """Whether names stand closely below: then a row above them is of the preamble."""
+    return any(
+        len(row.cells) == width and all(kind(row.cells[k], decimal) == "text" for k in numeric)
+        for row, yes in list(zip(rows, is_data, strict=False))[:_FEW_ABOVE]
+        if not yes
     )
 
 

@@ -16,6 +16,15 @@ _FORM: Final = re.compile(
 _OVER: Final = re.compile(r"(?P<name>[^\s/]+)/(?P<unit>\([^()]+\)|[^\s()]+)")
 #: "Speed / km/h", "Speed in km/h", "Speed, km/h".
 _BEHIND: Final = re.compile(r"(?s)(?P<name>.*?)(?:\s+/\s*|\s+in\s+|,\s*)(?P<unit>\S+)\s*")
+#: Words behind the unit: "Time (s) Run #1", "Speed, km/h (LGR S/N: 209)".
+_MIDDLE: Final = re.compile(
+    r"(?s)(?P<name>[^\[\](){}]+?)\s*[\[(](?P<unit>[^\[\](){}]*)[\])]\s*(?P<rest>\S.*)"
+)
+_REMARK: Final = re.compile(r"(?s)(?P<name>.+?)\s*\([^()]*\)\s*")
+#: A zone beside the name of a time: "Date Time, GMT+01:00", "Time (UTC-5)".
+_ZONE: Final = re.compile(
+    r"[\s,(\[]*\b(?:GMT|UTC)\s*(?P<sign>[+-])(?P<h>\d{1,2})(?::?(?P<min>\d{2}))?[\])]?"
+)
 #: Characters: "unix time" is one as well.
 _LONGEST_UNIT: Final = 12
 
@@ -60,21 +69,37 @@ def split_unit(name: str) -> tuple[str, str | None]:
 
     `Velocity [km/h]`, `torque (Nm)`, `Speed / km/h`, `speed_kmh`, `left_Mz_Nm`.
     """
+    name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
         return match["name"], None
-    for form in (_BRACKETS, _BEHIND):
+    for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
         unit = spelt_unit(match["unit"]) if match and match["name"] else None
         if match and unit:
-            return match["name"].strip(), unit
+            rest = match["rest"] if form is _MIDDLE else ""
+            return f"{match['name'].strip()} {rest}".strip(), unit
+    if (match := _REMARK.fullmatch(name)) and (remarked := _BEHIND.fullmatch(match["name"])):
+        unit = spelt_unit(remarked["unit"])
+        if unit:
+            return remarked["name"].strip(), unit
     return unit_behind(name)
 
 
-def is_units(cells: Sequence[str]) -> bool:
-    """Whether a row holds nothing but units."""
+def zone_s(name: str) -> int | None:
+    """Seconds that the clock of a column's name is before UTC; None where it names no zone."""
+    match = _ZONE.search(name)
+    if match is None:
+        return None
+    offset = int(match["h"]) * 3600 + int(match["min"] or 0) * 60
+    return -offset if match["sign"] == "-" else offset
+
+
+def is_units(cells: Sequence[str], *, half: bool = False) -> bool:
+    """Whether a row holds nothing but units: most of them known, or `half`."""
     said = [cell.strip() for cell in cells if cell.strip()]
     known = sum(spelt_unit(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
     short = sum(len(cell) <= _LONGEST_UNIT or cell[0] in "[(" for cell in said)
-    return known > 0 and short == len(said) and 2 * (known + blank) > len(said)
+    enough = 2 * (known + blank) + half > len(said)
+    return known > 0 and short == len(said) and enough

@@ -9,6 +9,8 @@ from typing import Final
 from replay.logs.tables.header import is_units
 from replay.logs.tables.hints import DialectError, TableHints
 
+#: A cell of a row that says one thing of each column: "Unit: m/s", "Type: double".
+_ATTRIBUTE: Final = re.compile(r"(?P<key>[A-Za-z][A-Za-z ]*):\s*(?P<value>.*)")
 _COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
 
 
@@ -65,14 +67,18 @@ def rows_of_names(
             nearby = [row for row in above if abs(row.line - given.line) <= 2 and row != given]
             stated = next((r for r in nearby if _fits(r, width) and is_units(r.cells)), None)
         return given, stated
-    wide = [row for row in above if _fits(row, width) and row != stated]
+    stated, wide = _wide_rows(above, width, stated, hints)
     if not wide:
         return None, stated
     if hints.units_row is None and stated is None and len(wide) > 2:
         # below the units may stand a row of types
         (*_, third, second, first) = wide
         together = first.line - third.line <= 2
-        if together and is_units(second.cells) and not is_units(first.cells + third.cells):
+        if (
+            together
+            and is_units(second.cells, half=True)
+            and not is_units(first.cells + third.cells)
+        ):
             return third, second
     last, before = wide[-1], wide[-2] if len(wide) > 1 else None
     if stated is not None or hints.units_row == 0 or before is None:
@@ -86,6 +92,32 @@ def rows_of_names(
     if adjacent and is_units(last.cells):
         return before, last
     return last, before if adjacent and is_units(before.cells) else None
+
+
+def _wide_rows(
+    above: list[TextRow], width: int, stated: TextRow | None, hints: TableHints
+) -> tuple[TextRow | None, list[TextRow]]:
+    """The row of units, where one says that it is, and the rows that may be names or units."""
+    attributes = {row.line: found for row in above if (found := _attribute(row))}
+    if not any(_fits(row, width) and row.line not in attributes for row in above):
+        # one word before all names is a part of them: "Latest: Time (s)"
+        attributes = {}
+    if stated is None and hints.units_row is None:
+        stated = next((row for key, row in attributes.values() if key in ("unit", "units")), None)
+    wide = [
+        row for row in above if _fits(row, width) and row != stated and row.line not in attributes
+    ]
+    return stated, wide
+
+
+def _attribute(row: TextRow) -> tuple[str, TextRow] | None:
+    """What a row says of each column, and its cells without that word; None for another row."""
+    said = [_ATTRIBUTE.fullmatch(cell) for cell in row.cells if cell]
+    keys = {match["key"].lower() if match else None for match in said}
+    if len(said) < len(row.cells) // 2 or len(keys) != 1 or None in keys or len(row.cells) < 3:
+        return None
+    cells = tuple(cell.partition(":")[2].strip() for cell in row.cells)
+    return str(keys.pop()), TextRow(row.line, row.after, cells)
 
 
 def _fits(row: TextRow, width: int) -> bool:

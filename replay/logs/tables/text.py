@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.tables.hints import DialectError
 
 #: So much of a file is looked at for its dialect, in bytes: and more for lines that are longer.
 _HEAD_BYTES: Final = 1 << 19
@@ -56,6 +57,7 @@ def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
 
     Raises:
         BrokenBytesError: an encoding that there is not, or that the text is not in.
+        DialectError: the encoding has to be given.
     """
     with path.open("rb") as file:
         if file.read(2) == _GZIP:
@@ -168,11 +170,19 @@ def _recognised(path: Path) -> str:
     with suppress(UnicodeDecodeError):
         codecs.getincrementaldecoder("utf-8")().decode(head)
         return "utf-8"
+    if _OTHER_LETTERS.search(b"\n".join(head.split(b"\n", _NAMES_LINES)[:_NAMES_LINES])):
+        raise DialectError(
+            "its names are in no Western letters; set [log] encoding, for example cp1251 or cp932"
+        )
     # bytes that no name has are a fault of a cell, which polars takes as it is
     readable = re.sub(rb"[^\x20-\x7e\t\r\n]", b"", head)
     return "cp1252" if len(readable) > _MOSTLY_TEXT * len(head) else "utf-8"
 
 
+#: Three letters beyond ASCII in a row: no Western language writes them. They are looked for in the
+#: lines where names are, since damaged cells have them too.
+_OTHER_LETTERS: Final = re.compile(rb"[\x80-\xff]{3}")
+_NAMES_LINES: Final = 3
 #: Of a text in Latin letters so much is ASCII; what has less is no text.
 _MOSTLY_TEXT: Final = 0.7
 

@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from replay.logs.tables.epochs import epoch_of, from_1904
 from replay.logs.tables.times import NS_PER_UNIT, TimeError, nanoseconds
 
 #: A log of a machine has from one row in two seconds to 2,500 a second, in s from row to row:
@@ -15,10 +16,6 @@ _STEPS_S: Final = (0.4e-3, 2.0)
 _SHORTEST_S: Final = 1.0
 #: Seconds since 1970 of a log: from 2000 to 2100.
 _EPOCH_S: Final = (946_684_800.0, 4_102_444_800.0)
-#: Days since 1899-12-30 of the same years, as spreadsheets count.
-_SERIAL: Final = (36_526.0, 73_050.0)
-_SERIAL_ZERO_S: Final = 25_569 * 86_400
-_DAY_S: Final = 86_400.0
 _ROUND: Final = 1e-6
 
 Floats = NDArray[np.float64]
@@ -47,15 +44,18 @@ def recognised_times(cells: pl.Series) -> tuple[pl.Series, tuple[str, ...]]:
     if not steps.size:
         raise TimeError("it holds one and the same number: name another column")
     step, span = float(np.median(steps)), float(x[-1] - x[0])
-    if _is_serial(x, step):
-        seconds = numbers * _DAY_S - _SERIAL_ZERO_S
-        return nanoseconds(seconds, "s"), ("its times are days of a spreadsheet",)
+    if epoch := epoch_of(float(x[0]), float(x[-1]), step, _STEPS_S):
+        integers = stripped.cast(pl.Int64, strict=False)
+        exact = not stripped.dtype.is_float() and integers.count() == numbers.count()
+        return epoch.since_1970_ns(integers if exact else numbers), (f"its times are {epoch.name}",)
     if _is_clock(finite, step):
         hours, rest = numbers // 10_000, numbers % 10_000
         seconds = hours * 3600 + (rest // 100) * 60 + rest % 100
         return nanoseconds(seconds, "s"), ("its times are read as hhmmss.s",)
     unit = _unit(x, step, span)
-    return nanoseconds(cells, unit), (f"its times are taken in {unit}, by their spacing",)
+    stamps, note = from_1904(nanoseconds(cells, unit))
+    taken = f"its times are taken in {unit}, by their spacing"
+    return stamps, (taken, note) if note else (taken,)
 
 
 def _unit(x: Floats, step: float, span: float) -> str:
@@ -81,11 +81,6 @@ def _unit(x: Floats, step: float, span: float) -> str:
         f"its steps of {step:g} may be {said}: set [log] time_unit, or, where it counts rows, "
         "[log] rate_hz = the rows in a second,"
     )
-
-
-def _is_serial(x: Floats, step: float) -> bool:
-    inside = _SERIAL[0] <= x[0] and x[-1] <= _SERIAL[1]
-    return inside and _STEPS_S[0] <= step * _DAY_S <= _STEPS_S[1] and step < _STEPS_S[0]
 
 
 def _is_clock(x: Floats, step: float) -> bool:

@@ -18,6 +18,7 @@ FILES = every_file()
 DECLARED = (
     *("shuffled rows", "a footer of sums", "the newest row first"),
     "readings that are missing as ---",
+    "TunerStudio: two lines of head, tabs, units below, marks between",
 )
 #: Answered by a person: steps of 1,000 µs, not the drive's.
 STEP_NS = {"steps of 1000 are asked for": 10**6}

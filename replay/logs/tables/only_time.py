@@ -1,0 +1,105 @@
+"""The time of a table whose names tell none, and times of a table that do not agree."""
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import polars as pl
+
+from replay.logs.tables.dates import clock_times, is_clock
+from replay.logs.tables.header import ColumnName
+from replay.logs.tables.times import NS_PER_UNIT, TimeError, nanoseconds
+
+#: Rows that tell whether a column rises, at least.
+_FEWEST: Final = 3
+#: Seconds that two clocks of one table may drift apart, beside a tenth of what they count: what a
+#: clock to the second and one that is late by a row show.
+_APART_S: Final = 2.5
+_APART: Final = 0.1
+
+
+def only_time(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]) -> list[int]:
+    """The place of the one column that holds times; empty where none does, or several.
+
+    It holds times of day to the second, or its unit is one of time and it rises with each row.
+    """
+    clocks = [k for k in range(len(columns)) if _is_clock_column(cells(k))]
+    if clocks:
+        return clocks if len(clocks) == 1 else []
+    rising = [
+        k for k, column in enumerate(columns) if column.unit in NS_PER_UNIT and _rises(cells(k))
+    ]
+    return rising if len(rising) == 1 else []
+
+
+def _is_clock_column(cells: list[str]) -> bool:
+    """Whether cells are times of day to the second, which go on: the ends of a query do not."""
+    return (
+        len(set(cells)) > 1
+        and is_clock(cells[0])
+        and all(cell.count(":") > 1 and is_clock(cell) for cell in cells)
+    )
+
+
+def _rises(cells: list[str]) -> bool:
+    numbers = pl.Series(cells, dtype=pl.String).str.replace(",", ".").cast(pl.Float64, strict=False)
+    steps = numbers.diff().drop_nulls()
+    return numbers.len() >= _FEWEST and steps.len() == numbers.len() - 1 and bool((steps > 0).all())
+
+
+def disagreement(
+    columns: Sequence[ColumnName],
+    cells: Callable[[int], list[str]],
+    name: str,
+    stamps: pl.Series,
+) -> str | None:
+    """How long the first rows last by another column of times, where it is not as long.
+
+    Args:
+        columns: of the table.
+        cells: the first cells of a column by its place.
+        name: the column that is taken as the time.
+        stamps: of the first rows by it, in ns.
+
+    Returns:
+        A sentence, None where the times agree.
+    """
+    taken_s = _span_s(stamps)
+    if taken_s is None:
+        return None
+    for place, column in enumerate(columns):
+        own = cells(place) if column.name != name else []
+        if len(own) != stamps.len() or not _may_be_time(column, own):
+            continue
+        other_s = _other_span_s(column, own)
+        if other_s is None:
+            continue
+        if abs(other_s - taken_s) > _APART_S + _APART * max(other_s, taken_s):
+            return (
+                f"its first {stamps.len()} rows last {taken_s:.3g} s, and {other_s:.3g} s by "
+                f"'{column.name}': set [log] time to the one that holds, and time_unit"
+            )
+    return None
+
+
+def _may_be_time(column: ColumnName, cells: list[str]) -> bool:
+    named = column.unit in NS_PER_UNIT and "time" in column.bare.lower()
+    return named or _is_clock_column(cells)
+
+
+def _other_span_s(column: ColumnName, cells: list[str]) -> float | None:
+    text = pl.Series(column.name, cells, dtype=pl.String)
+    try:
+        if _is_clock_column(cells):
+            return _span_s(clock_times(None, text, None)[0])
+        return _span_s(nanoseconds(text, column.unit or "s")) if _rises(cells) else None
+    except TimeError:
+        return None
+
+
+def _span_s(stamps: pl.Series) -> float | None:
+    """Seconds from the first to the last; None where they do not rise."""
+    there = stamps.drop_nulls()
+    if there.len() < _FEWEST or (there.diff() < 0).any():
+        return None
+    span_s = (int(there[-1]) - int(there[0])) / 1e9
+    return span_s if span_s > 0 else None
