@@ -99,7 +99,11 @@ def _staging(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
             ) from None
         yield stage
     finally:
-        shutil.rmtree(stage, ignore_errors=True)
+        try:
+            shutil.rmtree(stage, ignore_errors=True)
+        except BaseException:  # a signal that comes while it goes
+            shutil.rmtree(stage, ignore_errors=True)
+            raise
 
 
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:

@@ -1,5 +1,6 @@
 """How the command line leaves: a closed pipe, a full disk, a signal to end."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from recordings.report.atomic_output import check_output
 from tests.replay.sledge import MACHINE, sledge
 
 SCRIPT = Path(sys.executable).with_name("payscope")
@@ -93,6 +95,24 @@ def test_a_disk_that_fills_up_under_a_table_is_one_line_and_leaves_nothing(
     assert left.returncode == 2
     assert left.stderr == f"payscope: {out}: cannot be written (File too large)\n"
     assert list(out.parent.iterdir()) == []
+
+
+def test_a_signal_while_the_hidden_folder_goes_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    remove, interrupted = shutil.rmtree, []
+
+    def interrupt_once(path: Path, **options: bool) -> None:
+        if not interrupted:
+            interrupted.append(path)
+            raise KeyboardInterrupt
+        remove(path, **options)
+
+    monkeypatch.setattr(shutil, "rmtree", interrupt_once)
+    with pytest.raises(KeyboardInterrupt):
+        check_output(tmp_path / "out.rrd", force=False)
+    assert interrupted
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
