@@ -20,13 +20,15 @@ from estimators.numerics.fit_loss import group_rows
 _CHANCE: Final = 5e-4
 #: What pours in may pour fast; a load that falls while the machine drives must be surer by this.
 _FALLS: Final = 1.25
+#: One manoeuvre alone must be surer by this: friction that warms reaches 1.21 in sound logs.
+_ALONE: Final = 1.3
 #: Fewer rows, or less of a column that is left, tell nothing.
 _FEWEST: Final = 10
 _LEFT: Final = 0.02
 #: Who drives for longer does not load any more: what then ends the drive would weigh by its time.
 _LONGEST_S: Final = 15.0
 #: What every log may have besides; columns of more noise would leave it in this one's way.
-_USUAL: Final = ("const", "direction", "viscous_drift", "viscous_bend")
+_USUAL: Final = ("const", "direction")
 
 
 class _Growth(NamedTuple):
@@ -121,4 +123,4 @@ def _growths(case: FindingInputs) -> list[_Growth]:
         deviations /= _FALLS if kg_s < 0.0 else 1.0
         if deviations > 1.0:
             found.append(_Growth(int(part[0]), kg_s, deviations))
-    return found
+    return found if len(found) > 1 else [each for each in found if each.deviations > _ALONE]

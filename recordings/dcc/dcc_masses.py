@@ -82,7 +82,7 @@ def _names(item: "_Element") -> list[str]:
 
 
 class _CertificateMasses:
-    """The quantities of a certificate that may be masses, and whose each is."""
+    """The quantities of a certificate that may be masses, each with its item."""
 
     def __init__(self, root: "_Element", items: Sequence[NamedItem], what: str) -> None:
         self._items = items
