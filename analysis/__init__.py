@@ -3,7 +3,9 @@
 Names are resolved when first used: readers of logs need few of them, and settings take a while.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from estimators.late_names import resolve_late
 
 if TYPE_CHECKING:
     from analysis.model.loss import Loss
@@ -13,12 +15,14 @@ if TYPE_CHECKING:
 
 __all__ = ["InputFile", "Loss", "Machine", "Provenance", "Run", "Settings"]
 
-_HOMES = {"Loss": "loss", "Machine": "machine", "Settings": "settings"}
-
-
-def __getattr__(name: str) -> Any:
-    from importlib import import_module
-
-    if name not in __all__:
-        raise AttributeError(f"module 'analysis' has no attribute '{name}'")
-    return getattr(import_module(f"analysis.model.{_HOMES.get(name, 'run_record')}"), name)
+__getattr__ = resolve_late(
+    "analysis",
+    {
+        "InputFile": "analysis.model.run_record",
+        "Loss": "analysis.model.loss",
+        "Machine": "analysis.model.machine",
+        "Provenance": "analysis.model.run_record",
+        "Run": "analysis.model.run_record",
+        "Settings": "analysis.model.settings",
+    },
+)

@@ -3,7 +3,9 @@
 Names are resolved when first used: the digest of a page that it keeps needs none of them.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from estimators.late_names import resolve_late
 
 if TYPE_CHECKING:
     from recordings.plots.run_plots import plot_run
@@ -20,16 +22,15 @@ __all__ = [
     "write_recording",
 ]
 
-_HOMES = {
-    "check_recording": "recordings.rrd.writer",
-    "plot_run": "recordings.plots.run_plots",
-    "write_recording": "recordings.rrd.writer",
-}
-
-
-def __getattr__(name: str) -> Any:
-    from importlib import import_module
-
-    if name not in __all__:
-        raise AttributeError(f"module 'recordings' has no attribute '{name}'")
-    return getattr(import_module(_HOMES.get(name, "recordings.rrd.reader")), name)
+__getattr__ = resolve_late(
+    "recordings",
+    {
+        "check_recording": "recordings.rrd.writer",
+        "plot_run": "recordings.plots.run_plots",
+        "read_frame": "recordings.rrd.reader",
+        "read_provenance": "recordings.rrd.reader",
+        "read_recording": "recordings.rrd.reader",
+        "stages": "recordings.rrd.reader",
+        "write_recording": "recordings.rrd.writer",
+    },
+)

@@ -5,7 +5,9 @@
 Names are resolved when first used, so that the command line starts before NumPy does.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from estimators.late_names import resolve_late
 
 if TYPE_CHECKING:
     from replay.logs import Log, TimeAxis, open_log
@@ -14,12 +16,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Log", "TimeAxis", "load_machine", "open_log", "run"]
 
-_HOMES = {"load_machine": "replay.machines.machine_file", "run": "replay.pipeline"}
-
-
-def __getattr__(name: str) -> Any:
-    from importlib import import_module
-
-    if name not in __all__:
-        raise AttributeError(f"module 'replay' has no attribute '{name}'")
-    return getattr(import_module(_HOMES.get(name, "replay.logs")), name)
+__getattr__ = resolve_late(
+    "replay",
+    {
+        "Log": "replay.logs",
+        "TimeAxis": "replay.logs",
+        "load_machine": "replay.machines.machine_file",
+        "open_log": "replay.logs",
+        "run": "replay.pipeline",
+    },
+)

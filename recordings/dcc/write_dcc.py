@@ -365,7 +365,7 @@ def _equipment(parent: "_Element", document: EvidenceDocument) -> None:
                 "Certificate",
                 _CERTIFICATE,
             )
-        _known(made, "Mass", mass.value_kg, mass.u_kg)
+        _add_known_mass(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:
         made = _add(parent, "measuringEquipment", refType="basic_measurementStandard")
         _text(made, "name", "The machine without load")
@@ -377,10 +377,10 @@ def _equipment(parent: "_Element", document: EvidenceDocument) -> None:
                 "Certificate",
                 _CERTIFICATE,
             )
-        _known(made, "Empty mass", machine.empty_mass_kg, machine.empty_mass_u_kg or 0.0)
+        _add_known_mass(made, "Empty mass", machine.empty_mass_kg, machine.empty_mass_u_kg or 0.0)
 
 
-def _known(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> None:
+def _add_known_mass(equipment: "_Element", name: str, value_kg: float, u_kg: float) -> None:
     quantity = _add(
         _add(equipment, "measuringEquipmentQuantities"),
         "measuringEquipmentQuantity",

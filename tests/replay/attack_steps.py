@@ -40,7 +40,7 @@ def changed(tamper: Tamper) -> Callable[[Made, Path], Asked]:
     )
 
 
-def anew(*tampers: Tamper) -> Callable[[Made, Path], Asked]:
+def make_anew(*tampers: Tamper) -> Callable[[Made, Path], Asked]:
     """The same, signed by the attacker's own key."""
     return changed(together(*tampers, sign_with_own_key))
 

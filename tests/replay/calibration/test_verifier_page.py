@@ -33,7 +33,7 @@ RESULTS = ("α", "β", "valid for", "expanded uncertainty")
 
 
 @dataclass
-class Shown:
+class ShownBundle:
     """What the page shows of a bundle."""
 
     verdict: str
@@ -63,7 +63,9 @@ class Verifier:
         page.on("pageerror", complain)
         self.page.goto(file.as_uri())
 
-    def check(self, bundle: Path, key: Path | None = None, *, field: str = "#folder") -> Shown:
+    def check(
+        self, bundle: Path, key: Path | None = None, *, field: str = "#folder"
+    ) -> ShownBundle:
         page = self.page
         page.evaluate("held = null; document.getElementById('result').replaceChildren()")
         page.fill("#key", "" if key is None else key.read_text())
@@ -78,7 +80,7 @@ class Verifier:
                (row) => [...row.cells].map((cell) => cell.textContent))"""
         )
         verdict, signed, findings = texts
-        return Shown(verdict, signed, findings, {name: cells for name, *cells in rows})
+        return ShownBundle(verdict, signed, findings, {name: cells for name, *cells in rows})
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +97,7 @@ def verifier(chromium: Any, page_file: Path) -> Iterator[Verifier]:
     found.context.close()
 
 
-def holds(shown: Shown) -> bool:
+def holds(shown: ShownBundle) -> bool:
     """Whether the three columns of every number are the same."""
     facts = [cells for cells in shown.rows.values() if len(cells) == 4]
     return bool(facts) and all(cells[3] == "same" and len(set(cells[:3])) == 1 for cells in facts)
