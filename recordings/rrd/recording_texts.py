@@ -2,9 +2,7 @@
 
 import json
 from collections.abc import Callable
-from datetime import UTC, datetime
 from typing import Any, Final
-from zoneinfo import ZoneInfo
 
 import polars as pl
 
@@ -12,9 +10,11 @@ from analysis.model.answer import Answer, AnswerRow, answer
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of, findings_text
 from recordings.report.number_text import SCALE_NOT_KNOWN, number, outcome, plus_minus, table
 from recordings.report.planar_text import planar, planar_lines
+from recordings.report.shift_text import shift_sentence
 from recordings.report.worth_text import (
     budget_rows,
     load_heads,
@@ -63,7 +63,7 @@ def recording_name(about: Provenance) -> str:
 
 def machine_name(about: Provenance) -> str:
     """The name that the machine file gives, or nothing."""
-    return str(_body(about).get("name", ""))
+    return str(machine_body(about).get("name", ""))
 
 
 #: Findings beside the answer; their own text has all.
@@ -77,9 +77,8 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     stamp_ns = about.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / _NS:.3f} s of the log's own clock"
-    zone = ZoneInfo(str(_body(about).get("timezone", "UTC")))
-    utc = datetime.fromtimestamp(stamp_ns // _NS, UTC)
-    return f"{utc.astimezone(zone):%Y-%m-%d %H:%M:%S} {zone.key}"
+    clock = ShiftClock(str(machine_body(about).get("timezone", "UTC")), stamp_ns, 0.0)
+    return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
 
 
 def headline(said: Answer) -> str:
@@ -88,7 +87,7 @@ def headline(said: Answer) -> str:
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(said.loads) > 1:
-        return _several(said)
+        return shift_sentence(said.shift) if _is_shift(said) else _several(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
@@ -102,6 +101,11 @@ def headline(said: Answer) -> str:
     if not said.verdict.checks:
         return "This recording holds no answer."
     return "No window of this log was accepted: there is no mass."
+
+
+def _is_shift(said: Answer) -> bool:
+    """Whether the log's cycles add up to tonnes."""
+    return bool(said.shift.get("cycles_counted"))
 
 
 def _several(said: Answer) -> str:
@@ -153,6 +157,10 @@ def answer_text(run: Run) -> str:
         f"# {headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
     ]
+    if about.t0_unix_ns >= FIRST_DATE_NS:
+        parts.append("Times on the axes are UTC, unless the viewer's settings say local time.")
+    if _is_shift(said):
+        parts.append("As weighed; what reviewers say is on the page of the review.")
     if failed := said.verdict.failed("mass"):
         parts.append("**The mass is withheld**, because:")
         parts.append(
@@ -255,7 +263,8 @@ def _fingerprint(about: Provenance) -> str:
     return table(("SHA-256 of", "digest"), digests)
 
 
-def _body(about: Provenance) -> dict[str, Any]:
+def machine_body(about: Provenance) -> dict[str, Any]:
+    """Table `machine` of the machine file."""
     body = about.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
 

@@ -21,7 +21,8 @@ from replay.calibration.apply_evidence import AskedCalibration
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.commands.review import print_review
 from replay.logs import logs_in
-from replay.review.review_shift import ReviewOptions, ShiftReview, review
+from replay.review.review_shift import ReviewOptions, review
+from replay.review.write_review import ShiftReview
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
