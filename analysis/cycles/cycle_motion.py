@@ -20,7 +20,7 @@ _NS: Final = 1e9
 _LONGEST_STEP_S: Final = 1.0
 
 
-class Motion(NamedTuple):
+class DriveSummary(NamedTuple):
     """The motion in a stretch of time.
 
     Attributes:
@@ -50,7 +50,7 @@ class CycleMotion(NamedTuple):
 
     cycle: int
     haul_m: float | None
-    whole: Motion
+    whole: DriveSummary
 
 
 def cycle_motions(
@@ -63,7 +63,7 @@ def cycle_motions(
         excitation: times, phases and speed.
         holes_ns: see `lost_cycles.holes`.
     """
-    samples = _Samples.of(excitation)
+    samples = _DriveSamples.of(excitation)
     found: list[CycleMotion] = []
     for row in cycles.iter_rows(named=True):
         start_ns, end_ns = row["start_t_ns"], row["end_t_ns"]
@@ -77,12 +77,12 @@ def cycle_motions(
     return found
 
 
-def shift_motion(excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> Motion:
+def shift_motion(excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> DriveSummary:
     """The motion of the whole shift; arguments as of `cycle_motions`."""
     t_ns = excitation["t_ns"].to_numpy()
     if not t_ns.size:
-        return Motion(None, None, 0.0, 0.0, 0.0)
-    return _Samples.of(excitation).within(int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns)
+        return DriveSummary(None, None, 0.0, 0.0, 0.0)
+    return _DriveSamples.of(excitation).within(int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns)
 
 
 def idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
@@ -98,7 +98,7 @@ def idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     ]
 
 
-class _Samples(NamedTuple):
+class _DriveSamples(NamedTuple):
     """Samples of a recording: time, time that each stands for, speed, and whether it stands."""
 
     t_ns: Ints
@@ -108,7 +108,7 @@ class _Samples(NamedTuple):
     recorded: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, excitation: pl.DataFrame) -> "_Samples":
+    def of(cls, excitation: pl.DataFrame) -> "_DriveSamples":
         t_ns = excitation["t_ns"].to_numpy()
         step_s = np.diff(t_ns, append=t_ns[-1:]) / _NS
         return cls(
@@ -119,13 +119,15 @@ class _Samples(NamedTuple):
             excitation["phase"].is_not_null().to_numpy(),
         )
 
-    def within(self, start_ns: int, end_ns: int, holes_ns: Sequence[tuple[int, int]]) -> Motion:
+    def within(
+        self, start_ns: int, end_ns: int, holes_ns: Sequence[tuple[int, int]]
+    ) -> DriveSummary:
         """What they say of a stretch of time."""
         part = slice(*np.searchsorted(self.t_ns, [start_ns, end_ns]))
         step_s, speed = self.step_s[part], self.speed_m_s[part]
         known = np.isfinite(speed)
         moves = self.recorded[part] & ~self.stands[part]
-        return Motion(
+        return DriveSummary(
             float(np.sum(speed[known] * step_s[known])) if known.any() else None,
             float(speed[known].max()) if known.any() else None,
             float(step_s[moves].sum()),

@@ -40,7 +40,10 @@ def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
     elif text in (ids := rows["id"].to_list()):
         found = [ids.index(text)]
     elif match := _TIME.fullmatch(text):
-        found = _at(match, rows, clock)
+        try:
+            found = _at(match, rows, clock)
+        except ValueError as error:  # 30 February, an offset of 25 h
+            raise ReviewError(f"'{when}' is no time ({error})") from None
     else:
         raise ReviewError(
             f"'{when}' names no cycle; give its number (14), its id, or a local time (14:32:10)"
@@ -78,22 +81,15 @@ def _instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
     hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
     if not clock.is_dated:
         return [clock.t0_unix_ns / _NS + 3600 * hour + 60 * minute + second]
-    if hour > 23 or minute > 59 or second > 59:
-        return []
-    zone, first, last = ZoneInfo(clock.zone), clock.local(0.0), clock.local(clock.duration_s)
+    zone = _offset(match["offset"]) if match["offset"] else ZoneInfo(clock.zone)
+    first, last = (clock.local(s).astimezone(zone).date() for s in (0.0, clock.duration_s))
+    days = [first + dt.timedelta(days=k) for k in range((last - first).days + 1)]
     if match["day"]:
         days = [dt.date.fromisoformat(match["day"])]
-    else:
-        span = (last.date() - first.date()).days
-        days = [first.date() + dt.timedelta(days=k) for k in range(span + 1)]
     found: set[float] = set()
     for day in days:
         for fold in (0, 1):
-            wall = dt.datetime(
-                day.year, day.month, day.day, hour, minute, second, tzinfo=zone, fold=fold
-            )
-            if match["offset"] and wall.utcoffset() != _offset(match["offset"]):
-                continue
+            wall = dt.datetime.combine(day, dt.time(hour, minute, second, fold=fold), zone)
             # a clock that is put forward never shows the hour between
             utc = wall.astimezone(dt.UTC)
             if utc.astimezone(zone).replace(tzinfo=None) == wall.replace(tzinfo=None):
@@ -101,8 +97,8 @@ def _instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
     return sorted(found)
 
 
-def _offset(text: str) -> dt.timedelta:
+def _offset(text: str) -> dt.timezone:
     if text == "Z":
-        return dt.timedelta(0)
+        return dt.UTC
     sign, digits = (-1 if text[0] == "-" else 1), text[1:].replace(":", "")
-    return sign * dt.timedelta(hours=int(digits[:2]), minutes=int(digits[2:]))
+    return dt.timezone(sign * dt.timedelta(hours=int(digits[:2]), minutes=int(digits[2:])))

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from analysis.cycles.cycle_motion import (
     CycleMotion,
-    Motion,
+    DriveSummary,
     cycle_motions,
     idle_stands,
     shift_motion,
@@ -109,7 +109,7 @@ class ReviewState(BaseModel):
     serial: str = ""
     duration_s: float = 0.0
     motions: tuple[CycleMotion, ...] = ()
-    motion: Motion = Motion(None, None, 0.0, 0.0, 0.0)
+    motion: DriveSummary = DriveSummary(None, None, 0.0, 0.0, 0.0)
     idle_s: tuple[tuple[float, float], ...] = ()
     torn: tuple[TornLog, ...] = ()
     calibration: tuple[str, str] = ("", "")

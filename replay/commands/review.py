@@ -86,7 +86,6 @@ def command(
     the page say why.
     """
     from estimators.errors import one_line
-    from recordings.review.reviewer_verdicts import Labels
     from recordings.review.shift_facts import headline
     from replay.commands.print_tables import console, print_json
     from replay.commands.progress_bar import Stages
@@ -94,9 +93,13 @@ def command(
     from replay.review.give_verdicts import GivenVerdicts, count_again, is_review
     from replay.review.review_shift import ReviewOptions, review
 
-    labels = Labels(
-        product=product, operator=operator, truck=truck, customer=customer, stockpile=stockpile
-    )
+    labels = {
+        "product": product,
+        "operator": operator,
+        "truck": truck,
+        "customer": customer,
+        "stockpile": stockpile,
+    }
     given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author)
     given.check()
     asked = read_calibration(calibration, key, signed=require_signed)

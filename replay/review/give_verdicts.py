@@ -1,12 +1,13 @@
 """Write verdicts into a review's folder, and count it anew without its logs."""
 
 import datetime as dt
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import polars as pl
+from pydantic import ValidationError
 
 from estimators.errors import RecordingError, ReviewError
 from estimators.file_digest import file_sha256
@@ -15,17 +16,15 @@ from recordings.report.atomic_output import atomic_files
 from recordings.review.find_cycle import find_cycle
 from recordings.review.review_state import RECORDING, ReviewState, read_state
 from recordings.review.reviewer_verdicts import (
-    LABELS,
     VERDICTS,
     CycleVerdict,
-    Labels,
     ShiftVerdict,
     VerdictFile,
     matched,
     read_verdicts,
     verdict_toml,
 )
-from recordings.review.shift_ledger import NO_LABELS, PARQUET, cycles_of
+from recordings.review.shift_ledger import PARQUET, cycles_of
 from replay.review.review_folder import locked
 from replay.review.track_points import track_of
 from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, write_review
@@ -42,7 +41,7 @@ class GivenVerdicts:
         accept: cycles that are to count again.
         cycles: cycles that note and labels are of.
         note: of the cycles.
-        labels: of the cycles; of the whole shift where no cycle is named.
+        labels: of the cycles, by name (`LABELS`); of the whole shift where no cycle is named.
         author: who says so.
     """
 
@@ -50,7 +49,7 @@ class GivenVerdicts:
     accept: Sequence[str] = ()
     cycles: Sequence[str] = ()
     note: str = ""
-    labels: Labels = NO_LABELS
+    labels: Mapping[str, str] = field(default_factory=dict[str, str])
     author: str = ""
 
     def __bool__(self) -> bool:
@@ -68,7 +67,7 @@ class GivenVerdicts:
 
     @property
     def _labels(self) -> dict[str, str]:
-        return {name: text for name in LABELS if (text := getattr(self.labels, name))}
+        return {name: text for name, text in self.labels.items() if text}
 
     def check(self) -> None:
         """Refuse what is incomplete.
@@ -80,6 +79,12 @@ class GivenVerdicts:
             raise ReviewError("a verdict on a cycle has an author: add --author NAME")
         if self.note and not self.named:
             raise ReviewError("a note is of a cycle: add --reject, --accept or --cycle WHEN")
+        trial = {"id": "", "author": self.author or "-", "time": _now(), "note": self.note}
+        try:
+            CycleVerdict.model_validate(trial | self._labels)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            raise ReviewError(f"--{first['loc'][0]}: {first['msg']}") from None
 
     def added_to(
         self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
@@ -92,7 +97,7 @@ class GivenVerdicts:
             state: of the review.
             folder: of the review.
         """
-        now = dt.datetime.now(dt.UTC).replace(microsecond=0)
+        now = _now()
         if not self.named:
             said = {
                 name: text
@@ -113,6 +118,10 @@ class GivenVerdicts:
                 signed = {"id": rows["id"][row], "author": self.author.strip(), "time": now}
                 found[row] = CycleVerdict.model_validate(said | signed)
         return list(found.values())
+
+
+def _now() -> dt.datetime:
+    return dt.datetime.now(dt.UTC).replace(microsecond=0)
 
 
 def is_review(folder: Path) -> bool:
