@@ -42,9 +42,9 @@ def _doubts(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
     back_kg, back_u_kg = row["carry_back_kg"], row["carry_back_u_kg"]
     if back_kg is not None and back_u_kg is not None and abs(back_kg) > _K * back_u_kg:
         if back_kg < 0.0:
-            found.append(f"{-back_kg:,.0f} kg less than empty after the dump: weighed wrong")
+            found.append(f"after the dump {-back_kg:,.0f} kg less than empty: weighed wrong")
         elif back_kg > _CARRIED_SHARE * abs(payload_kg):
-            found.append(f"{back_kg:,.0f} kg still in the bucket after the dump")
+            found.append(f"after the dump {back_kg:,.0f} kg still in the bucket")
     if typical_kg is not None:
         room_kg = _UNLIKE * float((_STD_OF_MAD**2 * mad_kg**2 + u_kg**2) ** 0.5)
         if abs(payload_kg - typical_kg) > room_kg:

@@ -16,7 +16,6 @@ from recordings.review.cycle_rows import DETAILS, PAYLOAD, cycle_rows
 from recordings.review.review_plots import more_pictures, pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
-    LABELS,
     NO_VERDICTS,
     VERDICTS,
     CycleVerdict,
@@ -122,7 +121,6 @@ def review_html(page: ReviewPage) -> str:
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
         verdict_lines=verdict_toml([*page.verdicts.shift, *page.verdicts.cycle]).splitlines(),
         verdict_file=VERDICTS,
-        labels=LABELS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
         friction=_friction(state),
     )
