@@ -26,6 +26,7 @@ from analysis.cycles.empty_machine import (
     empty_machine,
     states_of_passes,
 )
+from analysis.cycles.haul_spillage import subtract_spillage
 from analysis.cycles.load_passes import NO_PASSES, Passes, passes
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build
@@ -148,7 +149,11 @@ def cycles(
         row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
-    return Hauled(_frame(rows), sums, worth.scale)
+    hauls = [_haul_ns(part) for part in parts]
+    table = subtract_spillage(
+        _frame(rows), hauls, frames["manoeuvres"], frames["excitation"], machine.machine
+    )
+    return Hauled(table, sums, worth.scale)
 
 
 def _frame(rows: list[dict[str, object]]) -> pl.DataFrame:
@@ -173,6 +178,11 @@ def _times(part: CycleParts, ready_ns: int) -> dict[str, object]:
         "haul_s": (dump[0] - haul[0]) / _NS if haul and dump and not part.unseen else None,
         "dump_s": (dump[1] - dump[0]) / _NS if dump and not part.unseen else None,
     }
+
+
+def _haul_ns(part: CycleParts) -> tuple[int, int] | None:
+    """From the first start with a load to the stand in which it is dumped."""
+    return part.haul_ns and part.dump_ns and (part.haul_ns[0], part.dump_ns[0])
 
 
 def _ready_ns(part: CycleParts) -> int:
