@@ -101,6 +101,13 @@ class Body(BaseModel):
     imu: ImuMounting = ImuMounting()
 
     @property
+    def wheel_radius_u_1(self) -> float | None:
+        """Relative standard uncertainty of the wheels' radius; None where it is not stated."""
+        if self.wheel_radius_m is None or self.wheel_radius_u_m is None:
+            return None
+        return self.wheel_radius_u_m / self.wheel_radius_m
+
+    @property
     def zone(self) -> ZoneInfo:
         """The time zone that a person reads times in."""
         return ZoneInfo(self.timezone)
