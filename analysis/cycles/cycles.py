@@ -149,10 +149,7 @@ def cycles(
         row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
-    hauls = [_haul_ns(part) for part in parts]
-    table = subtract_spillage(
-        _frame(rows), hauls, frames["manoeuvres"], frames["excitation"], machine.machine
-    )
+    table = subtract_spillage(_frame(rows), parts, found, frames, machine.machine)
     return Hauled(table, sums, worth.scale)
 
 
@@ -178,11 +175,6 @@ def _times(part: CycleParts, ready_ns: int) -> dict[str, object]:
         "haul_s": (dump[0] - haul[0]) / _NS if haul and dump and not part.unseen else None,
         "dump_s": (dump[1] - dump[0]) / _NS if dump and not part.unseen else None,
     }
-
-
-def _haul_ns(part: CycleParts) -> tuple[int, int] | None:
-    """From the first start with a load to the stand in which it is dumped."""
-    return part.haul_ns and part.dump_ns and (part.haul_ns[0], part.dump_ns[0])
 
 
 def _ready_ns(part: CycleParts) -> int:

@@ -5,13 +5,15 @@ after that leaves no trace in the log that uneven ground does not leave as well,
 states it (`machine.haul_spillage_share`), as a check weighing at the dump tells it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_parts import CycleParts
+from analysis.cycles.load_passes import Passes
 from analysis.model.machine import Body
 from analysis.model.schema import conform, values
 
@@ -22,27 +24,29 @@ _IN_PROPORTION: Final = (
     *("payload_kg", "payload_u_random_kg", "payload_u_common_kg", "payload_u_shared_kg"),
     "scale_1",
 )
+#: Sums of squares of accelerations above this, in m²/s⁴, weigh something: below is rounding.
+_NOTHING: Final = 1e-12
 
 
 def subtract_spillage(
     cycles: pl.DataFrame,
-    hauls: Sequence[tuple[int, int] | None],
-    manoeuvres: pl.DataFrame,
-    excitation: pl.DataFrame,
+    parts: Sequence[CycleParts],
+    found: Passes,
+    frames: Mapping[str, pl.DataFrame],
     body: Body,
 ) -> pl.DataFrame:
     """Make payloads those that arrive at the dump; without a stated spillage they stay.
 
     Args:
         cycles: the frame, with payloads as weighed.
-        hauls: by cycle when its load sets off and when it stands to dump, in ns; None: not seen.
-        manoeuvres: when the starts were that weigh.
-        excitation: acceleration and phases.
+        parts: when the load of each cycle sets off, and when the machine stands to dump it.
+        found: which manoeuvres weigh each load.
+        frames: `manoeuvres` and `excitation`.
         body: with its spillage.
     """
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
-    progress = _weighed_at(hauls, manoeuvres, excitation)
+    progress = _weighed_at(parts, found, frames["manoeuvres"], frames["excitation"])
     arriving, u = arriving_share(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
     return deliver(
@@ -87,30 +91,33 @@ def deliver(cycles: pl.DataFrame) -> pl.DataFrame:
 
 
 def _weighed_at(
-    hauls: Sequence[tuple[int, int] | None], manoeuvres: pl.DataFrame, excitation: pl.DataFrame
+    parts: Sequence[CycleParts], found: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
 ) -> Floats:
     """(cycles,) share of its haul that each load has behind it where it is weighed.
 
-    Acceleration weighs: the share is the mean over the starts of the haul, each sample by the
-    square of its acceleration, of the time in motion since the first of them.
+    Acceleration weighs: a manoeuvre's place is the mean of the time in motion, each sample by the
+    square of its acceleration, and a load's the mean of its manoeuvres by their weight.
     """
     t_ns = excitation["t_ns"].to_numpy()
     moves = (excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     driven = np.cumsum(moves).astype(np.float64)
     weight = np.square(np.nan_to_num(values(excitation, "regressor_acc_x_m_s2")))
-    inside = np.zeros(t_ns.size, np.bool_)
-    for begin_ns, end_ns in manoeuvres.select("start_t_ns", "end_t_ns").iter_rows():
-        first, last = np.searchsorted(t_ns, [begin_ns, end_ns])
-        inside[first : last + 1] = True
-    sums = np.append(0.0, np.cumsum(np.where(inside, weight, 0.0)))
-    moments = np.append(0.0, np.cumsum(np.where(inside, weight * driven, 0.0)))
-    progress = np.zeros(len(hauls))
-    for row, span in enumerate(hauls):
-        if span is None:
+    sums, moments = (np.append(0.0, np.cumsum(x)) for x in (weight, weight * driven))
+    first, last = (
+        np.searchsorted(t_ns, manoeuvres[name].to_numpy()) for name in ("start_t_ns", "end_t_ns")
+    )
+    whole = sums[last] - sums[first]
+    place = np.where(
+        whole > 0.0, (moments[last] - moments[first]) / np.maximum(whole, _NOTHING), driven[first]
+    )
+    progress = np.zeros(len(parts))
+    for number, part in enumerate(parts):
+        if part.loaded is None or part.haul_ns is None or part.dump_ns is None:
             continue
-        first, last = np.minimum(np.searchsorted(t_ns, span), t_ns.size - 1)
-        whole, all_driven = sums[last] - sums[first], driven[last] - driven[first]
-        if whole > 0.0 and all_driven > 0.0:
-            mean = (moments[last] - moments[first]) / whole
-            progress[row] = np.clip((mean - driven[first]) / all_driven, 0.0, 1.0)
+        begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))
+        haul = driven[min(end, t_ns.size - 1)] - driven[begin]
+        own = found.of == part.loaded
+        if haul > 0.0:
+            mean = float(found.share[own] @ place[own])
+            progress[number] = np.clip((mean - driven[begin]) / haul, 0.0, 1.0)
     return progress

@@ -176,7 +176,9 @@ def kinematics(
         best = level if even is None or level.mismatch < even.mismatch else even
         if best.goes_together or best.mismatch < found.mismatch:
             return replace(best, squat=squat)
-    return level if level.mismatch < _BETTER * found.mismatch else found
+    if level.mismatch < _BETTER * found.mismatch:
+        return level
+    return _without_squat(found, motion.specific_force, motion, noise, priors, told)
 
 
 def _without_squat(

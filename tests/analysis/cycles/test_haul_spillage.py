@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from polars.testing import assert_frame_equal
 
 from analysis.cycles.calibrated_payloads import calibrate_cycles
+from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.cycles import cycles
 from analysis.cycles.haul_spillage import arriving_share, subtract_spillage
+from analysis.cycles.load_passes import Passes
 from analysis.cycles.shift_totals import shift
 from analysis.model.machine import Body, Machine
 from tests.analysis.cycles.drawn import NS, drawn_shift
@@ -56,11 +58,16 @@ def test_a_load_that_pours_is_paid_as_it_arrives_and_the_total_is_as_uncertain_a
     frames = drawn_shift(LOADS_KG)
     plain = found(frames)
     poured = cycles(None, frames, spilling(0.2, 0.03), FINE).cycles
-    assert poured["payload_kg"].to_list() == pytest.approx([0.8 * kg for kg in LOADS_KG])
+    # each haul has two starts: at its beginning, and more than half way
+    arriving = poured["arriving_1"].to_numpy()
+    assert ((arriving > 0.8) & (arriving < 0.9)).all()
+    assert poured["payload_kg"].to_list() == pytest.approx((arriving * LOADS_KG).tolist())
     summed = shift(poured, frames["excitation"], frames["aligned"]).row(0, named=True)
-    assert summed["payload_u_common_kg"] == pytest.approx(0.03 * sum(LOADS_KG), rel=1e-3)
+    spilled_u_kg = float((poured["arriving_u_1"].to_numpy() * LOADS_KG).sum())
+    assert summed["payload_u_common_kg"] == pytest.approx(spilled_u_kg)
+    assert spilled_u_kg > 0.03 * (1 - 0.9) * sum(LOADS_KG)
     own = shift(plain, frames["excitation"], frames["aligned"]).row(0, named=True)
-    assert summed["payload_u_random_kg"] == pytest.approx(0.8 * own["payload_u_random_kg"])
+    assert summed["payload_u_random_kg"] == pytest.approx(arriving[0] * own["payload_u_random_kg"])
 
 
 def test_without_a_stated_share_nothing_is_subtracted() -> None:
@@ -72,7 +79,9 @@ def test_a_calibrated_payload_arrives_likewise() -> None:
     plain = calibrate_cycles(found(frames), LINE)
     poured = calibrate_cycles(cycles(None, frames, spilling(0.2, 0.0), FINE).cycles, LINE)
     kept = ["payload_kg", "payload_u_random_kg", "scale_1"]
-    assert_frame_equal(poured.select(kept), plain.select(pl.col(kept) * 0.8))
+    arriving = poured["arriving_1"]
+    assert (arriving < 1.0).all()
+    assert_frame_equal(poured.select(kept), plain.select(pl.col(kept) * arriving))
     assert poured["scale_from"].to_list() == plain["scale_from"].to_list()
 
 
@@ -89,8 +98,24 @@ def test_a_haul_of_two_starts_is_weighed_between_them() -> None:
         }
     )
     starts = pl.DataFrame({"start_t_ns": [NS, 6 * NS], "end_t_ns": [5 * NS, 10 * NS]})
-    haul = [(NS, 11 * NS)]
+    part = CycleParts(loaded=0, haul_ns=(NS, 10 * NS), dump_ns=(11 * NS, 11 * NS))
+    frames = {"excitation": excitation, "manoeuvres": starts}
     share = 0.2
-    poured = subtract_spillage(table, haul, starts, excitation, body(share, 0.0))
+
+    def arriving(weights: list[float]) -> float:
+        weighed = Passes(
+            of=np.zeros(2, np.int64),
+            share=np.array(weights),
+            loaded=np.array([True]),
+            mass_kg=np.array([4300.0]),
+            u_kg=np.array([10.0]),
+            start_ns=np.array([NS]),
+            end_ns=np.array([10 * NS]),
+        )
+        poured = subtract_spillage(table, [part], weighed, frames, body(share, 0.0))
+        return float(poured["arriving_1"][0])
+
     progress = (0.0 + 5.0) / 2.0 / 9.0
-    assert poured["arriving_1"][0] == pytest.approx((1 - share) / (1 - share * progress))
+    assert arriving([0.5, 0.5]) == pytest.approx((1 - share) / (1 - share * progress))
+    # a first start whose load was heavier than the last weighs nothing
+    assert arriving([0.0, 1.0]) == pytest.approx((1 - share) / (1 - share * 5.0 / 9.0))
