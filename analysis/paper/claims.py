@@ -120,10 +120,10 @@ class Claims:
     """The claims and what was found of each.
 
     Attributes:
-        frame: a row a finding: `claim` (buffer, rms, simulation, experiment, reduction), `of` (what the
-            error is of: constant, window, trial, cruise), `method`, `fed`, `directional`, `windows`
-            (that gave a mass), `window_samples` and `buffer_bytes` (of the claim about the
-            buffer), `found_kg` with its 95 % interval, `smaller_percent` (than RLS
+        frame: a row a finding: `claim` (buffer, rms, simulation, experiment, reduction), `of` (what
+            the error is of: constant, window, trial, cruise), `method`, `fed`, `directional`,
+            `windows` (that gave a mass), of the claim about the buffer `window_samples` and
+            `buffer_bytes`, `found_kg` with its 95 % interval, `smaller_percent` (than RLS
             without the criterion), `of_mass_percent`, `of_load_range_percent`.
         rms_limit_kg: the claimed limit of the RMS error.
         rms_held: whether it holds for every method.

@@ -9,12 +9,15 @@ from typing import Final
 from analysis.model.loss import Loss
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.raw_batch import RawBatch, joined
-from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all
+from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all, sqlite_call
 from replay.logs.sqlite.sqlite_file import connect, read_connections
 from replay.logs.storage import Connection, LossList
 
 #: Rows of one poll.
 _POLL_ROWS: Final = 16_384
+_MESSAGES: Final = (
+    "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? ORDER BY rowid LIMIT ?"
+)
 
 
 class Db3Tail:
@@ -73,8 +76,5 @@ class Db3Tail:
         if count > known:
             found = read_connections(database, lambda what: self._losses.note(self._path, what))
             self.connections.update({each.id: each for each in found})
-        return fetch_all(
-            database,
-            "SELECT rowid, topic_id, timestamp, data FROM messages"
-            f" WHERE rowid > {self._last_id} ORDER BY rowid LIMIT {_POLL_ROWS}",
-        )
+        with sqlite_call():
+            return database.execute(_MESSAGES, (self._last_id, _POLL_ROWS)).fetchall()
