@@ -180,20 +180,20 @@ class Follower:
         assert basis is not None
         t_ns, phase = self._now
         validity = judge(last, t_ns, basis.machine.machine, self._valid_s)
-        numbers: tuple[float | None, ...] = (None,) * 4
-        if last is not None and validity in ("valid", "old"):
-            theta, std = last.estimate.theta, last.estimate.std
-            numbers = (float(theta[0]), float(std[0]), float(theta[1]), float(std[1]))
+        given = last.estimate if last is not None and validity in ("valid", "old") else None
         index = gate.mi_x_nat if gate else math.nan
         return OnlineReport(
-            event,
-            basis.t0_unix_ns + t_ns,
-            t_ns / 1e9,
-            phase,
-            gate.reason if gate else "warming_up",
-            index if math.isfinite(index) else None,
-            validity,
-            *numbers,
-            None if last is None else (t_ns - last.t_ns) / 1e9,
-            self.manoeuvres,
+            event=event,
+            unix_ns=basis.t0_unix_ns + t_ns,
+            t_s=t_ns / 1e9,
+            phase=phase,
+            gate=gate.reason if gate else "warming_up",
+            index_nat=index if math.isfinite(index) else None,
+            validity=validity,
+            mass_kg=None if given is None else float(given.theta[0]),
+            mass_u_kg=None if given is None else float(given.std[0]),
+            friction_x_N_s_m=None if given is None else float(given.theta[1]),
+            friction_u_N_s_m=None if given is None else float(given.std[1]),
+            age_s=None if last is None else (t_ns - last.t_ns) / 1e9,
+            manoeuvres=self.manoeuvres,
         )

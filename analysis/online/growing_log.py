@@ -225,5 +225,4 @@ def _behind_ns(frame: pl.DataFrame, label: str) -> int | None:
     if headers.null_count() == frame.height or (headers == 0).any():
         return 0
     behind = (frame["log_time_ns"] - headers).median()
-    near = isinstance(behind, int | float) and abs(behind) < 1e9
-    return round(behind) if near else 0
+    return round(behind) if isinstance(behind, int | float) and abs(behind) < 1e9 else 0

@@ -43,20 +43,20 @@ class _Minutes:
     """Digests of rows, by the minute."""
 
     rows: int = 0
-    digests: dict[int, "hashlib._Hash"] = field(default_factory=dict)
+    digests: dict[int, bytes] = field(default_factory=dict)
 
     def add(self, t_ns: int, numbers: NDArray[np.float64]) -> None:
-        digest = self.digests.setdefault(t_ns // _MINUTE_NS, hashlib.sha256())
-        digest.update(
-            np.int64(t_ns).tobytes() + np.where(np.isnan(numbers), np.nan, numbers).tobytes()
-        )
+        # each digest is of the rows and of the digest before, so that none has to be kept open
+        minute = t_ns // _MINUTE_NS
+        row = np.int64(t_ns).tobytes() + np.where(np.isnan(numbers), np.nan, numbers).tobytes()
+        self.digests[minute] = hashlib.sha256(self.digests.get(minute, b"") + row).digest()
         self.rows += 1
 
     def differs_from_s(self, other: "_Minutes") -> float | None:
         minutes = sorted(self.digests.keys() | other.digests.keys())
         for minute in minutes:
             mine, theirs = self.digests.get(minute), other.digests.get(minute)
-            if mine is None or theirs is None or mine.digest() != theirs.digest():
+            if mine is None or theirs is None or mine != theirs:
                 return minute * _MINUTE_NS / 1e9
         return None
 

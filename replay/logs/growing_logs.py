@@ -1,7 +1,7 @@
 """Logs that are still being recorded: what follows a file, by its suffix."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -9,19 +9,39 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError
-from replay.logs.bag import BagTail
 from replay.logs.log import TimeAxis
-from replay.logs.mcap import McapTail
-from replay.logs.message_tail import MessageTail
-from replay.logs.rosbag2 import METADATA
-from replay.logs.sqlite import Db3Tail
 from replay.logs.storage import Tail
-from replay.logs.table_tail import TableTail
-from replay.logs.tail_parts import TailParts
 
 #: What rosbag calls a bag until it is closed.
 ACTIVE: Final = ".active"
-_TAILS: Final = {".bag": BagTail, ".mcap": McapTail, ".db3": Db3Tail}
+
+
+# The libraries behind the formats are imported when a log of theirs is followed.
+
+
+def _bag_tail(path: Path) -> Tail:
+    from replay.logs.bag import BagTail
+
+    return BagTail(path)
+
+
+def _mcap_tail(path: Path) -> Tail:
+    from replay.logs.mcap import McapTail
+
+    return McapTail(path)
+
+
+def _db3_tail(path: Path) -> Tail:
+    from replay.logs.sqlite import Db3Tail
+
+    return Db3Tail(path)
+
+
+_TAILS: Final[Mapping[str, Callable[[Path], Tail]]] = {
+    ".bag": _bag_tail,
+    ".mcap": _mcap_tail,
+    ".db3": _db3_tail,
+}
 _TABLES: Final = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".prn")
 
 
@@ -76,6 +96,8 @@ def follow_log(
     if suffixes & set(_TABLES):
         if len(paths) > 1:
             raise LogError(f"{first}: one table is followed at a time; name one")
+        from replay.logs.table_tail import TableTail
+
         return TableTail(first, time, fields)
     unknown = suffixes - set(_TAILS)
     if unknown:
@@ -83,6 +105,10 @@ def follow_log(
             f"{first}: a file '{unknown.pop()}' cannot be followed while it grows; "
             f"{', '.join((*_TAILS, *_TABLES))}, or a folder of them"
         )
+    from replay.logs.message_tail import MessageTail
+    from replay.logs.rosbag2 import METADATA
+    from replay.logs.tail_parts import TailParts
+
     if first.is_dir():
         parts = TailParts(lambda: _files_of(first), _open_tail, (first / METADATA).exists)
     else:
