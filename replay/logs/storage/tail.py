@@ -27,7 +27,7 @@ class Tail(Protocol):
     def poll(self) -> list[RawBatch]:
         """The messages that became whole since, in file order; none where the log has not grown.
 
-        A record, chunk or transaction of which bytes are missing is left for a later call.
+        A record, chunk or transaction with missing bytes is left for a later call.
         """
         ...
 
