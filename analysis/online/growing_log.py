@@ -32,6 +32,7 @@ _KEPT_S: Final = 2.0
 _SETTLED_CYCLES: Final = 40.0
 #: Of a topic so many samples are kept, however slow it is.
 _FEWEST_KEPT: Final = 8
+_STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +133,7 @@ class GrowingLog:
             parts.clear()
             before = self._raw.get(topic)
             kept = frame if before is None else pl.concat([before, frame], how="vertical_relaxed")
-            key = "log_time_ns" if self.basis is None else "unix_ns"
-            self._raw[topic] = kept.sort(key, maintain_order=True)
+            self._raw[topic] = _in_order(kept, "unix_ns" if self.basis else "log_time_ns")
         self._new.clear()
 
     def _count_late(self, frame: pl.DataFrame) -> None:
@@ -145,12 +145,12 @@ class GrowingLog:
     def _placed(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
         assert self.basis is not None
         behind = self.basis.stamps[topic]
-        if behind is None:
-            header = pl.col("header_stamp_ns")
-            frame = frame.with_columns(unix_ns=header).filter(header != 0)
-        else:
-            frame = frame.with_columns(unix_ns=pl.col("log_time_ns") - behind)
-        return frame.drop_nulls("unix_ns").drop("log_time_ns", "header_stamp_ns")
+        stamps = frame["header_stamp_ns"] if behind is None else frame["log_time_ns"] - behind
+        # column by column: a query would cost more than all the rest of a few samples
+        fields = [frame[name] for name in frame.columns if name not in _STAMPS]
+        placed = pl.DataFrame([stamps.alias("unix_ns"), *fields])
+        missing = stamps.is_null() | ((stamps == 0) & (behind is None))
+        return placed.filter(~missing) if missing.any() else placed
 
     def _found_basis(self, *, is_whole: bool) -> bool:
         """Take stamps, rates and the grid's origin from the first seconds, once they are there."""
@@ -173,7 +173,7 @@ class GrowingLog:
             find_origin(channels, machine),
             tuple(notes),
         )
-        self._raw = {t: self._placed(t, f).sort("unix_ns") for t, f in self._raw.items()}
+        self._raw = {t: _in_order(self._placed(t, f), "unix_ns") for t, f in self._raw.items()}
         return True
 
     def _next_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
@@ -190,7 +190,7 @@ class GrowingLog:
         if aligned.is_empty() or int(aligned["t_ns"][-1]) <= self._last_t_ns:
             return None
         rows = forces(smooth(aligned, settings.smooth), machine)
-        rows = rows.filter(pl.col("t_ns") > self._last_t_ns)
+        rows = rows[int(np.searchsorted(rows["t_ns"].to_numpy(), self._last_t_ns, side="right")) :]
         self._last_t_ns = int(rows["t_ns"][-1])
         self._forget()
         return rows
@@ -207,6 +207,11 @@ class GrowingLog:
             first = int(np.searchsorted(frame["unix_ns"].to_numpy(), oldest))
             first = max(0, min(first, frame.height - _FEWEST_KEPT))
             self._raw[topic] = frame[first:]
+
+
+def _in_order(frame: pl.DataFrame, key: str) -> pl.DataFrame:
+    """Sort by a time; recorders mostly write in its order."""
+    return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
 
 
 def _span_s(frame: pl.DataFrame) -> float:
