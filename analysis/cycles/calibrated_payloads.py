@@ -1,6 +1,6 @@
 """Payloads of cycles under a calibration line."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -11,6 +11,7 @@ from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.mass_differences import difference_on_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
+from analysis.cycles.haul_spillage import deliver
 from analysis.model.schema import MOVED, QUALITY, conform
 from estimators.errors import DataError, nearest
 
@@ -66,38 +67,49 @@ def calibrate_cycles(
         "payload_u_kg": np.hypot(random_kg, common_kg),
         "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.size_1),
     }
-    if _by_ticket(cycles, found):
+    on_scale = deliver(
+        cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())
+    )
+    if _by_ticket(cycles, on_scale, tuple(found)):
         return cycles
     off_kg, u_kg = _apart(calibration, unlike)
     reasons = pl.Series(
         "reason", [_outside(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
     )
-    refused = reasons.to_numpy() != ""
-    columns = [
-        pl.Series(name, np.where(refused, np.nan, value)).fill_nan(None)
-        for name, value in found.items()
-    ]
-    said = cycles.with_columns(*columns, refused=pl.Series(refused), reason=reasons).with_columns(
-        quality=pl.when("refused").then(pl.lit("no mass", QUALITY)).otherwise("quality"),
-        counted=pl.col("counted") & ~pl.col("refused"),
-        withheld_for=pl.when("refused").then("reason").otherwise("withheld_for"),
-        scale_from=pl.when(pl.col("payload_kg").is_not_null()).then(pl.lit(BY_CALIBRATION)),
+    refused = pl.col("reason") != ""
+    said = on_scale.with_columns(reasons).with_columns(
+        *(pl.when(~refused).then(name).alias(name) for name in found),
+        quality=pl.when(refused).then(pl.lit("no mass", QUALITY)).otherwise("quality"),
+        counted=pl.col("counted") & ~refused,
+        withheld_for=pl.when(refused).then("reason").otherwise("withheld_for"),
     )
-    return conform("cycles", said.drop("refused", "reason"))
+    return conform(
+        "cycles",
+        said.drop("reason").with_columns(
+            scale_from=pl.when(pl.col("payload_kg").is_not_null()).then(pl.lit(BY_CALIBRATION))
+        ),
+    )
 
 
-def _by_ticket(cycles: pl.DataFrame, found: Mapping[str, Floats]) -> bool:
-    """Whether the sum of the payloads is better known by the empty machine than by the line."""
+def _by_ticket(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]) -> bool:
+    """Whether the sum of the payloads is better known by the empty machine than by the line.
+
+    Args:
+        cycles: the frame.
+        on_line: the same by the line.
+        names: columns that both have.
+    """
     counted = cycles["counted"].to_numpy()
     if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
         return False
 
-    def relative(columns: Mapping[str, Floats]) -> float:
-        shared = columns["payload_u_shared_kg"][counted].sum()
-        random = np.linalg.norm(columns["payload_u_random_kg"][counted])
-        return float(np.hypot(shared, random) / abs(columns["payload_kg"][counted].sum()))
+    def relative(table: pl.DataFrame) -> float:
+        sums = {name: _numbers(table, name)[counted] for name in names}
+        shared = sums["payload_u_shared_kg"].sum()
+        random = np.linalg.norm(sums["payload_u_random_kg"])
+        return float(np.hypot(shared, random) / abs(sums["payload_kg"].sum()))
 
-    return relative({name: _numbers(cycles, name) for name in found}) < relative(found)
+    return relative(cycles) < relative(on_line)
 
 
 def _numbers(cycles: pl.DataFrame, name: str) -> Floats:

@@ -26,6 +26,7 @@ from analysis.cycles.empty_machine import (
     empty_machine,
     states_of_passes,
 )
+from analysis.cycles.haul_spillage import subtract_spillage
 from analysis.cycles.load_passes import NO_PASSES, Passes, passes
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build
@@ -148,7 +149,8 @@ def cycles(
         row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
-    return Hauled(_frame(rows), sums, worth.scale)
+    table = subtract_spillage(_frame(rows), parts, found, frames, machine.machine)
+    return Hauled(table, sums, worth.scale)
 
 
 def _frame(rows: list[dict[str, object]]) -> pl.DataFrame:

@@ -143,6 +143,8 @@ def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
         "payload_mean_kg": _number(payload.mean()),
         "payload_std_kg": _number(payload.std()),
         "carry_back_mean_kg": _number(back.mean()),
+        "arriving_1": _number(counted["arriving_1"].mean()),
+        "arriving_u_1": _number(counted["arriving_u_1"].mean()),
         # that of the cleanest is in all of them, and not known apart
         "carry_back_u_kg": _number(counted["carry_back_u_kg"].mean()),
     }

@@ -88,11 +88,24 @@ class Body(BaseModel):
     rotating_mass_kg: float = Field(0.0, ge=0)
     rotating_mass_u_kg: float = Field(0.0, ge=0)
     repeatability_kg: float | None = Field(None, ge=0)
+    #: Share of a load that pours from the bucket between the pile and the dump.
+    #: Left out where it is not given, as the serial number.
+    haul_spillage_share: float | None = Field(
+        None, ge=0, lt=1, exclude_if=lambda value: value is None
+    )
+    haul_spillage_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
     #: Whether it has a bucket to dig with: without one no start is driven into a pile.
     digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
     timezone: Annotated[str, AfterValidator(_known_timezone)] = "UTC"
     imu: ImuMounting = ImuMounting()
+
+    @property
+    def wheel_radius_u_1(self) -> float | None:
+        """Relative standard uncertainty of the wheels' radius; None where it is not stated."""
+        if self.wheel_radius_m is None or self.wheel_radius_u_m is None:
+            return None
+        return self.wheel_radius_u_m / self.wheel_radius_m
 
     @property
     def zone(self) -> ZoneInfo:

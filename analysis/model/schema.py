@@ -447,6 +447,12 @@ FRAMES: Final[dict[str, Frame]] = {
                 ),
                 _f("payload_u_kg", "kg", "standard uncertainty, both"),
                 _f("scale_1", "1", "payload over loaded less empty, by the empty machine"),
+                _f(
+                    "arriving_1",
+                    "1",
+                    "of what is weighed, the share that is not spilled (null: all)",
+                ),
+                _f("arriving_u_1", "1", "its standard uncertainty"),
                 Column(
                     "scale_from",
                     pl.String,
@@ -480,6 +486,8 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("payload_u_kg", "kg", "standard uncertainty, both"),
                 _f("payload_mean_kg", "kg", "mean payload"),
                 _f("payload_std_kg", "kg", "standard deviation of payloads"),
+                _f("arriving_1", "1", "mean share of the weighed load that is not spilled"),
+                _f("arriving_u_1", "1", "its standard uncertainty"),
                 _f("carry_back_mean_kg", "kg", "mean of what was carried back"),
                 _f("carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"),
                 _f("lost_cycles", "1", "cycles expected where nothing was recorded"),

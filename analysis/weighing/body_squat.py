@@ -87,6 +87,9 @@ def find_squat(
         gain, variance = _grown_squat(wheels.squat[0], _by_pitch(motion, loads))
         return Squat(gain, float(np.sqrt(variance)), relative_load)
     found = _by_wheels(_stretches(motion, wheels, loads))
+    if wheels.squat[0] > 0.0:
+        gain, variance = _grown_squat(wheels.squat[0], found)
+        return Squat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
     value, variance = found

@@ -6,6 +6,7 @@ that it has two which cancel: the evidence of each choice says by how much (Baye
 averaging, Hoeting et al. 1999), and what the likeliest leaves out stays in the uncertainty.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Final, Self
@@ -54,6 +55,7 @@ class LikelyEffects:
         moved_kg: (choices, masses) by how much each moves the masses.
         response_kg: (masses, terms) what a unit of each term moves the masses by.
         widened: (choices, terms, terms) covariance that each has beyond the likeliest.
+        removed_kg: by effect that it has, (masses,) by how much leaving that one out moves masses.
     """
 
     left_out: tuple[str, ...]
@@ -61,6 +63,7 @@ class LikelyEffects:
     moved_kg: Floats
     response_kg: Floats
     widened: Floats
+    removed_kg: Mapping[str, Floats]
 
     @classmethod
     def of(
@@ -84,6 +87,7 @@ class LikelyEffects:
         information = (vectors * np.maximum(squares, 0.0)) @ vectors.T
         effect = [EFFECTS[terms[place].name] for place in own]
         names = sorted(set(effect))
+        combinations = list(product((False, True), repeat=len(names)))
         choices = [
             _choice(
                 np.array([kept[names.index(name)] for name in effect]),
@@ -92,7 +96,7 @@ class LikelyEffects:
                 precision @ found,
                 variance,
             )
-            for kept in product((False, True), repeat=len(names))
+            for kept in combinations
         ]
         evidence = np.array([choice[0] for choice in choices])
         probability = np.exp(evidence - evidence.max())
@@ -101,12 +105,18 @@ class LikelyEffects:
         response = fit.covariance[:masses, at] @ precision
         _, kept, mean, spread = choices[best]
         others = [choice for number, choice in enumerate(choices) if number != best]
+        removed_kg = {
+            name: response @ (choices[combinations.index(fewer)][2] - mean)
+            for place, name in enumerate(names)
+            if (fewer := _without(combinations[best], place)) != combinations[best]
+        }
         return cls(
             tuple(sorted({name for name, has in zip(effect, kept, strict=True) if not has})),
             np.delete(probability, best),
             np.stack([response @ (other[2] - mean) for other in others]),
             response,
             np.stack([other[3] - spread for other in others]),
+            removed_kg,
         )
 
     def narrowed(self, priors: PriorSettings) -> PriorSettings:
@@ -123,6 +133,11 @@ class LikelyEffects:
         moved, by_term = self.moved_kg @ weights, weights @ self.response_kg
         wider = np.einsum("i,cij,j->c", by_term, self.widened, by_term)
         return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
+
+
+def _without(kept: tuple[bool, ...], place: int) -> tuple[bool, ...]:
+    """The choice of effects without one of them."""
+    return (*kept[:place], False, *kept[place + 1 :])
 
 
 def _inverse(precision: Floats) -> Floats:

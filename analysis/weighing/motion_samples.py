@@ -117,6 +117,7 @@ class MotionSamples:
         stood: how often the machine has stood before, or was not seen: a load changes nowhere else;
             None: the units say so.
         silences: how often the log has been silent before as long as between two files.
+        wheel_radius_u_1: relative standard uncertainty of the wheels' radius; None: not stated.
     """
 
     acceleration: Floats
@@ -141,6 +142,7 @@ class MotionSamples:
     empty: Bools | None = None
     stood: Ints | None = None
     silences: Ints | None = None
+    wheel_radius_u_1: float | None = None
 
     def beginning(self, stretches: int) -> "MotionSamples":
         """The same up to the end of so many stretches."""
@@ -371,6 +373,7 @@ def motion_samples(
         _named_empty(aligned, machine),
         stood,
         silences,
+        machine.machine.wheel_radius_u_1,
     )
 
 

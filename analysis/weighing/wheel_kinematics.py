@@ -46,6 +46,14 @@ _WIDE_GAIN: Final = 0.3
 #: A gain counts from so many of its deviations, and from this size, on.
 _GAIN_COUNTS: Final = 3.5
 _LEAST_GAIN: Final = 0.01
+#: Largest squat, as a share of the acceleration: 0.46° a m/s².
+_MOST_SQUAT: Final = 0.08
+#: Standard uncertainty of how much of a squat the speed's own scale makes, as a share.
+_SPEED_SHARE_U: Final = 0.25
+#: Driven wheels turn farther than they roll: a slip below 0 by so many standard deviations is a
+#: gain, and is fitted again with a prior of slip that is narrower by this factor.
+_NEGATIVE_SLIP_STDS: Final = 2.0
+_NARROWER: Final = 0.02
 #: Slip and ground speed, found in turn.
 _PASSES: Final = 3
 #: A delay begun from earlier words that changes by less is found.
@@ -76,8 +84,8 @@ class Kinematics:
         disagreement_m_s: what the speed's noise does not explain of them, r.m.s.
         prior_std: (3,) of slip, gain and delay.
         mean_u: (3,) likewise, standard uncertainty of what a calibration learnt; else 0.
-        squat: share of the acceleration that the pitch adds to the accelerometer, value and
-            deviation: the pitch shows it, so that it is taken off; else 0.
+        squat: share of the acceleration that the body's pitch adds to the accelerometer, value and
+            deviation: pitch or wheels show it, so that it is taken off; else 0.
         own: what this log says where a calibration's words stand here instead.
     """
 
@@ -153,8 +161,10 @@ def kinematics(
         return None
     told = None if earlier is None or not earlier.is_found else earlier.own or earlier
     found = _compared(motion.specific_force, motion, noise, priors, told)
-    if found is None or motion.without_gravity is None:
-        return found
+    if found is None:
+        return None
+    if motion.without_gravity is None:
+        return _without_squat(found, motion.specific_force, motion, noise, priors, told)
     level = _compared(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
@@ -166,7 +176,34 @@ def kinematics(
         best = level if even is None or level.mismatch < even.mismatch else even
         if best.goes_together or best.mismatch < found.mismatch:
             return replace(best, squat=squat)
-    return level if level.mismatch < _BETTER * found.mismatch else found
+    if level.mismatch < _BETTER * found.mismatch:
+        return level
+    return _without_squat(found, motion.specific_force, motion, noise, priors, told)
+
+
+def _without_squat(
+    found: Kinematics,
+    measured: Floats,
+    motion: MotionSamples,
+    noise: NoiseOfColumns,
+    priors: PriorSettings,
+    earlier: Kinematics | None,
+) -> Kinematics:
+    """Take a squat off the accelerometer that the wheels show, where their radius is known.
+
+    An accelerometer that says more than wheels of a known radius sees gravity through a body that
+    pitches as it gains speed.
+    """
+    share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
+    if radius_u_1 is None or not found.gain_counts:
+        return found
+    if not _GAIN_COUNTS * radius_u_1 < share < _MOST_SQUAT:
+        return found
+    even = _compared(measured * (1.0 - share), motion, noise, priors, earlier)
+    if even is None or even.gain_counts:
+        return found
+    u = float(np.linalg.norm([found.gain[1], radius_u_1, _SPEED_SHARE_U * share]))
+    return replace(even, squat=(share, u))
 
 
 def _compared(
@@ -179,7 +216,7 @@ def _compared(
     """Fit the comparison, from earlier words on where there are any."""
     slip_std = priors.wheel_slip / motion.largest_force
 
-    def widths(gain_std: float, slip_1_N: float) -> Floats:
+    def widths(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
         offset = slip_1_N * const_width(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
@@ -220,6 +257,9 @@ def _compared(
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     free = wide.fit
+    if free.theta[1] < -_NEGATIVE_SLIP_STDS * free.std[1]:
+        slip_std *= _NARROWER
+        free = solved(rows, widths(_WIDE_GAIN, about, slip_std), delay_s, lines, loss).fit
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
     noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
@@ -227,7 +267,7 @@ def _compared(
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
     counts = bool(abs(free.theta[0]) > max(_LEAST_GAIN, times * free.std[0]))
-    std = widths(_WIDE_GAIN if counts else priors.gain, about)
+    std = widths(_WIDE_GAIN if counts else priors.gain, about, slip_std)
     found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
     least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)

@@ -19,6 +19,8 @@ class Known(NamedTuple):
         force_gain_u: likewise, relative.
         radius_u_m: likewise.
         kinematic: acceleration from the wheels, without an accelerometer.
+        spillage: share of a load that pours on the haul and its standard uncertainty, as a check
+            weighing at the dump tells it; None where nothing is said.
         empty_s: when it was empty, seconds from the start; None where it is not said.
     """
 
@@ -28,6 +30,7 @@ class Known(NamedTuple):
     radius_u_m: float = 0.0
     kinematic: bool = False
     empty_s: tuple[float, float] | None = None
+    spillage: tuple[float, float] | None = None
 
 
 def machine_file(seen: Instruments, known: Known) -> str:
@@ -47,6 +50,8 @@ def machine_file(seen: Instruments, known: Known) -> str:
         "force_share_u": 0.0,
         "force_gain_u": known.force_gain_u,
         "track_width_m": 1.5 if seen.two_sides else None,
+        "haul_spillage_share": known.spillage and known.spillage[0],
+        "haul_spillage_u": known.spillage and known.spillage[1],
     }
     head = "[machine]\n" + _keys(body)
     settings = {"trace": {"methods": '["pooled"]'}}

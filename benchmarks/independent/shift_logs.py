@@ -14,6 +14,7 @@ from benchmarks.independent.sensors import EPOCH_NS, Instruments, Readings, meas
 from benchmarks.independent.shift_plans import (
     DURATION_S,
     MASS_KG,
+    POURED_SHARE,
     CycleLegs,
     Driver,
     drawn_driver,
@@ -25,6 +26,8 @@ from benchmarks.independent.shift_plans import (
 GAIN_U: Final = 0.01
 RADIUS_U: Final = 0.005
 EMPTY_MASS_U: Final = 0.004
+#: Of the share that pours on the haul, absolute.
+SPILLAGE_U: Final = 0.03
 #: Standard deviations of what no file states; offset, slip and drift are shares.
 _OFFSET_SHARE: Final = 0.02
 _BIAS_M_S2: Final = 0.03
@@ -119,6 +122,7 @@ def shift_log(seed: int, shorter: float = 1.0, *, clean: bool = False) -> ShiftL
         EMPTY_MASS_U * mass_kg,
         GAIN_U,
         RADIUS_U * stated.radius_m,
+        spillage=_spillage(seed) if "pours" in driver.habits else None,
     )
     truth = ShiftTruth(
         tuple(sorted(driver.habits)),
@@ -143,6 +147,13 @@ _ERRORS: Final = (
     *("force_gain", "gain_drift", "force_offset_N", "acc_bias_m_s2", "tilt_rad", "slip_1_N"),
     *("share", "pitch_hz", "boom_hz"),
 )
+
+
+def _spillage(seed: int) -> tuple[float, float]:
+    """What the site knows of a load that pours: the mean share, as a check weighing tells it."""
+    mean = sum(POURED_SHARE) / 2.0
+    dice = np.random.default_rng([seed, 25_003])
+    return round(float(dice.normal(mean, SPILLAGE_U)), 3), SPILLAGE_U
 
 
 def _instruments(dice: np.random.Generator, driver: Driver, plant: Plant) -> Instruments:

@@ -36,6 +36,8 @@ HABITS: Final = {
     "squats": 0.25,
     "warms": 0.5,
 }
+#: Share of a load that pours on a haul, where it pours.
+POURED_SHARE: Final = (0.10, 0.25)
 #: Boom angles, rad: on the ground, carrying, above the truck.
 _GROUND_RAD, _CARRY_RAD, _HIGH_RAD = -0.5, 0.1, 0.9
 _BOOM_RAD_S: Final = 0.7
@@ -336,7 +338,7 @@ class CycleLegs:
             self._stand(1.0, load_rate_kg_s=load_kg, load_when=WHOLE_LEG)
         loses: dict[str, float] = {}
         if "pours" in driver.habits:
-            lost_kg = load_kg * float(dice.uniform(0.10, 0.25))
+            lost_kg = load_kg * float(dice.uniform(*POURED_SHARE))
             load_kg -= lost_kg
             self._carried_kg = load_kg
             seconds = driver.haul_m / driver.top_m_s

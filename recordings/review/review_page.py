@@ -173,12 +173,27 @@ def no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
     return "; ".join(f"{counted(n, 'cycle')}: {reason}" for reason, n in reasons.items())
 
 
+def _delivered(shift: Mapping[str, Any]) -> str:
+    """Whether payloads are those at the start of a haul or at its end."""
+    arriving_1 = shift.get("arriving_1")
+    if arriving_1 is None:
+        return (
+            "at the start of the haul; spillage on the way is not subtracted "
+            "(machine.haul_spillage_share)"
+        )
+    u_1 = K * (shift["arriving_u_1"] or 0.0)
+    return (
+        f"at the dump: {arriving_1:.1%} ± {u_1:.1%} of what is weighed arrives, by the spillage "
+        "that the machine file states"
+    )
+
+
 def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[str, str]]:
     """What a reader looks for first, name and value."""
     found: list[tuple[str, str]] = []
     if shift["cycles_counted"]:
         found += [
-            ("payload", "what a haul starts with: what pours on the way is not taken off"),
+            ("payload", _delivered(shift)),
             ("interval", "95 % (k = 2)"),
             ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
             (

@@ -405,12 +405,12 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "empty_after_id empty_after_kg empty_after_u_kg tare_before_1 "
             "carry_back_kg carry_back_u_kg "
             "payload_u_random_kg payload_u_common_kg payload_u_shared_kg counted withheld_for "
-            "scale_1 scale_from own_u_common_kg own_u_shared_kg"
+            "scale_1 scale_from arriving_1 arriving_u_1 own_u_common_kg own_u_shared_kg"
         ),
         "shift": (
             "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "
             "payload_kg payload_u_random_kg payload_u_common_kg payload_u_kg payload_mean_kg "
-            "payload_std_kg carry_back_mean_kg carry_back_u_kg "
+            "payload_std_kg arriving_1 arriving_u_1 carry_back_mean_kg carry_back_u_kg "
             "lost_cycles lost_cycles_u lost_kg lost_u_kg digs boom_dumps uncounted_cycles "
             "uncounted_cycles_u uncounted_kg uncounted_u_kg on_board_kg on_board_u_kg "
             "total_kg total_u_kg scale_from scale_unknown gain_1 gain_u_1 duration_s gap_s idle_s "

@@ -1,0 +1,123 @@
+"""Spillage on the haul: the share of the weighed load that arrives at the dump.
+
+A load is weighed where the machine gains speed, at the start of a haul. What pours from the bucket
+after that leaves no trace in the log that uneven ground does not leave as well, so the machine file
+states it (`machine.haul_spillage_share`), as a check weighing at the dump tells it.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.cycles.cycle_parts import CycleParts
+from analysis.cycles.load_passes import Passes
+from analysis.model.machine import Body
+from analysis.model.schema import conform, values
+
+Floats = NDArray[np.float64]
+
+#: Columns that are in proportion to the payload.
+_IN_PROPORTION: Final = (
+    *("payload_kg", "payload_u_random_kg", "payload_u_common_kg", "payload_u_shared_kg"),
+    "scale_1",
+)
+#: Sums of squares of accelerations above this, in m²/s⁴, weigh something: below is rounding.
+_NOTHING: Final = 1e-12
+
+
+def subtract_spillage(
+    cycles: pl.DataFrame,
+    parts: Sequence[CycleParts],
+    found: Passes,
+    frames: Mapping[str, pl.DataFrame],
+    body: Body,
+) -> pl.DataFrame:
+    """Make payloads those that arrive at the dump; without a stated spillage they stay.
+
+    Args:
+        cycles: the frame, with payloads as weighed.
+        parts: when the load of each cycle sets off, and when the machine stands to dump it.
+        found: which manoeuvres weigh each load.
+        frames: `manoeuvres` and `excitation`.
+        body: with its spillage.
+    """
+    if body.haul_spillage_share is None or cycles.is_empty():
+        return cycles
+    progress = _weighed_at(parts, found, frames["manoeuvres"], frames["excitation"])
+    arriving, u = arriving_share(progress, body)
+    known = cycles["payload_kg"].is_not_null().to_numpy()
+    return deliver(
+        cycles.with_columns(
+            arriving_1=pl.Series(np.where(known, arriving, np.nan)).fill_nan(None),
+            arriving_u_1=pl.Series(np.where(known, u, np.nan)).fill_nan(None),
+        )
+    )
+
+
+def arriving_share(progress: Floats, body: Body) -> tuple[Floats, Floats]:
+    """The weighed load's share that arrives, and its standard uncertainty.
+
+    Of a load L the share s is spilled evenly over the haul, so that L (1 - s p) is weighed where
+    the share p of the haul is driven, and L (1 - s) arrives. Where on the haul it pours is not
+    known: p is uncertain by a rectangle of its own width.
+
+    Args:
+        progress: (cycles,) p.
+        body: with s and its standard uncertainty.
+    """
+    spilled, spilled_u = body.haul_spillage_share or 0.0, body.haul_spillage_u or 0.0
+    weighed = 1.0 - spilled * progress
+    by_share = (1.0 - progress) / weighed**2 * spilled_u
+    by_place = spilled * (1.0 - spilled) / weighed**2 * progress / np.sqrt(3.0)
+    return (1.0 - spilled) / weighed, np.hypot(by_share, by_place)
+
+
+def deliver(cycles: pl.DataFrame) -> pl.DataFrame:
+    """Take the spillage of the columns `arriving_1` and `arriving_u_1` off payloads."""
+    if cycles["arriving_1"].null_count() == cycles.height:
+        return cycles
+    arriving = pl.col("arriving_1").fill_null(1.0)
+    added_kg = pl.col("arriving_u_1").fill_null(0.0) / arriving * pl.col("payload_kg")
+    scaled = cycles.with_columns(pl.col(name) * arriving for name in _IN_PROPORTION)
+    common, shared = (pl.col(f"payload_u_{name}_kg") for name in ("common", "shared"))
+    widened = scaled.with_columns(
+        (common**2 + added_kg**2).sqrt(), (shared**2 + added_kg**2).sqrt()
+    )
+    u_kg = (pl.col("payload_u_random_kg") ** 2 + common**2).sqrt()
+    return conform("cycles", widened.with_columns(payload_u_kg=u_kg))
+
+
+def _weighed_at(
+    parts: Sequence[CycleParts], found: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
+) -> Floats:
+    """(cycles,) share of its haul that each load has behind it where it is weighed.
+
+    Acceleration weighs: a manoeuvre's place is the mean of the time in motion, each sample by the
+    square of its acceleration, and a load's the mean of its manoeuvres by their weight.
+    """
+    t_ns = excitation["t_ns"].to_numpy()
+    moves = (excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
+    driven = np.cumsum(moves).astype(np.float64)
+    weight = np.square(np.nan_to_num(values(excitation, "regressor_acc_x_m_s2")))
+    sums, moments = (np.append(0.0, np.cumsum(x)) for x in (weight, weight * driven))
+    first, last = (
+        np.searchsorted(t_ns, manoeuvres[name].to_numpy()) for name in ("start_t_ns", "end_t_ns")
+    )
+    whole = sums[last] - sums[first]
+    place = np.where(
+        whole > 0.0, (moments[last] - moments[first]) / np.maximum(whole, _NOTHING), driven[first]
+    )
+    progress = np.zeros(len(parts))
+    for number, part in enumerate(parts):
+        if part.loaded is None or part.haul_ns is None or part.dump_ns is None:
+            continue
+        begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))
+        haul = driven[min(end, t_ns.size - 1)] - driven[begin]
+        own = found.of == part.loaded
+        if haul > 0.0:
+            mean = float(found.share[own] @ place[own])
+            progress[number] = np.clip((mean - driven[begin]) / haul, 0.0, 1.0)
+    return progress
