@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
+    from analysis import online
     from recordings import read_recording, write_recording
     from replay import load_machine, open_log, run
     from replay.frames.scan import LogStream, join_topics, scan_log, stream_log
@@ -28,6 +29,7 @@ __all__ = [
     "LossWarning",
     "join_topics",
     "load_machine",
+    "online",
     "open_log",
     "read_recording",
     "run",
@@ -41,6 +43,7 @@ _HOMES = {
     "LossWarning": "replay.frames.topic_source",
     "join_topics": "replay.frames.scan",
     "load_machine": "replay",
+    "online": "analysis.online",
     "open_log": "replay",
     "read_recording": "recordings",
     "run": "replay",
@@ -57,7 +60,9 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'payscope' has no attribute '{name}'")
     if fault := _shadowed():
         raise ImportError(f"payscope: {fault}")
-    return getattr(import_module(_HOMES[name]), name)
+    home = import_module(_HOMES[name])
+    # `online` is a module itself
+    return home if _HOMES[name].endswith(f".{name}") else getattr(home, name)
 
 
 def __dir__() -> list[str]:

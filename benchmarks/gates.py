@@ -1,12 +1,14 @@
-"""The three gates compared, at their defaults and where they accept equally much.
+"""The gates compared, at their defaults and where they accept equally much.
 
     python -P benchmarks/gates.py [--seeds 4] [--write]
 
 A candidate is a window that nothing but the gate refuses. Each gate ranks the same candidates by
-its own number; `none` takes them all. `--write` puts the tables into docs/gates.md.
+its own number; `none` takes them all. The mutual information (10) has candidates of its own: it
+does not refuse a negative dependence. `--write` puts the tables into docs/gates.md.
 """
 
 import time
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -47,22 +49,41 @@ SITUATIONS: dict[str, tuple[dict[str, object], ...]] = {
 #: By gate: its column, whether larger is better, and its default threshold.
 GATES = {
     "information": ("mi_x_nat", 1.0, 0.7),
+    "gaussian": ("gaussian_x_nat", 1.0, 0.7),
     "ksg": ("ksg_x_nat", 1.0, 0.7),
     "variance": ("predicted_std_x", -1.0, 30.0),
 }
 SHARES = (0.8, 0.5, 0.2)
 
 
-def chosen_windows(gated: pl.DataFrame) -> dict[tuple[str, str], np.ndarray]:
-    """By gate and threshold, which windows it accepts."""
-    candidate = gated["accepted_x"].to_numpy()
-    chosen = {("none", "–"): candidate}
+class Chosen(NamedTuple):
+    """Which windows (rows,) a gate accepts, and of which it chose."""
+
+    accepted: np.ndarray
+    candidates: np.ndarray
+
+
+def chosen_windows(gated: pl.DataFrame, either_sign: np.ndarray) -> dict[tuple[str, str], Chosen]:
+    """By gate and threshold, which windows it accepts, of how many.
+
+    Args:
+        gated: the gate of `MACHINE`; what it accepts are the candidates.
+        either_sign: (rows,) the candidates where no sign of the dependence is refused.
+    """
+    candidates = gated["accepted_x"].to_numpy()
+    chosen = {("none", "–"): Chosen(candidates, candidates)}
+    gated = gated.with_columns(
+        gaussian_x_nat=mutual_information.gaussian_information(gated["corr_x_1"].to_numpy())
+    )
     for name, (column, sign, default) in GATES.items():
+        candidate = either_sign if name == "gaussian" else candidates
         merit = sign * gated[column].to_numpy()
-        chosen[name, "default"] = candidate & (merit >= sign * default)
+        chosen[name, "default"] = Chosen(candidate & (merit >= sign * default), candidate)
         for share in SHARES:
             least = np.quantile(merit[candidate], 1.0 - share)
-            chosen[name, f"best {100 * share:.0f} %"] = candidate & (merit >= least)
+            chosen[name, f"best {100 * share:.0f} %"] = Chosen(
+                candidate & (merit >= least), candidate
+            )
     return chosen
 
 
@@ -73,12 +94,13 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
     replayed, runs = joined(*plans, machine=MACHINE)
     frame = replayed.frames["excitation"]
     gated = gate(frame, MACHINE.settings)
-    candidates = gated["accepted_x"].sum()
+    either_sign = gate(frame, MACHINE.settings.changed({"gate.index": "gaussian"}))
     truth = frame.select("t_ns").join_asof(
         runs.select(pl.col("start_ns").alias("t_ns"), "mass_kg"), on="t_ns"
     )
     found: dict[tuple[str, str], list[float]] = {}
-    for which, accepted in chosen_windows(gated).items():
+    chosen = chosen_windows(gated, either_sign["accepted_x"].to_numpy())
+    for which, (accepted, candidates) in chosen.items():
         judged = gated.with_columns(accepted_x=accepted)
         estimates = trace(frame, judged, MACHINE.settings)
         windows = estimates["ls"].join(truth, on="t_ns", suffix="_true").drop_nulls("mass_kg")
@@ -90,7 +112,7 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
         raw = by_run.filter(pl.col("method") == "ls")
         raw_error = (raw["mass_kg"] - raw["reference_kg"]).drop_nulls().to_numpy()
         found[which] = [
-            100.0 * accepted.sum() / candidates,
+            100.0 * accepted.sum() / candidates.sum(),
             100.0 * raw["mass_kg"].null_count() / raw.height,
             float(np.median(np.abs(error))),
             float(np.sqrt(np.mean(error**2))),
@@ -143,6 +165,9 @@ def cost() -> str:
     acc = A[:, 0].copy()
     calls = {
         "information": lambda: mutual_information.window_correlation(acc, f, window),
+        "gaussian": lambda: mutual_information.gaussian_information(
+            mutual_information.window_correlation(acc, f, window)[0]
+        ),
         "ksg": lambda: nearest_neighbours.window_mutual_information(acc, f, window, index, 4),
         "variance": lambda: ls.window_statistics(A, f, window, index),
     }

@@ -69,6 +69,7 @@ PAGES = (
             "inertia-and-centre-of-mass",
             "evidence",
             "fleet",
+            "on-board",
             "commands",
         )
     ),

@@ -74,7 +74,7 @@ ORDER = (
     ("replay", "replay/excitation"),
     ("replay/calibration", "replay/explain", "replay/init", "replay/paper"),
     ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/runs"),
-    ("replay/convert", "replay/demo", "replay/query"),
+    ("replay/convert", "replay/demo", "replay/follow", "replay/query"),
     ("replay/commands",),
 )
 SHOWN = "\n".join(f"{number:4}  {', '.join(folders)}" for number, folders in enumerate(ORDER, 1))
@@ -237,6 +237,8 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
     assert names == {
         *("TABLE", "Checked", "Log", "TableHints", "TimeAxis"),
         *("logs_among", "logs_in", "open_log"),
+        # what follows a log that grows
+        *("ACTIVE", "GrowingLogFile", "follow_log"),
     }
 
 

@@ -101,12 +101,14 @@ class GateSettings(BaseModel):
         description="samples in a window; not given: 3.2 s of them, at least 20 readings of the "
         "regressor's slowest channel",
     )
-    index: Literal["information", "ksg", "variance"] = Field(
+    index: Literal["information", "gaussian", "ksg", "variance"] = Field(
         "information",
-        description="what accepts a window: the index (11), the mutual information by nearest "
-        "neighbours, or the predicted standard deviation of the mass",
+        description="what accepts a window: the index (11), the mutual information (10) of normal "
+        "variables, that by nearest neighbours, or the predicted standard deviation of the mass",
     )
-    threshold_nat: float = Field(0.7, description="smallest index (or ksg) of an accepted window")
+    threshold_nat: float = Field(
+        0.7, description="smallest index (11), (10) or ksg of an accepted window"
+    )
     threshold_std_kg: float = Field(
         30.0, gt=0, description="index = variance: largest predicted std of the mass"
     )

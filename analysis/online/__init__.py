@@ -1,1 +1,34 @@
-"""On board: gate and estimators one row at a time."""
+"""On board: the gate and the estimators while the machine drives, and what they report.
+
+    from payscope import load_machine, online
+
+    board = online.Follower(load_machine("cat262c.toml"))
+    board.take("/imu/data", samples)
+    for report in board.advance():
+        print(report.to_dict())
+
+`start`, `step` and `finish` are the same a row of `excitation` at a time, state in, state out.
+"""
+
+from typing import TYPE_CHECKING
+
+from estimators.late_names import resolve_late
+
+if TYPE_CHECKING:
+    from analysis.online.follower import Follower
+    from analysis.online.on_board import finish, start, step
+    from analysis.online.online_report import OnlineReport, Validity
+
+__all__ = ["Follower", "OnlineReport", "Validity", "finish", "start", "step"]
+
+__getattr__ = resolve_late(
+    "analysis.online",
+    {
+        "Follower": "analysis.online.follower",
+        "OnlineReport": "analysis.online.online_report",
+        "Validity": "analysis.online.online_report",
+        "finish": "analysis.online.on_board",
+        "start": "analysis.online.on_board",
+        "step": "analysis.online.on_board",
+    },
+)

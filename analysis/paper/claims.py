@@ -14,6 +14,7 @@ import polars as pl
 from analysis.calibration.campaign.method_errors import run_errors
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
+from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
 from analysis.paper.confidence_intervals import mean_intervals, rms_interval
 from analysis.paper.excitation_figures import WINDOW_S
 from analysis.paper.replayed_campaign import ReplayedCampaign, accepting
@@ -36,6 +37,8 @@ _INCOMPLETE: Final = ("warming_up", "gap")
 _NORMAL: Final = 1.96
 #: Errors that differ by no more are called alike.
 _ALIKE: Final = 1.2
+_PARAMETERS: Final = 2  # mass and friction
+_FLOAT_BYTES: Final = 8
 
 
 def fed(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> ReplayedCampaign:
@@ -102,14 +105,25 @@ CRUISE_ERRORS: Final = Extract(CRUISES, cruise_errors_kg)
 TEN_SECONDS: Final = AT_LENGTH[WINDOW_S]
 
 
+def ls_buffer_bytes(window_samples: int) -> int:
+    """Bytes of the rows of [A f] that OLS keeps: the oldest is subtracted when a row comes."""
+    return window_samples * (_PARAMETERS + 1) * _FLOAT_BYTES
+
+
+def rls_state_bytes() -> int:
+    """Bytes of what RLS keeps: θ, P, the sum of squares and its weight (`rls.RlsState`)."""
+    return (_PARAMETERS + _PARAMETERS**2 + 2) * _FLOAT_BYTES
+
+
 @dataclass(frozen=True, eq=False)
 class Claims:
     """The claims and what was found of each.
 
     Attributes:
-        frame: a row a finding: `claim` (rms, simulation, experiment, reduction), `of` (what the
-            error is of: constant, window, trial, cruise), `method`, `fed`, `directional`, `windows`
-            (that gave a mass), `found_kg` with its 95 % interval, `smaller_percent` (than RLS
+        frame: a row a finding: `claim` (buffer, rms, simulation, experiment, reduction), `of` (what
+            the error is of: constant, window, trial, cruise), `method`, `fed`, `directional`,
+            `windows` (that gave a mass), of the claim about the buffer `window_samples` and
+            `buffer_bytes`, `found_kg` with its 95 % interval, `smaller_percent` (than RLS
             without the criterion), `of_mass_percent`, `of_load_range_percent`.
         rms_limit_kg: the claimed limit of the RMS error.
         rms_held: whether it holds for every method.
@@ -123,6 +137,7 @@ class Claims:
         experiment_range_percent: likewise of the payload range.
         reduced: whether each error is as much smaller as claimed.
         saved_by: what makes RLS better in a campaign of short starts.
+        buffer: OLS against RLS in the windows that both are gated by.
     """
 
     frame: pl.DataFrame
@@ -138,6 +153,24 @@ class Claims:
     experiment_range_percent: tuple[float, float]
     reduced: tuple[bool, ...]
     saved_by: Literal["nothing", "refusing braking", "the index"]
+    buffer: "Buffers"
+
+
+@dataclass(frozen=True)
+class Buffers:
+    """Errors of OLS and RLS by the buffer that OLS needs.
+
+    Attributes:
+        windows: window lengths in samples.
+        as_good: of them, those at which the interval of RLS reaches down to the error of OLS.
+        ls_kg: smallest and largest error of OLS.
+        rls_kg: likewise of RLS.
+    """
+
+    windows: tuple[int, ...]
+    as_good: tuple[int, ...]
+    ls_kg: tuple[float, float]
+    rls_kg: tuple[float, float]
 
 
 def claims(extracts: Extracts) -> Claims:
@@ -149,7 +182,9 @@ def claims(extracts: Extracts) -> Claims:
     )
     gated = means.filter(pl.col("fed") == "gated")
     windows = extracts.one(TEN_SECONDS).filter(pl.col("method").is_in(printed_numbers.METHODS))
+    buffer = _buffer_rows(pl.concat(extracts.all(OVER_WINDOWS), how="vertical_relaxed"))
     rows = [
+        *buffer,
         *(_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
         _row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
         *(_window_row(row) for row in windows.iter_rows(named=True)),
@@ -182,6 +217,35 @@ def claims(extracts: Extracts) -> Claims:
         experiment_range_percent=_range(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
         saved_by=_saved_by(means),
+        buffer=_buffers(frame.filter(pl.col("claim") == "buffer")),
+    )
+
+
+def _buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
+    """Errors of OLS and RLS by window length, and what each keeps of the samples."""
+    means = mean_intervals(
+        campaigns.filter(pl.col("method").is_in(["ls", "rls"])),
+        [WINDOW, "method"],
+        ["run_left_out_kg"],
+    )
+    rows: list[dict[str, Any]] = []
+    for row in means.iter_rows(named=True):
+        samples = round(row[WINDOW])
+        held = ls_buffer_bytes(samples) if row["method"] == "ls" else rls_state_bytes()
+        of_window = {"window_samples": samples, "buffer_bytes": held}
+        rows.append(_row("buffer", "trial", {**row, **of_window}, "run_left_out_kg"))
+    return rows
+
+
+def _buffers(frame: pl.DataFrame) -> Buffers:
+    ls, rls = (frame.filter(pl.col("method") == method) for method in ("ls", "rls"))
+    beside = ls.join(rls, "window_samples", suffix="_rls", maintain_order="left")
+    reaches = pl.min_horizontal("found_kg_low_rls", "found_kg_rls") <= pl.col("found_kg")
+    return Buffers(
+        windows=tuple(beside["window_samples"]),
+        as_good=tuple(beside.filter(reaches)["window_samples"]),
+        ls_kg=_range(ls["found_kg"]),
+        rls_kg=_range(rls["found_kg"]),
     )
 
 
@@ -194,6 +258,8 @@ def _row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, An
         "fed": row.get("fed"),
         "directional": row.get("directional", False),
         "windows": row.get("trials") if of == "window" else None,
+        "window_samples": row.get("window_samples"),
+        "buffer_bytes": row.get("buffer_bytes"),
         "found_kg": row[name],
         "found_kg_low": row.get(f"{name}_low"),
         "found_kg_high": row.get(f"{name}_high"),

@@ -1,4 +1,4 @@
-"""The information index (11) between acceleration and force over a sliding window."""
+"""The indices (10) and (11) between acceleration and force over a sliding window."""
 
 import numpy as np
 
@@ -91,3 +91,11 @@ def information_index(rho: Floats) -> Floats:
     """
     with np.errstate(divide="ignore"):
         return -0.5 * np.log1p(-rho)
+
+
+def gaussian_information(rho: Floats) -> Floats:
+    """The mutual information (10) of normal variables, -½ ln(1 - ρ²) in nat; NaN stays NaN.
+
+    Either sign of ρ counts: Î ≥ γ is |ρ| ≥ √(1 - exp(-2γ)).
+    """
+    return information_index(rho * rho)

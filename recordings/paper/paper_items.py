@@ -183,7 +183,12 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
     Item(
         "claims",
         "The claims of the abstract and of the conclusion",
-        (claims.TEN_SECONDS, claims.CAMPAIGN_ERRORS, claims.CRUISE_ERRORS),
+        (
+            claims.TEN_SECONDS,
+            claims.CAMPAIGN_ERRORS,
+            claims.CRUISE_ERRORS,
+            campaign_tables.OVER_WINDOWS,
+        ),
         claims.claims,
         claims_sentences.said,
         frame=claims_sentences.labelled,

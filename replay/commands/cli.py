@@ -25,6 +25,7 @@ from replay.commands import (
     excite,
     explain,
     fleet,
+    follow,
     info,
     init,
     keys,
@@ -50,7 +51,7 @@ app = typer.Typer(
 )
 #: The commands by what they are for, as `payscope --help` groups them.
 _PANELS: Final = {
-    "Weigh": (init, run, explain, sweep),
+    "Weigh": (init, run, follow, explain, sweep),
     "Look": (info, query, convert, show, plot, view, compare),
     "Shift and fleet": (review,),
     "Calibrate": (calibrate, verify, notarise),

@@ -75,6 +75,7 @@ _TEXTS: Final = tuple(s for s in TABLES if s not in (".parquet", ".arrow", ".fea
 #: What opens a file, by its suffix.
 OPENERS: Final[dict[str, Callable[[Path, TimeAxis | None], Log]]] = {
     ".bag": _open_bag,
+    ".active": _open_bag,
     ".mcap": _open_mcap,
     ".db3": _open_db3,
     **dict.fromkeys(TABLES, _open_table),

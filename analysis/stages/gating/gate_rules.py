@@ -15,7 +15,7 @@ from analysis.model.settings import GateSettings
 from analysis.stages.motion.labels import first_index
 from analysis.stages.motion.phases import TURNS
 from estimators.methods.ls import WindowStatistics
-from estimators.numerics.mutual_information import information_index
+from estimators.numerics.mutual_information import gaussian_information, information_index
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -129,12 +129,15 @@ def decide(
         "warming_up": warming_up,
         **{why: ~held if why == "standstill" else held for why, held in holds.items()},
         "no_variance": np.isnan(rho),
-        "negative_dependence": rho < 0,
+        # (10) takes rho squared: either sign informs it
+        "negative_dependence": (rho < 0) & (settings.index != "gaussian"),
     }
     ksg = None
     match settings.index:
         case "information":
             poor = index < settings.threshold_nat
+        case "gaussian":
+            poor = gaussian_information(rho) < settings.threshold_nat
         case "variance":
             std_max = settings.threshold_std_kg if axis is X else settings.threshold_std_kg_m2
             poor = ~(predicted_std <= std_max)

@@ -1,6 +1,8 @@
 """Channels of different rates on one uniform grid: interpolated alike, never over a gap."""
 
+import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -45,14 +47,95 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     Raises:
         DataError: the channels share no time, or their grid would not fit into memory.
     """
-    settings = machine.settings
-    raw = {name: rates.series_of(name, frame, settings.align) for name, frame in channels.items()}
-    series = _reduced(raw, machine)
-    needed = {name: each for name, each in series.items() if name not in HINTS}
-    start, end = _common(needed)
-    grid = _grid(needed, start, end, 1e9 / settings.align.rate_hz)
-    late_ns = _latency_ns(series, machine) if settings.filter.causal else 0
-    chosen = _Chosen(series, grid, late_ns, machine) if settings.filter.causal else None
+    raw, series = _series(channels, machine)
+    start, end = _common(_needed(series))
+    origin = Origin(start, _latency_ns(series, machine) if machine.settings.filter.causal else 0)
+    grid = _grid(_needed(series), start, end, 1e9 / machine.settings.align.rate_hz)
+    return _rows(raw, series, grid, origin, machine), start + origin.late_ns
+
+
+class Origin(NamedTuple):
+    """Where the grid begins, and by how much a row is later than what it holds.
+
+    Attributes:
+        start_ns: unix time of what the first row holds.
+        late_ns: of every row, 0 unless the replay is causal.
+    """
+
+    start_ns: int
+    late_ns: int
+
+
+def find_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origin:
+    """Find the origin of a grid from the first seconds of the channels of a causal replay.
+
+    Raises:
+        DataError: the channels share no time yet.
+    """
+    _, series = _series(channels, machine)
+    return Origin(_common(_needed(series))[0], _latency_ns(series, machine))
+
+
+def align_on(
+    channels: Mapping[str, pl.DataFrame],
+    machine: Machine,
+    origin: Origin,
+    after_ns: int,
+    *,
+    is_whole: bool,
+) -> pl.DataFrame:
+    """The rows of a causal grid that can be known by now, as `align` has them of the whole log.
+
+    Args:
+        channels: the newest part of each, as `align` takes them.
+        machine: channels of the regressor, IMU mounting, rate.
+        origin: of the grid.
+        after_ns: rows from this `t_ns` on.
+        is_whole: whether nothing will come any more; else a row waits until every channel has a
+            sample that is known no earlier.
+
+    Returns:
+        `aligned`, rows from `after_ns` on.
+    """
+    raw, series = _series(channels, machine)
+    needed = _needed(series)
+    if is_whole:
+        end = min(int(each.t_ns[-1]) for each in needed.values())
+    else:
+        end = min(int(raw[name].known_ns[-1]) for name in needed) - origin.late_ns
+    step_ns = 1e9 / machine.settings.align.rate_hz
+    first = max(0, math.ceil(after_ns / step_ns - 1e-9))
+    if end < origin.start_ns + round(first * step_ns):
+        grid = np.empty(0, np.int64)
+    else:
+        grid = _grid(needed, origin.start_ns, end, step_ns, first)
+    return _rows(raw, series, grid, origin, machine)
+
+
+def _series(
+    channels: Mapping[str, pl.DataFrame], machine: Machine
+) -> tuple[dict[str, ChannelSeries], dict[str, ChannelSeries]]:
+    """The channels as they come, and with the regressors' at the stamps of their slowest."""
+    align = machine.settings.align
+    raw = {name: rates.series_of(name, frame, align) for name, frame in channels.items()}
+    return raw, _reduced(raw, machine)
+
+
+def _needed(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
+    """Those that the grid has to have."""
+    return {name: each for name, each in series.items() if name not in HINTS}
+
+
+def _rows(
+    raw: Mapping[str, ChannelSeries],
+    series: Mapping[str, ChannelSeries],
+    grid: Ints,
+    origin: Origin,
+    machine: Machine,
+) -> pl.DataFrame:
+    """`aligned` on some instants (rows,) of the grid."""
+    is_causal = machine.settings.filter.causal
+    chosen = _Chosen(series, grid, origin.late_ns, machine) if is_causal else None
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
@@ -62,10 +145,10 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
             # between two stamps of the slowest channel, a faster one may have a gap
             stale = stale | np.isnan(raw[name].at(instants))
         columns[name] = np.where(stale, np.nan, rates.wrapped(name, x))
-        if name in needed:
+        if name not in HINTS:
             gap |= np.isnan(columns[name])
     columns = mounting.at_origin(columns, machine.machine.imu)
-    return build("aligned", {"t_ns": grid - start, **columns, "gap": gap}), start + late_ns
+    return build("aligned", {"t_ns": grid - origin.start_ns, **columns, "gap": gap})
 
 
 def notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
@@ -129,8 +212,13 @@ class _Chosen:
         return instants, usual - newest > each.longest_ns
 
 
-def _grid(needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float) -> Ints:
-    """Lattice points from start to end, without the inside of holes longer than the limit."""
+def _grid(
+    needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float, first: int = 0
+) -> Ints:
+    """Lattice points from start to end, without the inside of holes longer than the limit.
+
+    `first` is the number of the first of them.
+    """
     holes = [
         # in integers: a float holds unix time to a quarter of a microsecond only
         (int(each.t_ns[i]) + round(each.longest_ns), int(each.t_ns[i + 1]))
@@ -138,7 +226,6 @@ def _grid(needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: fl
         for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + _LONGEST_HOLE_S * 1e9)
     ]
     pieces: list[tuple[int, int]] = []
-    first = 0
     for opened, closed in sorted(holes):
         # a row behind the last sample, and the last one before the next
         left = int((opened - start) // step_ns) + 1

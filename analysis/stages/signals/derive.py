@@ -80,7 +80,7 @@ def derive(
     frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
     if settings.filter.causal:
         for name, known_ns in _known(read, picked, series, machine).items():
-            frames[name] = frames[name].with_columns(known_ns=known_ns)
+            frames[name] = frames[name].hstack([pl.Series("known_ns", known_ns)])
     return frames, notes
 
 

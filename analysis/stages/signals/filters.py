@@ -94,21 +94,27 @@ def derivative(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tup
     """Differentiate between steps longer than `longest_ns`, centrally: nothing is delayed.
 
     When `causal`, the ends of a stretch have no derivative: they would be one-sided, and on board
-    nobody knows yet that a stretch ends. The others are known with the next sample.
+    nobody knows yet that a stretch ends. The others are known with the next sample, and made of
+    three samples alone, so that they do not depend on where the log begins.
     """
     times: list[Ints] = []
     rates: list[Floats] = []
-    inner = slice(1, -1) if causal else slice(None)
     for part in stretches(t_ns, longest_ns):
         t, y = t_ns[part], x[part]
         if t.size < 3:
             continue
-        seconds = (t - t[0]) / 1e9
-        times.append(t[inner])
-        rates.append(np.gradient(y, seconds)[inner])
+        times.append(t[1:-1] if causal else t)
+        rates.append(_slope_of_three(t, y) if causal else np.gradient(y, (t - t[0]) / 1e9))
     if not times:
         return t_ns[:0], x[:0]
     return np.concatenate(times), np.concatenate(rates)
+
+
+def _slope_of_three(t_ns: Ints, x: Floats) -> Floats:
+    """The slope (n - 2,) of the parabola through each sample and its neighbours."""
+    before, after = np.diff(t_ns)[:-1] / 1e9, np.diff(t_ns)[1:] / 1e9
+    rise, fall = np.diff(x)[1:] / after, np.diff(x)[:-1] / before
+    return (before * rise + after * fall) / (before + after)
 
 
 def interpolated(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:

@@ -105,19 +105,25 @@ class BagFile(BlockFile):
         self._connect(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
 
     def _connect(self, fields: dict[bytes, bytes], data: bytes, at: int) -> None:
-        inner = parse_fields(data) or {}
-        key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
-        if len(key) != 4 or b"type" not in inner:
+        connection = make_connection(fields, data)
+        if connection is None:
             self._store.damage.note("the record of a connection is damaged")
-            return
-        number = int.from_bytes(key, "little")
-        if at < self._connections_at.get(number, self._file.size):
-            self._connections_at[number] = at
-            self._connections[number] = Connection(
-                number,
-                topic.decode(errors="replace"),
-                normalize_msgtype(inner[b"type"].decode(errors="replace")),
-                "ros1",
-                inner.get(b"message_definition", b"").decode(errors="replace"),
-                "ros1msg",
-            )
+        elif at < self._connections_at.get(connection.id, self._file.size):
+            self._connections_at[connection.id] = at
+            self._connections[connection.id] = connection
+
+
+def make_connection(fields: dict[bytes, bytes], data: bytes) -> Connection | None:
+    """The connection of a record: the fields of its header, and its data; None if damaged."""
+    inner = parse_fields(data) or {}
+    key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
+    if len(key) != 4 or b"type" not in inner:
+        return None
+    return Connection(
+        int.from_bytes(key, "little"),
+        topic.decode(errors="replace"),
+        normalize_msgtype(inner[b"type"].decode(errors="replace")),
+        "ros1",
+        inner.get(b"message_definition", b"").decode(errors="replace"),
+        "ros1msg",
+    )

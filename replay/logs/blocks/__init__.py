@@ -3,6 +3,7 @@
 from replay.logs.blocks.block import Block
 from replay.logs.blocks.block_file import BlockFile
 from replay.logs.blocks.block_messages import BlockStore, Describe
+from replay.logs.blocks.block_tail import BlockTail
 from replay.logs.blocks.loose_records import LooseRecords, resync
 from replay.logs.blocks.lost_blocks import torn_end, until
 from replay.logs.blocks.slabs import Grammar
@@ -11,6 +12,7 @@ __all__ = [
     "Block",
     "BlockFile",
     "BlockStore",
+    "BlockTail",
     "Describe",
     "Grammar",
     "LooseRecords",

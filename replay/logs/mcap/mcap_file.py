@@ -51,7 +51,7 @@ class McapFile(BlockFile):
         if walk is not None:
             self._judge_end(walk, summary.fault)
         return tuple(
-            _connection(channel, self._schemas.get(channel.schema_id))
+            make_connection(channel, self._schemas.get(channel.schema_id))
             for channel in self._channels.values()
         )
 
@@ -141,7 +141,8 @@ class McapFile(BlockFile):
             self._schemas[record.id], self._schemas_at[record.id] = record, at
 
 
-def _connection(channel: Channel, schema: Schema | None) -> Connection:
+def make_connection(channel: Channel, schema: Schema | None) -> Connection:
+    """A channel and its schema as a connection."""
     if schema is None:
         return Connection(channel.id, channel.topic, "", channel.message_encoding, "", "")
     name = schema.name

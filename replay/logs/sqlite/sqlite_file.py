@@ -1,7 +1,7 @@
 """The container of rosbag2's SQLite storage (`.db3`), with or without its directory."""
 
 import sqlite3
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Final
@@ -61,10 +61,12 @@ class Db3File:
             self._size = file.size
             #: by how much log times go back from the latest so far, at most; None until known
             self._back_ns: int | None = None
-            self._database = _connect(path, unfinished=unfinished)
+            self._database = connect(path, unfinished=unfinished)
             opened.callback(self._database.close)
             try:
-                self.connections: tuple[Connection, ...] = self._connections()
+                self.connections: tuple[Connection, ...] = read_connections(
+                    self._database, self._damage.note
+                )
                 self._table = MessageTable(self._database, file, self._damage.note)
             except BrokenBytesError as error:
                 raise LogError(
@@ -72,38 +74,6 @@ class Db3File:
                     "it should have the tables 'topics' and 'messages'"
                 ) from error
             self._opened = opened.pop_all()
-
-    def _connections(self) -> tuple[Connection, ...]:
-        found = fetch_all(self._database, "SELECT name FROM sqlite_master WHERE type = 'table'")
-        tables = {name for (name,) in found}
-        if not tables >= {"topics", "messages"}:
-            raise BrokenBytesError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
-        definitions: dict[str, tuple[str, str]] = {}
-        if "message_definitions" in tables:
-            definitions = {
-                name: (text, encoding)
-                for name, text, encoding in fetch_all(
-                    self._database,
-                    "SELECT topic_type, encoded_message_definition, encoding"
-                    " FROM message_definitions WHERE typeof(encoded_message_definition) = 'text'"
-                    " AND typeof(encoding) = 'text'",
-                )
-            }
-        topics = fetch_all(
-            self._database,
-            "SELECT id, name, type, serialization_format,"
-            " typeof(id) = 'integer' AND typeof(name) = 'text' AND typeof(type) = 'text'"
-            " AND typeof(serialization_format) = 'text' FROM topics ORDER BY id",
-        )
-        whole = [row for *row, is_topic in topics if is_topic]
-        if len(whole) < len(topics):
-            self._damage.note(f"{len(topics) - len(whole):,} of its topics are damaged")
-        if not whole and fetch_all(self._database, "SELECT 1 FROM messages LIMIT 1"):
-            self._damage.note("it holds messages and no topic that they are of")
-        return tuple(
-            Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
-            for key, topic, kind, encoding in whole
-        )
 
     @property
     def losses(self) -> Sequence[Loss]:
@@ -195,10 +165,50 @@ class Db3File:
         self._opened.close()
 
 
+def read_connections(
+    database: sqlite3.Connection, note: Callable[[str], None]
+) -> tuple[Connection, ...]:
+    """The topics of a database; `note` is told what is damaged.
+
+    Raises:
+        BrokenBytesError: it is damaged, or no rosbag2 database.
+    """
+    found = fetch_all(database, "SELECT name FROM sqlite_master WHERE type = 'table'")
+    tables = {name for (name,) in found}
+    if not tables >= {"topics", "messages"}:
+        raise BrokenBytesError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
+    definitions: dict[str, tuple[str, str]] = {}
+    if "message_definitions" in tables:
+        definitions = {
+            name: (text, encoding)
+            for name, text, encoding in fetch_all(
+                database,
+                "SELECT topic_type, encoded_message_definition, encoding"
+                " FROM message_definitions WHERE typeof(encoded_message_definition) = 'text'"
+                " AND typeof(encoding) = 'text'",
+            )
+        }
+    topics = fetch_all(
+        database,
+        "SELECT id, name, type, serialization_format,"
+        " typeof(id) = 'integer' AND typeof(name) = 'text' AND typeof(type) = 'text'"
+        " AND typeof(serialization_format) = 'text' FROM topics ORDER BY id",
+    )
+    whole = [row for *row, is_topic in topics if is_topic]
+    if len(whole) < len(topics):
+        note(f"{len(topics) - len(whole):,} of its topics are damaged")
+    if not whole and fetch_all(database, "SELECT 1 FROM messages LIMIT 1"):
+        note("it holds messages and no topic that they are of")
+    return tuple(
+        Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
+        for key, topic, kind, encoding in whole
+    )
+
+
 def metadata_texts(path: Path) -> list[str]:
     """The copies of metadata.yaml in a database, the newest first; none before ROS 2 Iron."""
     try:
-        database = _connect(path, unfinished=False)
+        database = connect(path, unfinished=False)
     except LogError:
         return []
     query = "SELECT metadata FROM metadata WHERE typeof(metadata) = 'text' ORDER BY id DESC"
@@ -209,7 +219,8 @@ def metadata_texts(path: Path) -> list[str]:
             return []
 
 
-def _connect(path: Path, *, unfinished: bool) -> sqlite3.Connection:
+def connect(path: Path, *, unfinished: bool) -> sqlite3.Connection:
+    """Open a database to read it; `unfinished` has a recorder, or what one left behind."""
     # immutable reads files on read-only media, but is blind to messages still in a -wal file
     mode = "mode=ro" if unfinished else "mode=ro&immutable=1"
     try:

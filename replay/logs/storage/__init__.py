@@ -12,6 +12,7 @@ from replay.logs.storage.container import (
 from replay.logs.storage.file_bytes import FileBytes, ReadBuffer
 from replay.logs.storage.loss_text import Damage, LossList
 from replay.logs.storage.message_rows import KEY, LENGTH, OFFSET, TIME, group_by_key, prefetch
+from replay.logs.storage.tail import Tail
 
 __all__ = [
     "END_NS",
@@ -28,6 +29,7 @@ __all__ = [
     "Group",
     "LossList",
     "ReadBuffer",
+    "Tail",
     "group_by_key",
     "no_times",
     "prefetch",

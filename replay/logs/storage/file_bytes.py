@@ -47,6 +47,12 @@ class FileBytes:
                 done += count
         return done
 
+    def look(self) -> int:
+        """See how far the file has grown: its size now."""
+        with self._lock:
+            self.size = self._file.seek(0, 2)
+        return self.size
+
     def crc32(self, end: int) -> int:
         """The CRC-32 of everything before an offset."""
         crc = 0

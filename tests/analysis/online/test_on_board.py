@@ -101,7 +101,7 @@ def choices(draw):
         "exclude_braking": draw(st.booleans()),
         "forgetting": draw(st.sampled_from([0.998, 0.9, 1.0])),
         "directional_forgetting": draw(st.booleans()),
-        "index": draw(st.sampled_from(["information", "variance"])),
+        "index": draw(st.sampled_from(["information", "gaussian", "variance"])),
         "slip_acc_m_s2": draw(st.sampled_from([None, 0.5])),
         "saturation_force_N": draw(st.sampled_from([None, 5500.0])),
     }

@@ -5,7 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.numerics.mutual_information import information_index, window_correlation
+from estimators.numerics.mutual_information import (
+    gaussian_information,
+    information_index,
+    window_correlation,
+)
 
 
 @settings(deadline=None)
@@ -105,3 +109,13 @@ def test_a_threshold_on_the_index_is_a_threshold_on_the_correlation(rho, gamma):
 
 def test_0_7_nat_asks_for_a_correlation_of_0_753():
     assert information_index(np.array([0.7534]))[0] == pytest.approx(0.7, abs=1e-4)
+
+
+def test_index_10_is_even_in_the_correlation_and_asks_for_more_of_it_than_11():
+    rho = np.array([-0.8, 0.8, 0.0, 1.0, np.nan])
+    index = gaussian_information(rho)
+    assert index[0] == index[1] == pytest.approx(0.5108, abs=1e-4)
+    assert index[2] == 0.0
+    assert np.isposinf(index[3])
+    assert np.isnan(index[4])
+    assert index[1] < information_index(rho)[1]

@@ -149,6 +149,15 @@ def test_a_long_cruise_ruins_rls_without_the_criterion_alone(found: dict[str, Fo
     assert all(error < 40.0 for error in errors.values())
 
 
+def test_rls_keeps_few_bytes_and_ols_the_window(found: dict[str, Found]) -> None:
+    frame = found["claims"].frame.drop_nulls("buffer_bytes")
+    ls, rls = (frame.filter(pl.col("case").str.starts_with(name)) for name in ("LS", "RLS"))
+    assert ls["buffer_bytes"].to_list() == [24 * n for n in (200, 300, 400, 500, 600, 700)]
+    assert rls["buffer_bytes"].to_list() == [64] * 6
+    for part in (ls, rls):
+        assert part["found_kg"].is_between(1.0, 60.0).all()
+
+
 def test_claims_are_given_of_the_payload_range_as_well(found: dict[str, Found]) -> None:
     frame = found["claims"].frame
     constant = frame.filter(pl.col("case").str.contains("constant")).row(0, named=True)

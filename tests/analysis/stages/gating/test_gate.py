@@ -252,6 +252,22 @@ def test_another_gate_decides_by_its_own_column(start, changes, column, better):
     assert (better * number[low] < better * limit).all()
 
 
+def test_the_index_10_accepts_either_sign_of_the_dependence(start):
+    """(10) takes ρ²: force against acceleration informs it as much as force along it."""
+    opposed = start.with_columns(force_x_N=-pl.col("force_x_N"))
+    along, against = (
+        gate(each, settings(index="gaussian", threshold_nat=0.7)) for each in (start, opposed)
+    )
+    rho = along["corr_x_1"].to_numpy()
+    accepted = along["accepted_x"].to_numpy()
+    assert accepted.any()
+    assert (-0.5 * np.log(1.0 - rho[accepted] ** 2) >= 0.7).all()
+    low = (along["reason_x"] == "low_information").to_numpy()
+    assert (-0.5 * np.log(1.0 - rho[low] ** 2) < 0.7).all()
+    assert against["reason_x"].to_list() == along["reason_x"].to_list()
+    assert not gate(opposed, settings())["accepted_x"].any()
+
+
 def test_ksg_is_computed_only_where_nothing_else_refuses_the_window(start):
     judged = gate(start, settings(index="ksg"))
     settled = judged["reason_x"].is_in(["accepted", "low_information", "ill_conditioned"])

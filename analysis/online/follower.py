@@ -1,0 +1,199 @@
+"""A log that is followed: samples in, decisions, estimates and reports out, in bounded memory."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.online.gate_state import GateRow
+from analysis.online.growing_log import GrowingLog, causal_machine
+from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
+from analysis.online.online_report import VALID_S, Event, LastMass, OnlineReport, judge
+from estimators.estimate import Estimate
+from estimators.threads import one_blas_thread
+
+
+class FollowedRow(NamedTuple):
+    """A row of the grid, and what it led to.
+
+    Attributes:
+        t_ns: of the row.
+        phase: of motion, None where it is not known.
+        gate: of the window that ends here; None for what comes when the log has ended.
+        estimates: by method, each with the `t_ns` of the row at which it stands.
+        reports: made at this row.
+    """
+
+    t_ns: int
+    phase: str | None
+    gate: GateRow | None
+    estimates: Mapping[str, tuple[int, Estimate]]
+    reports: tuple[OnlineReport, ...]
+
+
+@dataclass(slots=True)
+class _RowTimes:
+    """The `t_ns` of rows by their number: a line, but for holes of which the grid leaves rows out.
+
+    Attributes:
+        step_ns: of the grid.
+        breaks: number of the row, and of its place on the grid, where that leaps.
+    """
+
+    step_ns: float
+    breaks: list[tuple[int, int]] = field(default_factory=list)
+    rows: int = 0
+
+    def add(self, t_ns: int) -> None:
+        place = round(t_ns / self.step_ns)
+        row, last = self.breaks[-1] if self.breaks else (0, -1)
+        if not self.breaks or place - last != self.rows - row:
+            self.breaks.append((self.rows, place))
+        self.rows += 1
+
+    def of(self, row: int) -> int:
+        begin, place = next(each for each in reversed(self.breaks) if each[0] <= row)
+        return round((place + row - begin) * self.step_ns)
+
+
+class Follower:
+    """Follows one machine.
+
+    What it decides and estimates from `excitation` on is the causal replay's bit for bit; the
+    standard uncertainties are its own (see `on_board`).
+    """
+
+    def __init__(
+        self, machine: Machine, noise: pl.DataFrame | None = None, *, valid_s: float = VALID_S
+    ) -> None:
+        """Begin before the first sample.
+
+        Args:
+            machine: channels and settings (`load_machine`). Any filter is causal here.
+            noise: the frame `noise` of an earlier recording of the machine; None:
+                `[settings.noise]` where it names all of it, else no window is refused for noise.
+            valid_s: for so many seconds a mass counts as that of the machine now.
+        """
+        self.log = GrowingLog(causal_machine(machine))
+        self.last_gate: GateRow | None = None
+        self.last_mass: LastMass | None = None
+        #: the newest estimate of each method, with the `t_ns` at which it stands
+        self.newest: dict[str, tuple[int, Estimate]] = {}
+        self.manoeuvres = 0
+        self._noise, self._valid_s = noise, valid_s
+        self._state: OnlineState | None = None
+        self._times: _RowTimes | None = None
+        self._now: tuple[int, str | None] = (0, None)
+        self._second = -1
+
+    @property
+    def topics(self) -> list[str]:
+        """The topics to be taken; a table has the one topic `table`."""
+        return self.log.topics
+
+    @property
+    def rows_stepped(self) -> int:
+        """Rows of the grid so far."""
+        return self._times.rows if self._times else 0
+
+    def take(self, topic: str, samples: pl.DataFrame) -> None:
+        """Take the next samples of a topic.
+
+        Args:
+            topic: its name, as the machine file has it.
+            samples: `log_time_ns` (Int64, when it was recorded), `header_stamp_ns` (Int64, when it
+                was measured, null where that is not known) and a column a field of the channels.
+        """
+        self.log.take(topic, samples)
+
+    def advance(self, *, is_whole: bool = False) -> list[OnlineReport]:
+        """Step through the rows that the samples so far make known.
+
+        Args:
+            is_whole: whether no sample will come any more.
+
+        Raises:
+            DataError: the log is whole, and its channels share no time.
+        """
+        return [report for row in self.rows(is_whole=is_whole) for report in row.reports]
+
+    @one_blas_thread()  # or the last bits depend on the number of cores
+    def rows(self, *, is_whole: bool = False) -> list[FollowedRow]:
+        """The same row by row, with decisions and estimates."""
+        table = self.log.rows(is_whole=is_whole)
+        found: list[FollowedRow] = []
+        if table is not None:
+            found += [self._step(row) for row in table.iter_rows(named=True)]
+        if is_whole and self._state is not None:
+            found += self._finish(self._state)
+        return found
+
+    def _step(self, row: Mapping[str, Any]) -> FollowedRow:
+        state, times = self._begun()
+        t_ns = int(row["t_ns"])
+        times.add(t_ns)
+        stepped = step(state, row)
+        self._state, self.last_gate = stepped.state, stepped.gate
+        self._now = t_ns, row["phase"]
+        estimates = self._timed(stepped.estimates)
+        second = t_ns // 1_000_000_000
+        reports = [self._report("manoeuvre")] if self._take_mass(estimates) else []
+        if second > self._second and not reports:
+            reports.append(self._report("second"))
+        self._second = second
+        return FollowedRow(t_ns, row["phase"], stepped.gate, estimates, tuple(reports))
+
+    def _finish(self, state: OnlineState) -> Iterator[FollowedRow]:
+        t_ns, phase = self._now
+        for late in finish(state):
+            estimates = self._timed(late)
+            reports = (self._report("manoeuvre"),) if self._take_mass(estimates) else ()
+            yield FollowedRow(t_ns, phase, None, estimates, reports)
+        yield FollowedRow(t_ns, phase, None, {}, (self._report("end"),))
+
+    def _begun(self) -> tuple[OnlineState, _RowTimes]:
+        if self._state is None or self._times is None:
+            basis = self.log.basis
+            assert basis is not None, "there are rows"
+            self._state = start(basis.machine.settings, self._noise)
+            self._times = _RowTimes(1e9 / basis.machine.settings.align.rate_hz)
+        return self._state, self._times
+
+    def _timed(self, found: Mapping[str, TimedEstimate]) -> dict[str, tuple[int, Estimate]]:
+        assert self._times is not None
+        estimates = {name: (self._times.of(row), each) for name, (row, each) in found.items()}
+        self.newest |= estimates
+        return estimates
+
+    def _take_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
+        if "pooled" not in estimates:
+            return False
+        self.last_mass = LastMass(*estimates["pooled"])
+        self.manoeuvres += 1
+        return True
+
+    def _report(self, event: Event) -> OnlineReport:
+        basis, gate, last = self.log.basis, self.last_gate, self.last_mass
+        assert basis is not None
+        t_ns, phase = self._now
+        validity = judge(last, t_ns, basis.machine.machine, self._valid_s)
+        given = last.estimate if last is not None and validity in ("valid", "old") else None
+        index = gate.mi_x_nat if gate else math.nan
+        return OnlineReport(
+            event=event,
+            unix_ns=basis.t0_unix_ns + t_ns,
+            t_s=t_ns / 1e9,
+            phase=phase,
+            gate=gate.reason if gate else "warming_up",
+            index_nat=index if math.isfinite(index) else None,
+            validity=validity,
+            mass_kg=None if given is None else float(given.theta[0]),
+            mass_u_kg=None if given is None else float(given.std[0]),
+            friction_x_N_s_m=None if given is None else float(given.theta[1]),
+            friction_u_N_s_m=None if given is None else float(given.std[1]),
+            age_s=None if last is None else (t_ns - last.t_ns) / 1e9,
+            manoeuvres=self.manoeuvres,
+        )

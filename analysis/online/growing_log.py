@@ -1,0 +1,233 @@
+"""Rows of `excitation` of a log that grows, each once, as the causal replay of all of it has them.
+
+The stages are the replay's own, over the newest seconds: what is causal looks back no further.
+What the replay takes from a whole log (which stamps place a topic, the grid's rate, how late a row
+is) is taken from its first seconds and kept.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.schema import HINTS
+from analysis.stages.motion.forces import forces
+from analysis.stages.motion.phases import span_rows
+from analysis.stages.motion.smooth import smooth
+from analysis.stages.signals.align import Origin, align_on, find_origin
+from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.grid_rate import at_own_rate
+from analysis.stages.signals.timestamps import assign_timestamps
+from estimators.errors import DataError
+
+#: Every topic has to span so many seconds before rates and stamps are told from them: two hundred
+#: samples at 100 Hz, and less than a window.
+HEAD_S: Final = 2.0
+#: Seconds of samples kept before the last row: gaps end, and slow channels have neighbours.
+_KEPT_S: Final = 2.0
+#: Cycles of the low-pass' cut-off after which nothing is left of where it began: 1e-40 of it.
+_SETTLED_CYCLES: Final = 40.0
+#: Of a topic so many samples are kept, however slow it is.
+_FEWEST_KEPT: Final = 8
+_STAMPS: Final = ("log_time_ns", "header_stamp_ns")
+
+
+@dataclass(frozen=True, slots=True)
+class LogBasis:
+    """What the first seconds of a log tell, and what stays so.
+
+    Attributes:
+        machine: with the grid's rate, the window and the moving mean.
+        stamps: by topic, what is taken off the log time that places it, in ns; None: header stamps
+            place it.
+        labels: which stamp that is, for people.
+        origin: of the grid.
+        notes: what was chosen.
+    """
+
+    machine: Machine
+    stamps: Mapping[str, int | None]
+    labels: Mapping[str, str]
+    origin: Origin
+    notes: tuple[str, ...] = ()
+
+    @property
+    def t0_unix_ns(self) -> int:
+        """Unix time of the first row."""
+        return self.origin.start_ns + self.origin.late_ns
+
+
+def causal_machine(machine: Machine) -> Machine:
+    """The machine as it is followed: filtered causally, without channels that no estimate needs."""
+    needed = {source for channel in machine.channels.values() for source in channel.sources}
+    channels = {
+        name: channel
+        for name, channel in machine.channels.items()
+        if name not in HINTS or name in needed
+    }
+    settings = machine.settings.changed({"filter.causal": True})
+    return machine.model_copy(update={"settings": settings, "channels": channels})
+
+
+@dataclass(slots=True)
+class GrowingLog:
+    """The newest samples of a log, and how far its rows were given.
+
+    Attributes:
+        machine: channels and settings, as `causal_machine` gives it.
+        basis: None until the first seconds are there.
+        late_samples: samples that came after the rows they belong to.
+    """
+
+    machine: Machine
+    basis: LogBasis | None = None
+    late_samples: int = 0
+    _raw: dict[str, pl.DataFrame] = field(default_factory=dict)
+    #: samples not yet placed, which a call of `rows` takes
+    _new: dict[str, list[pl.DataFrame]] = field(default_factory=dict)
+    _last_t_ns: int = -1
+
+    @property
+    def topics(self) -> list[str]:
+        """The topics that the channels are read from."""
+        read = (channel for channel in self.machine.channels.values() if channel.fields)
+        return list(dict.fromkeys(channel.topic or "table" for channel in read))
+
+    def take(self, topic: str, samples: pl.DataFrame) -> None:
+        """Take samples of a topic: log_time_ns, header_stamp_ns (or null) and its fields."""
+        if samples.height:
+            self._new.setdefault(topic, []).append(samples)
+
+    def rows(self, *, is_whole: bool = False) -> pl.DataFrame | None:
+        """The rows of `excitation` that can be known by now and were not given yet.
+
+        Args:
+            is_whole: whether nothing will come any more.
+
+        Returns:
+            None where there is none.
+        """
+        if not (self._new or is_whole):
+            return None
+        try:
+            self._merge()
+            if self.basis is None and not self._found_basis(is_whole=is_whole):
+                return None
+            return self._next_rows(is_whole=is_whole)
+        except DataError:
+            # too few samples, or none that is a number: more may come
+            if is_whole and self.basis is None:
+                raise
+            return None
+
+    def _merge(self) -> None:
+        """Put the new samples behind those that are kept."""
+        for topic, parts in self._new.items():
+            frame = pl.concat(parts, how="vertical_relaxed")
+            if self.basis is not None:
+                frame = self._placed(topic, frame)
+                self._count_late(frame)
+            parts.clear()
+            before = self._raw.get(topic)
+            kept = frame if before is None else pl.concat([before, frame], how="vertical_relaxed")
+            self._raw[topic] = _in_order(kept, "unix_ns" if self.basis else "log_time_ns")
+        self._new.clear()
+
+    def _count_late(self, frame: pl.DataFrame) -> None:
+        assert self.basis is not None
+        if self._last_t_ns >= 0:
+            known = self._last_t_ns + self.basis.t0_unix_ns
+            self.late_samples += int((frame["unix_ns"] <= known).sum())
+
+    def _placed(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
+        assert self.basis is not None
+        behind = self.basis.stamps[topic]
+        stamps = frame["header_stamp_ns"] if behind is None else frame["log_time_ns"] - behind
+        # column by column: a query would cost more than all the rest of a few samples
+        fields = [frame[name] for name in frame.columns if name not in _STAMPS]
+        placed = pl.DataFrame([stamps.alias("unix_ns"), *fields])
+        missing = stamps.is_null() | ((stamps == 0) & (behind is None))
+        return placed.filter(~missing) if missing.any() else placed
+
+    def _found_basis(self, *, is_whole: bool) -> bool:
+        """Take stamps, rates and the grid's origin from the first seconds, once they are there."""
+        if not self._raw.keys() >= set(self.topics):
+            if is_whole:
+                missing = ", ".join(t for t in self.topics if t not in self._raw)
+                raise DataError(f"nothing came of the topics {missing}")
+            return False
+        spans = [_span_s(frame) for frame in self._raw.values()]
+        if min(spans) < HEAD_S and not is_whole:
+            return False
+        placed, labels, _ = assign_timestamps(self._raw)
+        read, _ = measured(placed, self.machine)
+        machine, notes = at_own_rate(read, self.machine)
+        channels, _ = derive(read, machine)
+        self.basis = LogBasis(
+            machine,
+            {topic: _behind_ns(frame, labels[topic]) for topic, frame in self._raw.items()},
+            labels,
+            find_origin(channels, machine),
+            tuple(notes),
+        )
+        self._raw = {t: _in_order(self._placed(t, f), "unix_ns") for t, f in self._raw.items()}
+        return True
+
+    def _next_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
+        assert self.basis is not None
+        machine = self.basis.machine
+        settings = machine.settings
+        read, _ = measured(self._raw, machine)
+        channels, _ = derive(read, machine)
+        # the mean, the speed rate over it, and an acceleration averaged over the span of that
+        looks_back = settings.smooth.samples + 2 * span_rows(settings) + 2
+        step_ns = 1e9 / settings.align.rate_hz
+        after_ns = self._last_t_ns - round(looks_back * step_ns)
+        aligned = align_on(channels, machine, self.basis.origin, after_ns, is_whole=is_whole)
+        if aligned.is_empty() or int(aligned["t_ns"][-1]) <= self._last_t_ns:
+            return None
+        rows = forces(smooth(aligned, settings.smooth), machine)
+        rows = rows[int(np.searchsorted(rows["t_ns"].to_numpy(), self._last_t_ns, side="right")) :]
+        self._last_t_ns = int(rows["t_ns"][-1])
+        self._forget()
+        return rows
+
+    def _forget(self) -> None:
+        """Drop the samples that no later row looks back to."""
+        assert self.basis is not None
+        settings = self.basis.machine.settings
+        kept_s = _KEPT_S
+        if any(channel.differentiates for channel in self.basis.machine.channels.values()):
+            kept_s += _SETTLED_CYCLES / settings.filter.cutoff_hz
+        oldest = self._last_t_ns + self.basis.origin.start_ns - round(kept_s * 1e9)
+        for topic, frame in self._raw.items():
+            first = int(np.searchsorted(frame["unix_ns"].to_numpy(), oldest))
+            first = max(0, min(first, frame.height - _FEWEST_KEPT))
+            self._raw[topic] = frame[first:]
+
+
+def _in_order(frame: pl.DataFrame, key: str) -> pl.DataFrame:
+    """Sort by a time; recorders mostly write in its order."""
+    return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
+
+
+def _span_s(frame: pl.DataFrame) -> float:
+    times = frame["log_time_ns"]
+    return (int(times[-1]) - int(times[0])) / 1e9 if frame.height > 1 else 0.0
+
+
+def _behind_ns(frame: pl.DataFrame, label: str) -> int | None:
+    """What is taken off log times; None where the header's stamps place a topic.
+
+    Header stamps that scatter are told by their label: log time, although they are there.
+    """
+    if label == "header":
+        return None
+    headers = frame["header_stamp_ns"]
+    if headers.null_count() == frame.height or (headers == 0).any():
+        return 0
+    behind = (frame["log_time_ns"] - headers).median()
+    return round(behind) if isinstance(behind, int | float) and abs(behind) < 1e9 else 0

@@ -1,0 +1,155 @@
+"""What following costs: the share of a processor at 100 Hz, and the latency from disk to estimate.
+
+    python -P benchmarks/follow_live.py [--seconds 40] [--speed 1]
+
+A recorder in a process of its own writes simulated starts in real time (or `--speed` times as
+fast), a tick of 10 ms at a time, each on disk at once. A row could be estimated when the sample
+that completes it was written; the latency is from then to the return of its step.
+"""
+
+import json
+import multiprocessing
+import resource
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import typer
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from analysis.model.methods import METHODS
+from analysis.online import on_board
+from analysis.online.follower import FollowedRow
+from analysis.simulation import Scenario
+from benchmarks.page import markdown
+from replay import load_machine
+from replay.follow.follow_logs import Following, follow_logs
+from replay.simulation.simulate_logs import simulate
+
+TICK_NS = 10_000_000
+NOISE = [
+    "settings.noise.force_N=60.0",
+    "settings.noise.acc_m_s2=0.01",
+    "settings.noise.speed_m_s=0.005",
+]
+
+
+def record(source: Path, target: Path, times: Path, seconds: float, speed: float) -> None:
+    """Write the messages when they are due; `times` gets log time and wall time of each tick."""
+    written_at: list[tuple[int, float]] = []
+    with source.open("rb") as read, target.open("wb", buffering=0) as file:
+        writer = Writer(file, compression=CompressionType.NONE, use_chunking=False)
+        writer.start("ros2", "benchmark")
+        channels: dict[int, int] = {}
+        first, last, began, tick = None, 0, time.monotonic(), 0
+        for schema, channel, message in make_reader(read).iter_messages():
+            first = message.log_time if first is None else first
+            due = message.log_time - first
+            if due > seconds * 1e9:
+                break
+            if due // TICK_NS > tick:
+                written_at.append((last, time.monotonic()))
+                tick = due // TICK_NS
+                time.sleep(max(0.0, began + tick * TICK_NS / 1e9 / speed - time.monotonic()))
+            if channel.id not in channels:
+                assert schema is not None
+                known = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, known
+                )
+            writer.add_message(
+                channels[channel.id], message.log_time, message.data, message.publish_time
+            )
+            last = message.log_time
+        writer.finish()
+    times.write_text(json.dumps(written_at))
+
+
+def followed(folder: Path, seconds: float, speed: float) -> list[str]:
+    """A row of the table."""
+    runs = int(seconds // 10) + 1
+    plan = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": runs}})
+    (source,) = simulate(plan, folder / "source.mcap")
+    target, times = folder / "live.mcap", folder / "times.json"
+    machine = load_machine("cat262c.toml", NOISE)
+    _warm(source, machine)
+    seen: list[tuple[int, float]] = []
+
+    def on_rows(following: Following, rows: list[FollowedRow]) -> None:
+        if rows:
+            basis = following.follower.log.basis
+            assert basis is not None
+            now = time.monotonic()
+            seen.extend((basis.t0_unix_ns + row.t_ns, now) for row in rows if row.gate)
+
+    recorder = multiprocessing.Process(target=record, args=(source, target, times, seconds, speed))
+    recorder.start()
+    while not target.exists():
+        time.sleep(0.01)
+    began, spent = time.monotonic(), time.process_time()
+    follow_logs([target], machine, on_rows, idle_s=5.0)
+    share = (time.process_time() - spent) / (time.monotonic() - began)
+    recorder.join()
+    stamps, walls = np.array(json.loads(times.read_text())).T
+    rows, when = np.array(seen).T
+    # a row is known with the first tick whose last sample is no earlier
+    at = np.minimum(np.searchsorted(stamps, rows), stamps.size - 1)
+    late_ms = 1e3 * (when - walls[at])
+    steady = late_ms[rows > stamps[0] + 5e9]
+    most_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return [
+        f"{speed:g}×",
+        f"{100 * share:.1f} %",
+        f"{np.median(steady):.0f}",
+        f"{np.quantile(steady, 0.99):.0f}",
+        f"{steady.max():.0f}",
+        f"{most_mb:.0f}",
+    ]
+
+
+def _warm(source: Path, machine: Any) -> None:
+    """Compile, and import what is imported late."""
+    follow_logs([source], machine, lambda *_: None, idle_s=0.1)
+
+
+def steps(machine: Any) -> str:
+    """Microseconds of the parts of a step on board."""
+    from estimators.methods import incremental, rls
+
+    rng = np.random.default_rng(0)
+    window = incremental.start_window(2, 320)
+    samples = rng.normal(size=(5000, 3))
+    for sample in samples[:640]:
+        window = incremental.step_window(window, sample)
+    state = rls.start(samples[:320, :2], samples[:320, 2])
+    settings = machine.settings.changed({"trace.methods": ("ls",)})
+    ls_method = METHODS["ls"]
+    options = ls_method.options(settings.trace, on_board.start(settings).noise)
+    calls = {
+        "sums of the window (index (11) and OLS)": lambda s: incremental.step_window(window, s),
+        "OLS from them": lambda _: ls_method.step(window, 10, options),
+        "RLS, a sample (12)-(15)": lambda s: rls.step(state, s[:2], float(s[2])),
+    }
+    rows: list[list[str]] = []
+    for name, call in calls.items():
+        began = time.perf_counter()
+        for sample in samples[:2000]:
+            call(sample)
+        rows.append([name, f"{1e6 * (time.perf_counter() - began) / 2000:.0f}"])
+    return markdown(["part of a step", "µs"], rows)
+
+
+def main(seconds: float = 40.0, speed: float = 1.0) -> None:
+    machine = load_machine("cat262c.toml", NOISE)
+    print(steps(machine))
+    with TemporaryDirectory() as name:
+        row = followed(Path(name), seconds, speed)
+    head = ["speed", "of a processor", "latency ms: median", "99 %", "worst", "memory, MB"]
+    print(markdown(head, [row]))
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,103 @@
+"""`payscope follow`: a log while it is recorded."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from replay.follow.agreement import Agreement
+
+
+def command(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Logs that are being recorded (.bag, .bag.active, .mcap, .db3, a text table), or "
+            "the folder of a recorder that rotates (rosbag2)."
+        ),
+    ],
+    machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="At the end, record the causal replay (.rrd)."),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override the machine file; repeatable."),
+    ] = None,
+    noise: Annotated[
+        Path | None,
+        typer.Option("--noise", metavar="REC", help="Take the noise from an earlier recording."),
+    ] = None,
+    idle_s: Annotated[
+        float, typer.Option("--idle-s", min=0.0, help="End after so many seconds without growth.")
+    ] = 10.0,
+    valid_s: Annotated[
+        float, typer.Option("--valid-s", min=0.0, help="A mass older than this is old.")
+    ] = 120.0,
+    force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print reports as JSON lines: manoeuvres, each second.")
+    ] = False,
+) -> None:
+    """Follow a log while it is recorded: gate, estimates and masses as the machine drives.
+
+    Steps what is whole on disk, as on board. Ends when the recorder closes the log, when it has
+    not grown for --idle-s, or on ctrl-C. With -o the log is then replayed with
+    settings.filter.causal=true and recorded, and what was followed is compared with it bit for bit.
+    """
+    import json
+
+    from analysis.online.follower import FollowedRow
+    from recordings import check_recording, read_recording
+    from replay.commands.follow_panel import FollowPanel, mass_text, time_text
+    from replay.follow.agreement import FollowedDigests
+    from replay.follow.follow_logs import Following, follow_logs
+    from replay.follow.record_followed import record_followed
+    from replay.machines.machine_file import load_machine
+    from replay.runs.run_logs import RecordTo
+
+    settings = overrides or []
+    loaded = load_machine(machine, settings)
+    known = read_recording(noise).frames.get("noise") if noise else None
+    if output is not None:
+        check_recording(output, force=force)
+    digests = FollowedDigests()
+
+    with FollowPanel() as panel:
+
+        def show(following: Following, rows: list[FollowedRow]) -> None:
+            digests.add(rows)
+            reports = [report for row in rows for report in row.reports]
+            for report in reports:
+                if as_json:
+                    typer.echo(json.dumps(report.to_dict(), allow_nan=False))
+                elif report.event == "manoeuvre":
+                    typer.echo(f"{time_text(report)}  {mass_text(report)}")
+            panel.show(following, reports)
+
+        following = follow_logs(logs, loaded, show, noise=known, idle_s=idle_s, valid_s=valid_s)
+    for loss in following.losses:
+        typer.echo(f"payscope: {loss}", err=True)
+    follower = following.follower
+    typer.echo(
+        f"{following.ended}: {follower.rows_stepped:,} rows, {follower.manoeuvres:,} manoeuvres "
+        "with a mass",
+        err=True,
+    )
+    if output is not None:
+        to = RecordTo(output, force)
+        _, agreements = record_followed(logs, machine, to, settings, digests)
+        for each in agreements:
+            typer.echo(_agreement_text(each), err=True)
+        typer.echo(f"recorded: {output}", err=True)
+
+
+def _agreement_text(each: "Agreement") -> str:
+    if each.differs_from_s is None:
+        return f"{each.name}: {each.rows:,} rows, as in the replay bit for bit"
+    return (
+        f"{each.name}: {each.rows:,} rows, {each.replayed:,} in the replay; they differ from "
+        f"{each.differs_from_s:,.0f} s on"
+    )

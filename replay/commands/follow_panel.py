@@ -1,0 +1,130 @@
+"""The panel of `follow`: where the machine is, what the gate says, what the estimators have."""
+
+import sys
+from collections import deque
+from datetime import UTC, datetime
+from types import TracebackType
+from typing import Final, Self
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from analysis.model.methods import METHODS
+from analysis.online.online_report import OnlineReport
+from replay.follow.follow_logs import Following
+
+#: Manoeuvres that are shown.
+_SHOWN: Final = 5
+#: The panel is drawn anew so often a second: what changes faster cannot be read.
+_DRAWN_HZ: Final = 4.0
+_GATE_COLOURS: Final = {"accepted": "green", "warming_up": "dim", "gap": "red"}
+
+
+class FollowPanel:
+    """Drawn on stderr where that is a terminal."""
+
+    def __init__(self) -> None:
+        console = Console(stderr=True)
+        self._live = (
+            Live(console=console, refresh_per_second=_DRAWN_HZ) if sys.stderr.isatty() else None
+        )
+        self._masses: deque[OnlineReport] = deque(maxlen=_SHOWN)
+        self._last: OnlineReport | None = None
+
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, following: Following, reports: list[OnlineReport]) -> None:
+        """Show how far a log was followed."""
+        for report in reports:
+            self._last = report
+            if report.event == "manoeuvre":
+                self._masses.append(report)
+        if self._live is not None:
+            self._live.update(Group(*self._parts(following)))
+
+    def _parts(self, following: Following) -> list[Text | Table]:
+        parts: list[Text | Table] = [self._head(following)]
+        if self._last is None:
+            waits = following.missing or following.follower.topics
+            parts.append(Text(f"waits for {', '.join(waits)}", style="yellow"))
+            if following.missing and following.topics:
+                parts.append(Text(f"the log has {', '.join(following.topics)}", style="dim"))
+            return parts
+        parts += [_motion(self._last), _answer(self._last), _methods(following)]
+        if self._masses:
+            parts.append(_manoeuvres(list(self._masses)))
+        if following.losses:
+            parts.append(Text(f"{len(following.losses)} losses: {following.losses[-1]}"))
+        if late := following.follower.log.late_samples:
+            parts.append(Text(f"{late:,} samples came too late for their rows", style="yellow"))
+        return parts
+
+    def _head(self, following: Following) -> Text:
+        names = ", ".join(path.name for path in following.paths)
+        rows = following.follower.rows_stepped
+        state = following.ended or "ctrl-C ends"
+        return Text(
+            f"{names}  {rows:,} rows, slowest look {1e3 * following.slowest_s:.0f} ms  ({state})",
+            style="bold",
+        )
+
+
+def time_text(report: OnlineReport) -> str:
+    """The time of day of a report, as UTC."""
+    at = datetime.fromtimestamp(report.unix_ns // 10**9, UTC)
+    return f"{at:%H:%M:%S}.{report.unix_ns % 10**9 // 10**8}"
+
+
+def mass_text(report: OnlineReport) -> str:
+    """Mass and friction with their uncertainties, or why there is none."""
+    if report.mass_kg is None:
+        return report.validity.replace("_", " ")
+    return (
+        f"{report.mass_kg:,.1f} ± {report.mass_u_kg:,.1f} kg, friction "
+        f"{report.friction_x_N_s_m:,.0f} ± {report.friction_u_N_s_m:,.0f} N·s/m, {report.validity}"
+    )
+
+
+def _motion(report: OnlineReport) -> Text:
+    text = Text(f"{time_text(report)} UTC, {report.t_s:,.1f} s  {report.phase or 'unknown'}  gate ")
+    text.append(report.gate, style=_GATE_COLOURS.get(report.gate, "yellow"))
+    if report.index_nat is not None:
+        text.append(f" ({report.index_nat:.2f} nat)")
+    return text
+
+
+def _answer(report: OnlineReport) -> Text:
+    age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
+    return Text(f"{mass_text(report)}{age}", style="bold green" if report.mass_kg else "yellow")
+
+
+def _methods(following: Following) -> Table:
+    table = Table("method", "mass, kg", "u", "friction, N·s/m", "u", box=None)
+    for name, (_, estimate) in following.follower.newest.items():
+        theta, std = estimate.theta, estimate.std
+        cells = (theta[0], std[0], theta[1], std[1])
+        table.add_row(METHODS[name].title, *(f"{value:,.1f}" for value in cells))
+    for column in table.columns[1:]:
+        column.justify = "right"
+    return table
+
+
+def _manoeuvres(reports: list[OnlineReport]) -> Table:
+    table = Table("manoeuvre", "until", "mass", box=None)
+    for report in reports:
+        table.add_row(str(report.manoeuvres), time_text(report), mass_text(report))
+    return table

@@ -1,0 +1,130 @@
+"""The command `follow`: a growing log and a machine in, rows and reports out as they come."""
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.model.loss import Loss
+from analysis.model.machine import Machine
+from analysis.online.follower import FollowedRow, Follower
+from analysis.online.growing_log import causal_machine
+from analysis.online.online_report import VALID_S
+from estimators.errors import DataError, LogError
+from replay.inputs.channel_inputs import channel_fields
+from replay.logs import GrowingLogFile, follow_log
+from replay.machines.machine_file import time_axis
+
+#: Seconds between two looks at the log: half of the latency that a display is allowed, and each
+#: look at something new costs some milliseconds of the processor.
+LOOK_S: Final = 0.05
+#: Seconds without growth after which a log counts as ended, unless the caller says otherwise.
+IDLE_S: Final = 10.0
+
+
+@dataclass(slots=True)
+class Following:
+    """How far a log was followed.
+
+    Attributes:
+        paths: of the log.
+        follower: gate and estimators.
+        topics: that the log has so far.
+        losses: what could not be read.
+        slowest_s: the longest time from a look that found something to its rows.
+        ended: why it ended; empty while it is followed.
+    """
+
+    paths: Sequence[Path]
+    follower: Follower
+    topics: list[str] = field(default_factory=list)
+    losses: list[Loss] = field(default_factory=list)
+    slowest_s: float = 0.0
+    ended: str = ""
+
+    @property
+    def missing(self) -> list[str]:
+        """Topics of the machine file of which nothing has come."""
+        return [topic for topic in self.follower.topics if topic not in self.topics]
+
+
+def follow_logs(
+    paths: Sequence[Path],
+    machine: Machine,
+    on_rows: Callable[[Following, list[FollowedRow]], None],
+    *,
+    noise: pl.DataFrame | None = None,
+    idle_s: float = IDLE_S,
+    valid_s: float = VALID_S,
+) -> Following:
+    """Follow a log until its recorder closes it, it has not grown for `idle_s`, or ctrl-C.
+
+    Args:
+        paths: as `follow_log` takes them.
+        machine: channels and settings.
+        on_rows: told the rows of each look, none where nothing is new.
+        noise: as `Follower` takes it.
+        idle_s: seconds without growth that end it.
+        valid_s: as `Follower` takes it.
+
+    Raises:
+        LogError: the log cannot be followed, or a topic cannot be decoded.
+        DataError: it ended before anything could be told from it.
+    """
+    fields = channel_fields(causal_machine(machine))
+    following = Following(paths, Follower(machine, noise, valid_s=valid_s))
+    with closing(follow_log(paths, fields, time_axis(machine))) as log:
+        try:
+            following.ended = _follow(log, following, on_rows, idle_s)
+        except KeyboardInterrupt:
+            following.ended = "interrupted"
+        try:
+            _look(log, following, on_rows, is_whole=True)
+        except DataError as error:
+            has = f"; it has {', '.join(following.topics)}" if following.missing else ""
+            raise LogError(f"{paths[0]}: {following.ended}: {error}{has}") from error
+    return following
+
+
+def _follow(
+    log: GrowingLogFile,
+    following: Following,
+    on_rows: Callable[[Following, list[FollowedRow]], None],
+    idle_s: float,
+) -> str:
+    """Look at the log again and again; why that ended."""
+    grew = time.monotonic()
+    while True:
+        began = time.monotonic()
+        if _look(log, following, on_rows):
+            grew = time.monotonic()
+        elif log.is_finished:
+            return "the recorder has closed the log"
+        elif began - grew > idle_s:
+            return f"the log has not grown for {idle_s:g} s"
+        time.sleep(max(0.0, began + LOOK_S - time.monotonic()))
+
+
+def _look(
+    log: GrowingLogFile,
+    following: Following,
+    on_rows: Callable[[Following, list[FollowedRow]], None],
+    *,
+    is_whole: bool = False,
+) -> bool:
+    """Take what is new; whether anything was."""
+    began = time.monotonic()
+    frames = log.poll(is_whole=is_whole)
+    following.topics, following.losses = log.topics, [*log.losses]
+    for topic, frame in frames.items():
+        following.follower.take(topic, frame)
+    rows: list[FollowedRow] = []
+    if frames or is_whole:
+        rows = following.follower.rows(is_whole=is_whole)
+        following.slowest_s = max(following.slowest_s, time.monotonic() - began)
+    on_rows(following, rows)
+    return bool(frames)

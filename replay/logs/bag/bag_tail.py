@@ -1,0 +1,85 @@
+"""The tail of a ROS 1 bag that is still being written (`.bag.active`, or under its own name)."""
+
+from estimators.errors import LogError
+from replay.logs.bag.bag_file import make_connection
+from replay.logs.bag.bag_index import chunk_block
+from replay.logs.bag.bag_records import (
+    BAG_HEADER,
+    CHUNK,
+    CONNECTION,
+    MAGIC,
+    MESSAGE,
+    VERSION,
+    parse_fields,
+    read_record,
+)
+from replay.logs.blocks import BlockTail, Grammar
+from replay.logs.messages.raw_batch import RawBatch
+
+_HEAD = MAGIC + VERSION
+
+
+class BagTail(BlockTail):
+    """A bag that grows; the place of its index, written at the end, finishes it.
+
+    A chunk whose size is not written yet is open: rosbag fills it in when the chunk is full.
+    """
+
+    @staticmethod
+    def _grammar() -> Grammar:
+        from replay.logs.bag.bag_grammar import GRAMMAR
+
+        return GRAMMAR
+
+    def _step(self) -> list[RawBatch] | None:
+        file = self._file
+        if self._at == 0:
+            return self._begin()
+        if 0 < self._index_position() <= self._at:
+            self.is_finished = True
+            return []
+        record = read_record(file, self._at)
+        if record is None or record.end > file.size:
+            return None
+        if record.op == CHUNK:
+            block = chunk_block(file, self._at, record)
+            # nothing behind an empty chunk yet: it may be one that has just been opened
+            if block is None or block.is_torn or (record.end == file.size and not block.room):
+                return None
+            self._at = record.end
+            return self._take_block(block)
+        if record.op == MESSAGE:
+            return self._take_loose(record.end - self._at)
+        if record.op == CONNECTION:
+            self._describe(CONNECTION, file.read(self._at, record.end - self._at))
+        self._at = record.end
+        return []
+
+    def _begin(self) -> list[RawBatch] | None:
+        head = self._file.read(0, len(_HEAD))
+        if not _HEAD.startswith(head):
+            raise LogError(
+                f"{self._file.path}: not a ROS 1 bag of version 2.0; it does not start with "
+                "'#ROSBAG V2.0'"
+            )
+        if len(head) == len(_HEAD):
+            self._at = len(_HEAD)
+            return []
+        return None
+
+    def _index_position(self) -> int:
+        """Where the index begins; 0 while the recorder has not written it."""
+        header = read_record(self._file, len(_HEAD))
+        if header is None or header.op != BAG_HEADER or b"index_pos" not in header.fields:
+            return 0
+        return header.number(b"index_pos")
+
+    def _describe(self, op: int, content: bytes) -> None:
+        del op
+        size = int.from_bytes(content[:4], "little")
+        fields = parse_fields(content[4 : 4 + size]) or {}
+        connection = make_connection(fields, content[8 + size :])
+        if connection is None:
+            self._losses.note(self._file.path, "the record of a connection is damaged")
+        else:
+            self.connections.setdefault(connection.id, connection)

@@ -1,0 +1,110 @@
+"""What the tails of bags and MCAP files share: blocks and loose records that become whole."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.loss import Loss
+from replay.logs.blocks.block import Block, DamagedBlockError, unpack
+from replay.logs.blocks.slabs import Grammar, SlabIndex
+from replay.logs.messages.raw_batch import RawBatch
+from replay.logs.storage import (
+    KEY,
+    LARGEST_BYTES,
+    LENGTH,
+    OFFSET,
+    TIME,
+    Connection,
+    FileBytes,
+    LossList,
+    group_by_key,
+)
+
+#: Bytes of records outside chunks that are taken at once.
+_LOOSE_BYTES: Final = 4 * 2**20
+#: A poll ends with the chunk that brings its messages to so many bytes.
+_POLL_BYTES: Final = 16 * 2**20
+
+
+class BlockTail(ABC):
+    """A growing file of blocks, read up to where its last whole record ends."""
+
+    def __init__(self, path: Path) -> None:
+        self.connections: dict[int, Connection] = {}
+        self.is_finished = False
+        self._file = FileBytes(path)
+        self._losses = LossList()
+        #: where the first record begins that is not taken yet; 0 before the head of the file
+        self._at = 0
+
+    @staticmethod
+    @abstractmethod
+    def _grammar() -> Grammar:
+        """How its records are found in bytes."""
+
+    @abstractmethod
+    def _describe(self, op: int, content: bytes) -> None:
+        """Take a record that is no message."""
+
+    @abstractmethod
+    def _step(self) -> list[RawBatch] | None:
+        """Take what begins at `_at` and move on; None where it is not whole."""
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        return [*self._losses]
+
+    def poll(self) -> list[RawBatch]:
+        """See `Tail.poll`."""
+        self._file.look()
+        batches: list[RawBatch] = []
+        while not self.is_finished and sum(batch.data.size for batch in batches) < _POLL_BYTES:
+            found = self._step()
+            if found is None:
+                break
+            batches += found
+        return batches
+
+    def close(self) -> None:
+        """Release the file."""
+        self._file.close()
+
+    def _take_block(self, block: Block) -> list[RawBatch]:
+        """The messages of a chunk that is whole; a damaged one is a loss."""
+        try:
+            if block.room > LARGEST_BYTES:
+                raise DamagedBlockError(f"it declares {block.room:,} bytes")
+            data = np.empty(block.room, np.uint8)
+            data = data[: unpack(block, self._file, data)]
+        except DamagedBlockError as error:
+            what = f"the chunk at byte {block.record_offset} cannot be read: {error}"
+            self._losses.note(self._file.path, what)
+            return []
+        batches, _ = self._take_records(data)
+        return batches
+
+    def _take_loose(self, record_bytes: int) -> list[RawBatch]:
+        """Messages that stand outside chunks, from `_at` on; the first of them is whole."""
+        data = self._file.read_array(self._at, max(record_bytes, _LOOSE_BYTES))
+        batches, whole = self._take_records(data)
+        self._at += max(whole, record_bytes)
+        return batches
+
+    def _take_records(self, data: NDArray[np.uint8]) -> tuple[list[RawBatch], int]:
+        """The messages in some bytes (n,), and where the first record begins that is not whole."""
+        grammar = self._grammar()
+        _, whole = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
+        index = SlabIndex(grammar, data, 0)
+        index.scan(0, whole)
+        rows = index.found
+        for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
+            self._describe(-1 - key, data[offset : offset + length].tobytes())
+        return [
+            RawBatch(key, data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
+            for key, at in group_by_key(rows[KEY])
+        ], whole

@@ -1,0 +1,136 @@
+"""Logs that are still being recorded: what follows a file, by its suffix."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final, Protocol
+
+import polars as pl
+
+from analysis.model.loss import Loss
+from estimators.errors import LogError
+from replay.logs.log import TimeAxis
+from replay.logs.storage import Tail
+
+#: What rosbag calls a bag until it is closed.
+ACTIVE: Final = ".active"
+
+
+# The libraries behind the formats are imported when a log of theirs is followed.
+
+
+def _bag_tail(path: Path) -> Tail:
+    from replay.logs.bag import BagTail
+
+    return BagTail(path)
+
+
+def _mcap_tail(path: Path) -> Tail:
+    from replay.logs.mcap import McapTail
+
+    return McapTail(path)
+
+
+def _db3_tail(path: Path) -> Tail:
+    from replay.logs.sqlite import Db3Tail
+
+    return Db3Tail(path)
+
+
+_TAILS: Final[Mapping[str, Callable[[Path], Tail]]] = {
+    ".bag": _bag_tail,
+    ".mcap": _mcap_tail,
+    ".db3": _db3_tail,
+}
+_TABLES: Final = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc", ".prn")
+
+
+class GrowingLogFile(Protocol):
+    """A log that grows: of messages, or a table."""
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the recorder has closed the log, and all of it was given."""
+        ...
+
+    @property
+    def topics(self) -> list[str]:
+        """The topics that it has so far."""
+        ...
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What could not be read so far."""
+        ...
+
+    def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
+        """The rows of each topic that became whole since, none twice; `is_whole` takes the rest."""
+        ...
+
+    def close(self) -> None:
+        """Release the file."""
+        ...
+
+
+def follow_log(
+    paths: Sequence[Path], fields: Mapping[str, Sequence[str]], time: TimeAxis | None = None
+) -> GrowingLogFile:
+    """Open logs that are still being recorded, one after the other.
+
+    Args:
+        paths: `.bag` (or `.bag.active`), `.mcap`, `.db3`, or one text table, or one folder, in
+            which a recorder begins a new file now and then, as rosbag2 does.
+        fields: by topic, as `Log.read_many` takes them.
+        time: where a table keeps its time.
+
+    Raises:
+        LogError: no such file, or a format that cannot be followed.
+    """
+    first = paths[0]
+    for path in paths:
+        if not path.exists():
+            raise LogError(f"{path}: no such file or directory; start the recorder first")
+    suffixes = {format_suffix(path) for path in paths if not path.is_dir()}
+    if any(path.is_dir() for path in paths) and len(paths) > 1:
+        raise LogError(f"{first}: a folder is followed by itself; name one folder, or its files")
+    if suffixes & set(_TABLES):
+        if len(paths) > 1:
+            raise LogError(f"{first}: one table is followed at a time; name one")
+        from replay.logs.table_tail import TableTail
+
+        return TableTail(first, time, fields)
+    unknown = suffixes - set(_TAILS)
+    if unknown:
+        raise LogError(
+            f"{first}: a file '{unknown.pop()}' cannot be followed while it grows; "
+            f"{', '.join((*_TAILS, *_TABLES))}, or a folder of them"
+        )
+    from replay.logs.message_tail import MessageTail
+    from replay.logs.rosbag2 import METADATA
+    from replay.logs.tail_parts import TailParts
+
+    if first.is_dir():
+        parts = TailParts(lambda: _files_of(first), _open_tail, (first / METADATA).exists)
+    else:
+        parts = TailParts(lambda: paths, _open_tail, lambda: False)
+    return MessageTail(first, parts, fields)
+
+
+def format_suffix(path: Path) -> str:
+    """The suffix that tells a growing file's format."""
+    inner = path.with_suffix("") if path.suffix == ACTIVE else path
+    return inner.suffix.lower()
+
+
+def _open_tail(path: Path) -> Tail:
+    return _TAILS[format_suffix(path)](path)
+
+
+def _files_of(folder: Path) -> list[Path]:
+    """The files of a recorder that rotates, by the numbers in their names."""
+    found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
+    return sorted(found, key=lambda path: [_number(part) for part in re.split(r"(\d+)", path.name)])
+
+
+def _number(part: str) -> tuple[int, str]:
+    return (int(part), "") if part.isdigit() else (-1, part)

@@ -1,0 +1,86 @@
+"""The tail of an MCAP file that is still being written."""
+
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.records import Channel, Schema
+
+from estimators.errors import LogError
+from replay.logs.blocks import BlockTail, Grammar
+from replay.logs.mcap.mcap_file import make_connection
+from replay.logs.mcap.mcap_records import (
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    MAGIC,
+    MESSAGE,
+    RECORD_HEAD,
+    SCHEMA,
+    chunk_block,
+)
+from replay.logs.messages.broken_bytes import BROKEN_BYTES
+from replay.logs.messages.raw_batch import RawBatch
+
+_LOOSE: Final = (SCHEMA, CHANNEL, MESSAGE)
+
+
+class McapTail(BlockTail):
+    """An MCAP file that grows; the end of its data finishes it."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._schemas: dict[int, Schema] = {}
+
+    @staticmethod
+    def _grammar() -> Grammar:
+        from replay.logs.mcap.mcap_grammar import GRAMMAR
+
+        return GRAMMAR
+
+    def _step(self) -> list[RawBatch] | None:
+        file = self._file
+        if self._at == 0:
+            return self._begin()
+        head = file.read(self._at, RECORD_HEAD.size)
+        if len(head) < RECORD_HEAD.size:
+            return None
+        opcode, length = RECORD_HEAD.unpack(head)
+        if opcode == 0 or self._at + RECORD_HEAD.size + length > file.size:
+            return None
+        if opcode in (DATA_END, FOOTER):
+            self.is_finished = True
+            return []
+        if opcode in _LOOSE:
+            return self._take_loose(RECORD_HEAD.size + length)
+        block = chunk_block(file, self._at) if opcode == CHUNK else None
+        self._at += RECORD_HEAD.size + length
+        return [] if block is None else self._take_block(block)
+
+    def _begin(self) -> list[RawBatch] | None:
+        head = self._file.read(0, len(MAGIC))
+        if not MAGIC.startswith(head):
+            raise LogError(
+                f"{self._file.path}: not an MCAP file; it does not start with the MCAP magic"
+            )
+        if len(head) < len(MAGIC):
+            return None
+        self._at = len(MAGIC)
+        return []
+
+    def _describe(self, op: int, content: bytes) -> None:
+        stream = ReadDataStream(BytesIO(content))
+        try:
+            record = Channel.read(stream) if op == CHANNEL else Schema.read(stream)
+        except (McapError, *BROKEN_BYTES) as error:
+            kind = "channel" if op == CHANNEL else "schema"
+            self._losses.note(self._file.path, f"the record of a {kind} is damaged: {error}")
+            return
+        if isinstance(record, Schema):
+            self._schemas.setdefault(record.id, record)
+        elif record.id not in self.connections:
+            schema = self._schemas.get(record.schema_id)
+            self.connections[record.id] = make_connection(record, schema)

@@ -1,0 +1,80 @@
+"""The tail of a rosbag2 database that is still being written: rows that were committed."""
+
+import sqlite3
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Final
+
+from analysis.model.loss import Loss
+from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.raw_batch import RawBatch, joined
+from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all, sqlite_call
+from replay.logs.sqlite.sqlite_file import connect, read_connections
+from replay.logs.storage import Connection, LossList
+
+#: Rows of one poll.
+_POLL_ROWS: Final = 16_384
+_MESSAGES: Final = (
+    "SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? ORDER BY rowid LIMIT ?"
+)
+
+
+class Db3Tail:
+    """A `.db3` file that grows. A database does not say that its recorder has ended."""
+
+    def __init__(self, path: Path) -> None:
+        self.connections: dict[int, Connection] = {}
+        self.is_finished = False
+        self._path = path
+        self._journal = path.with_name(f"{path.name}-wal")
+        self._losses = LossList()
+        self._last_id = LEAST_ID
+        #: size and time of the files when nothing new was in them
+        self._seen: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        return [*self._losses]
+
+    def poll(self) -> list[RawBatch]:
+        """See `Tail.poll`; a database that is locked or half written is left for a later call."""
+        looks = self._looks()
+        if looks == self._seen:
+            return []
+        try:
+            with closing(connect(self._path, unfinished=True)) as database:
+                rows = self._rows(database)
+        except (BrokenBytesError, sqlite3.Error):
+            return []
+        if len(rows) < _POLL_ROWS:
+            self._seen = looks
+        messages: dict[int, tuple[list[int], list[bytes]]] = {}
+        for number, topic, time, message in rows:
+            self._last_id = number
+            if topic in self.connections and isinstance(message, bytes) and time >= 0:
+                times, contents = messages.setdefault(topic, ([], []))
+                times.append(time)
+                contents.append(message)
+            else:
+                self._losses.note(self._path, f"row {number} is no message of a known topic")
+        return [joined(topic, *parts) for topic, parts in messages.items()]
+
+    def close(self) -> None:
+        """Nothing stays open between two polls: a recorder may checkpoint and truncate."""
+
+    def _looks(self) -> tuple[tuple[int, int], ...]:
+        return tuple(
+            (stat.st_size, stat.st_mtime_ns)
+            for stat in (path.stat() for path in (self._path, self._journal) if path.exists())
+        )
+
+    def _rows(self, database: sqlite3.Connection) -> list[Row]:
+        known = len(self.connections)
+        (count,) = fetch_all(database, "SELECT count(*) FROM topics")[0]
+        if count > known:
+            found = read_connections(database, lambda what: self._losses.note(self._path, what))
+            self.connections.update({each.id: each for each in found})
+        with sqlite_call():
+            return database.execute(_MESSAGES, (self._last_id, _POLL_ROWS)).fetchall()

@@ -1,0 +1,36 @@
+"""A tail: the messages of a log that is still being recorded, as they become whole."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from analysis.model.loss import Loss
+from replay.logs.messages.raw_batch import RawBatch
+from replay.logs.storage.container import Connection
+
+
+class Tail(Protocol):
+    """Where the messages of a growing log come from, each once.
+
+    Attributes:
+        connections: by their number; more may come.
+        is_finished: whether the recorder has closed the log, and all of it was given.
+    """
+
+    connections: dict[int, Connection]
+    is_finished: bool
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        ...
+
+    def poll(self) -> list[RawBatch]:
+        """The messages that became whole since, in file order; none where the log has not grown.
+
+        A record, chunk or transaction with missing bytes is left for a later call.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the file."""
+        ...

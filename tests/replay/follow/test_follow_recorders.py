@@ -1,0 +1,182 @@
+"""A log that is followed while others record it gives what the replay of the finished log gives."""
+
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from mcap.writer import CompressionType
+
+from analysis.model.machine import Channel, LogSection, Machine
+from analysis.model.run_record import Run
+from analysis.online.follower import FollowedRow
+from analysis.simulation import Scenario
+from replay import load_machine, open_log, run
+from replay.follow.agreement import FollowedDigests
+from replay.follow.follow_logs import Following, follow_logs
+from replay.inputs.channel_inputs import channel_fields
+from replay.logs import follow_log
+from replay.machines.machine_file import time_axis
+from replay.simulation.simulate_logs import simulate
+from tests.replay.follow.recorders import (
+    Recording,
+    bag_recorder,
+    csv_recorder,
+    mcap_recorder,
+    rosbag2_recorder,
+)
+
+#: Two starts of the paper's loader.
+TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}})
+CAUSAL = [
+    "settings.filter.causal=true",
+    "settings.noise.force_N=60.0",
+    "settings.noise.acc_m_s2=0.01",
+    "settings.noise.speed_m_s=0.005",
+]
+#: Recorders stop for no longer than this, so that what does not say that it ends has ended.
+IDLE_S = 0.5
+FORMATS = {
+    "bag": (".bag", bag_recorder),
+    "bag with lz4": (".bag", lambda a, b: bag_recorder(a, b, "lz4")),
+    "MCAP with zstd": (".mcap", lambda a, b: mcap_recorder(a, b, CompressionType.ZSTD)),
+    "MCAP with lz4": (".mcap", lambda a, b: mcap_recorder(a, b, CompressionType.LZ4)),
+    "MCAP without chunks": (
+        ".mcap",
+        lambda a, b: mcap_recorder(a, b, CompressionType.NONE, chunks=False),
+    ),
+    "rosbag2 in WAL mode": (".db3", rosbag2_recorder),
+    "rosbag2 that rotates": (".db3", lambda a, b: rosbag2_recorder(a, b, 1500)),
+    "CSV": (".csv", csv_recorder),
+}
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The same drive in every format."""
+    folder = tmp_path_factory.mktemp("followed")
+    suffixes = dict.fromkeys(suffix for suffix, _ in FORMATS.values())
+    return {suffix: simulate(TWO_STARTS, folder / f"drive{suffix}")[0] for suffix in suffixes}
+
+
+def machine_of(log: Path) -> Machine:
+    machine = load_machine("cat262c.toml", CAUSAL)
+    if log.suffix != ".csv":
+        return machine
+    # a simulated table has a column a channel
+    channels = {
+        name: channel if channel.derive else Channel(field=name)
+        for name, channel in machine.channels.items()
+    }
+    return machine.model_copy(update={"channels": channels, "log": LogSection(time="time_s")})
+
+
+def followed(path: Path, machine: Machine) -> tuple[Following, list[FollowedRow]]:
+    rows: list[FollowedRow] = []
+    following = follow_logs([path], machine, lambda _, new: rows.extend(new), idle_s=IDLE_S)
+    return following, rows
+
+
+def replayed(path: Path, machine: Machine) -> Run:
+    with open_log(path, time=time_axis(machine)) as log:
+        return run(log, machine)
+
+
+def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
+    stepped = [row for row in rows if row.gate is not None]
+    gate = replay.frames["gate"]
+    assert [row.t_ns for row in stepped] == gate["t_ns"].to_list()
+    assert [row.gate.reason for row in stepped] == gate["reason_x"].to_list()
+    for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "noise_share_x_1"):
+        seen = np.array([getattr(row.gate, name) for row in stepped])
+        np.testing.assert_array_equal(seen, gate[name].fill_null(np.nan).to_numpy())
+    methods = [name for name in replay.frames if name.startswith("estimates/")]
+    assert methods
+    for name in methods:
+        frame = replay.frames[name]
+        mine = [
+            (t_ns, *estimate.theta)
+            for row in rows
+            for method, (t_ns, estimate) in row.estimates.items()
+            if f"estimates/{method}" == name
+        ]
+        theirs = frame.select("t_ns", "mass_kg", "friction_x_N_s_m").rows()
+        assert mine == theirs, name
+
+
+@pytest.mark.parametrize("recorder", FORMATS)
+def test_what_is_followed_is_what_the_replay_has_bit_for_bit(
+    recorder: str, logs: dict[str, Path], tmp_path: Path
+) -> None:
+    suffix, record = FORMATS[recorder]
+    machine = machine_of(logs[suffix])
+    target = tmp_path / ("growing" if suffix == ".db3" else f"growing{suffix}")
+    with Recording(record(logs[suffix], target), target):
+        following, rows = followed(target, machine)
+    assert_as_replayed(rows, replayed(target, machine))
+    assert following.follower.manoeuvres == 2
+    assert not following.losses
+    assert following.follower.log.late_samples == 0
+
+
+def test_an_active_bag_is_followed_over_its_renaming(logs: dict[str, Path], tmp_path: Path) -> None:
+    target, active = tmp_path / "drive.bag", tmp_path / "drive.bag.active"
+
+    def record():
+        yield from bag_recorder(logs[".bag"], active)
+        active.rename(target)
+
+    with Recording(record(), active):
+        following, rows = followed(active, machine_of(target))
+    assert following.ended == "the recorder has closed the log"
+    assert_as_replayed(rows, replayed(target, machine_of(target)))
+
+
+@pytest.mark.parametrize("suffix", [".bag", ".mcap"])
+def test_a_chunk_is_read_when_its_last_byte_is_there(
+    suffix: str, logs: dict[str, Path], tmp_path: Path
+) -> None:
+    """Cut anywhere, a log gives whole messages and none twice; what follows completes them."""
+    data = logs[suffix].read_bytes()
+    target = tmp_path / f"torn{suffix}"
+    fields = channel_fields(machine_of(target))
+    parts: dict[str, list[pl.DataFrame]] = {}
+    cuts = np.sort(np.random.default_rng(1).integers(1, len(data), 40))
+    target.write_bytes(b"")
+    with closing(follow_log([target], fields)) as tail:
+        for begin, end in zip([0, *cuts], [*cuts, len(data)], strict=True):
+            with target.open("ab") as file:
+                file.write(data[begin:end])
+            for topic, frame in tail.poll().items():
+                parts.setdefault(topic, []).append(frame)
+        assert tail.poll() == {}
+        assert tail.is_finished
+    with open_log(logs[suffix]) as whole:
+        for topic, names in fields.items():
+            assert pl.concat(parts[topic]).equals(whole.read(topic, names))
+
+
+def test_a_log_whose_recorder_was_killed_is_given_up_to_its_last_whole_chunk(
+    logs: dict[str, Path], tmp_path: Path
+) -> None:
+    machine = machine_of(logs[".mcap"])
+    target = tmp_path / "killed.mcap"
+    target.write_bytes(logs[".mcap"].read_bytes()[:-200_000])
+    following, rows = followed(target, machine)
+    assert following.ended == f"the log has not grown for {IDLE_S:g} s"
+    whole = replayed(logs[".mcap"], machine).frames["gate"]["reason_x"].to_list()
+    reasons = [row.gate.reason for row in rows if row.gate is not None]
+    assert 500 < len(reasons) < len(whole)
+    assert reasons == whole[: len(reasons)]
+
+
+def test_digests_say_from_which_minute_on_a_replay_differs(logs: dict[str, Path]) -> None:
+    machine = machine_of(logs[".bag"])
+    digests = FollowedDigests()
+    follow_logs([logs[".bag"]], machine, lambda _, rows: digests.add(rows), idle_s=IDLE_S)
+    frames = dict(replayed(logs[".bag"], machine).frames)
+    assert all(each.differs_from_s is None for each in digests.compare(frames))
+    frames["estimates/ls"] = frames["estimates/ls"].with_columns(pl.col("mass_kg") + 1e-9)
+    differing = [each.name for each in digests.compare(frames) if each.differs_from_s is not None]
+    assert differing == ["ls"]

@@ -1,0 +1,125 @@
+"""The example of docs/on-board.md runs as it is written, and reports say what they are worth."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.online.online_report import LastMass, judge
+from analysis.simulation import Scenario
+from estimators.estimate import Estimate
+from replay import load_machine
+from replay.simulation.simulate_logs import simulate
+from tests.one_line import assert_one_line
+from tests.replay.sledge import Payscope
+
+REPO = Path(__file__).resolve().parents[3]
+TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}})
+
+
+@pytest.fixture
+def demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """What the page calls `demo`, smaller."""
+    folder = tmp_path / "demo"
+    folder.mkdir()
+    simulate(TWO_STARTS, folder / "campaign_150kg.bag")
+    shutil.copy(REPO / "replay/machines/cat262c.toml", folder)
+    monkeypatch.chdir(tmp_path)
+    return folder
+
+
+@pytest.mark.usefixtures("demo")
+def test_the_example_weighs_in_a_loop(capsys: pytest.CaptureFixture[str]) -> None:
+    text = (REPO / "docs/on-board.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(example.splitlines()) < 60
+    names: dict[str, object] = {}
+    exec(example, names)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    for line in lines:
+        mass_kg = float(line.split()[2].replace(",", ""))
+        assert abs(mass_kg - 3764.0) < 40.0
+
+
+@pytest.mark.usefixtures("demo")
+def test_json_lines_give_no_number_without_validity(payscope: Payscope) -> None:
+    said = payscope("follow", "demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json")
+    assert said.status == 0
+    reports = [json.loads(line) for line in said.out.splitlines()]
+    assert [report["event"] for report in reports].count("manoeuvre") == 2
+    assert reports[-1]["event"] == "end"
+    seconds = [int(report["t_s"]) for report in reports if report["event"] == "second"]
+    assert seconds == sorted(set(seconds))
+    for report in reports:
+        assert (report["mass_kg"] is None) == (report["validity"] not in ("valid", "old"))
+        assert (report["mass_u_kg"] is None) == (report["mass_kg"] is None)
+    assert reports[0]["validity"] == "none_yet"
+    assert reports[-1]["validity"] == "valid"
+
+
+@pytest.mark.usefixtures("demo")
+def test_a_mass_grows_old(payscope: Payscope) -> None:
+    words = ("-m", "demo/cat262c.toml", "--json", "--valid-s", "1")
+    said = payscope("follow", "demo/campaign_150kg.bag", *words)
+    last = json.loads(said.out.splitlines()[-1])
+    assert last["validity"] == "old"
+    assert last["age_s"] > 1.0
+    assert last["mass_kg"] is not None
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "u_kg", "validity"),
+    [
+        (3600.0, 5.0, "valid"),
+        (3600.0, 500.0, "uncertain"),
+        (float("nan"), 5.0, "uncertain"),
+        (1000.0, 5.0, "implausible"),
+        (20_000.0, 5.0, "implausible"),
+    ],
+)
+def test_a_mass_that_is_not_worth_its_name_is_not_valid(
+    mass_kg: float, u_kg: float, validity: str
+) -> None:
+    estimate = Estimate(np.array([mass_kg, 900.0]), np.array([u_kg, 3.0]), 60.0, 3.0)
+    body = load_machine("cat262c.toml").machine
+    assert judge(LastMass(0, estimate), 10**9, body, 60.0) == validity
+    assert judge(None, 10**9, body, 60.0) == "none_yet"
+
+
+@pytest.mark.usefixtures("demo")
+def test_what_cannot_be_followed_is_said_in_a_line(payscope: Payscope, tmp_path: Path) -> None:
+    (tmp_path / "shift.parquet").write_bytes(b"PAR1")
+    (tmp_path / "hello.mcap").write_text("hello")
+    bag = "demo/campaign_150kg.bag"
+    for log, more, fault in (
+        ("nowhere.bag", (), "no such file"),
+        ("shift.parquet", (), "cannot be followed"),
+        ("hello.mcap", (), "not an MCAP file"),
+        (bag, ("--set", "channels.yaw_rate_rad_s.topic=/imu/dta"), "it has /imu/data"),
+        (bag, ("--set", "channels.yaw_rate_rad_s.field=angular.z"), "angular_velocity.z"),
+    ):
+        said = payscope("follow", log, "-m", "demo/cat262c.toml", "--idle-s", "0.1", *more)
+        assert said.status == 2
+        assert fault in said.err
+        assert said.error is not None
+        assert_one_line(said.error)
+
+
+@pytest.mark.usefixtures("demo")
+def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> None:
+    noise = ("force_N=60", "acc_m_s2=0.01", "speed_m_s=0.005")
+    words = [word for each in noise for word in ("--set", f"settings.noise.{each}")]
+    bag = "demo/campaign_150kg.bag"
+    said = payscope("follow", bag, "-m", "demo/cat262c.toml", *words, "-o", "followed.rrd")
+    assert said.status == 0
+    agreed = [line for line in said.err.splitlines() if "bit for bit" in line]
+    assert [line.partition(":")[0] for line in agreed] == [
+        *("gate", "ls", "rls", "fgls", "tls", "pooled")
+    ]
+    again = payscope("follow", bag, "-m", "demo/cat262c.toml", "-o", "followed.rrd")
+    assert again.status == 2
+    assert "followed.rrd" in again.err
