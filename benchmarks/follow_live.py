@@ -11,6 +11,7 @@ import json
 import multiprocessing
 import resource
 import time
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -112,7 +113,7 @@ def followed(folder: Path, seconds: float, speed: float) -> list[str]:
 
 def _warm(source: Path, machine: Any) -> None:
     """Compile, and import what is imported late."""
-    follow_logs([source], machine, lambda *_: None, idle_s=0.1)
+    follow_logs([source], machine, lambda _following, _rows: None, idle_s=0.1)
 
 
 def steps(machine: Any) -> str:
@@ -128,10 +129,10 @@ def steps(machine: Any) -> str:
     settings = machine.settings.changed({"trace.methods": ("ls",)})
     ls_method = METHODS["ls"]
     options = ls_method.options(settings.trace, on_board.start(settings).noise)
-    calls = {
-        "sums of the window (index (11) and OLS)": lambda s: incremental.step_window(window, s),
-        "OLS from them": lambda _: ls_method.step(window, 10, options),
-        "RLS, a sample (12)-(15)": lambda s: rls.step(state, s[:2], float(s[2])),
+    calls: dict[str, Callable[[Any], object]] = {
+        "sums of the window: index (11), OLS": lambda row: incremental.step_window(window, row),
+        "OLS from them, with its deviation": lambda _row: ls_method.step(window, 10, options),
+        "RLS, one sample, (12) to (15)": lambda row: rls.step(state, row[:2], float(row[2])),
     }
     rows: list[list[str]] = []
     for name, call in calls.items():

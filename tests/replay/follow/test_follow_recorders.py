@@ -1,6 +1,8 @@
 """A log that is followed while others record it gives what the replay of the finished log gives."""
 
+from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -37,17 +39,18 @@ CAUSAL = [
 ]
 #: Recorders stop for no longer than this, so that what does not say that it ends has ended.
 IDLE_S = 0.5
-FORMATS = {
+#: By name: the suffix of the log that is written again, and the recorder that does it.
+FORMATS: dict[str, tuple[str, Callable[[Path, Path], Iterator[None]]]] = {
     "bag": (".bag", bag_recorder),
-    "bag with lz4": (".bag", lambda a, b: bag_recorder(a, b, "lz4")),
-    "MCAP with zstd": (".mcap", lambda a, b: mcap_recorder(a, b, CompressionType.ZSTD)),
-    "MCAP with lz4": (".mcap", lambda a, b: mcap_recorder(a, b, CompressionType.LZ4)),
+    "bag with lz4": (".bag", partial(bag_recorder, compression="lz4")),
+    "MCAP with zstd": (".mcap", partial(mcap_recorder, compression=CompressionType.ZSTD)),
+    "MCAP with lz4": (".mcap", partial(mcap_recorder, compression=CompressionType.LZ4)),
     "MCAP without chunks": (
         ".mcap",
-        lambda a, b: mcap_recorder(a, b, CompressionType.NONE, chunks=False),
+        partial(mcap_recorder, compression=CompressionType.NONE, chunks=False),
     ),
     "rosbag2 in WAL mode": (".db3", rosbag2_recorder),
-    "rosbag2 that rotates": (".db3", lambda a, b: rosbag2_recorder(a, b, 1500)),
+    "rosbag2 that rotates": (".db3", partial(rosbag2_recorder, rows_a_file=1500)),
     "CSV": (".csv", csv_recorder),
 }
 
@@ -84,13 +87,13 @@ def replayed(path: Path, machine: Machine) -> Run:
 
 
 def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
-    stepped = [row for row in rows if row.gate is not None]
+    stepped = [(row.t_ns, row.gate) for row in rows if row.gate is not None]
     gate = replay.frames["gate"]
-    assert [row.t_ns for row in stepped] == gate["t_ns"].to_list()
-    assert [row.gate.reason for row in stepped] == gate["reason_x"].to_list()
+    assert [t_ns for t_ns, _ in stepped] == gate["t_ns"].to_list()
+    assert [seen.reason for _, seen in stepped] == gate["reason_x"].to_list()
     for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "noise_share_x_1"):
-        seen = np.array([getattr(row.gate, name) for row in stepped])
-        np.testing.assert_array_equal(seen, gate[name].fill_null(np.nan).to_numpy())
+        numbers = np.array([getattr(seen, name) for _, seen in stepped])
+        np.testing.assert_array_equal(numbers, gate[name].fill_null(np.nan).to_numpy())
     methods = [name for name in replay.frames if name.startswith("estimates/")]
     assert methods
     for name in methods:
