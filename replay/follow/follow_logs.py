@@ -15,6 +15,7 @@ from analysis.online.follower import FollowedRow, Follower
 from analysis.online.growing_log import causal_machine
 from analysis.online.online_report import VALID_S
 from estimators.errors import DataError, LogError
+from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import GrowingLogFile, follow_log
 from replay.machines.machine_file import time_axis
@@ -60,6 +61,7 @@ class Following:
         return f"; {has}. Set the topic of the channel in the machine file"
 
 
+@one_blas_thread()  # or the last bits depend on the number of cores
 def follow_logs(
     paths: Sequence[Path],
     machine: Machine,
