@@ -96,6 +96,11 @@ class GrowingLog:
         read = (channel for channel in self.machine.channels.values() if channel.fields)
         return list(dict.fromkeys(channel.topic or "table" for channel in read))
 
+    @property
+    def samples_kept(self) -> int:
+        """Samples of all topics that are kept for rows to come."""
+        return sum(frame.height for frame in self._raw.values())
+
     def take(self, topic: str, samples: pl.DataFrame) -> None:
         """Take samples of a topic: log_time_ns, header_stamp_ns (or null) and its fields."""
         if samples.height:

@@ -29,6 +29,7 @@ from tests.replay.follow.recorders import (
     rosbag2_recorder,
 )
 
+REPO = Path(__file__).resolve().parents[3]
 #: Two starts of the paper's loader.
 TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}})
 CAUSAL = [
@@ -181,5 +182,76 @@ def test_digests_say_from_which_minute_on_a_replay_differs(logs: dict[str, Path]
     frames = dict(replayed(logs[".bag"], machine).frames)
     assert all(each.differs_from_s is None for each in digests.compare(frames))
     frames["estimates/ls"] = frames["estimates/ls"].with_columns(pl.col("mass_kg") + 1e-9)
-    differing = [each.name for each in digests.compare(frames) if each.differs_from_s is not None]
-    assert differing == ["ls"]
+    frames["estimates/tls"] = frames["estimates/tls"].with_columns(pl.col("mass_kg") + 1.0)
+    compared = {each.name: each for each in digests.compare(frames)}
+    differing = [name for name, each in compared.items() if each.differs_from_s is not None]
+    assert differing == ["ls", "tls"]
+    assert compared["ls"].is_rounding
+    assert not compared["tls"].is_rounding
+
+
+def test_holes_of_a_log_are_as_in_the_replay(logs: dict[str, Path], tmp_path: Path) -> None:
+    """A drop-out, and a pause of which the grid keeps the ends alone."""
+    source, target = tmp_path / "holes.csv", tmp_path / "growing.csv"
+    table = pl.read_csv(logs[".csv"], infer_schema_length=None)
+    time_s = pl.col("time_s")
+    table = table.filter(~time_s.is_between(14.0, 14.3)).with_columns(
+        time_s=pl.when(time_s > 17.0).then(time_s + 130.0).otherwise(time_s)
+    )
+    table.write_csv(source)
+    machine = machine_of(source)
+    with Recording(csv_recorder(source, target), target):
+        _, rows = followed(target, machine)
+    assert_as_replayed(rows, replayed(target, machine))
+    assert {row.gate.reason for row in rows if row.gate} >= {"gap", "accepted"}
+
+
+@pytest.mark.parametrize(
+    ("log", "machine_file", "is_exact"),
+    [
+        ("linear_axis.csv", "linear_axis.toml", True),
+        # what a filter carries over from the beginning of the log is lost but for rounding
+        ("linear_axis.bag", "linear_axis_ros.toml", False),
+        ("husky_asphalt.bag", "husky_imu.toml", False),
+    ],
+)
+def test_logs_of_others_are_followed_as_replayed(
+    shared_data: Path, tmp_path: Path, log: str, machine_file: str, is_exact: bool
+) -> None:
+    data = (shared_data / "logs" / log).read_bytes()
+    target = tmp_path / log
+    machine = load_machine(REPO / "examples" / machine_file, CAUSAL)
+
+    def record() -> Iterator[None]:
+        with target.open("wb") as file:
+            for begin in range(0, len(data), len(data) // 100):
+                file.write(data[begin : begin + len(data) // 100])
+                file.flush()
+                yield
+
+    digests = FollowedDigests()
+    with Recording(record(), target):
+        follow_logs([target], machine, lambda _, rows: digests.add(rows), idle_s=IDLE_S)
+    compared = {each.name: each for each in digests.compare(replayed(target, machine).frames)}
+    assert compared["gate"].differs_from_s is None
+    assert compared["gate"].rows > 300
+    for each in compared.values():
+        assert each.is_rounding, each
+        assert each.differs_from_s is None or not is_exact
+
+
+def test_memory_does_not_grow_with_the_log(logs: dict[str, Path], tmp_path: Path) -> None:
+    """What is kept of the samples is the newest seconds, whatever came before."""
+    machine = machine_of(logs[".mcap"])
+    target = tmp_path / "growing.mcap"
+    heights: list[int] = []
+
+    def on_rows(following: Following, _: list[FollowedRow]) -> None:
+        heights.append(following.follower.log.samples_kept)
+
+    recorder = mcap_recorder(logs[".mcap"], target, CompressionType.NONE)
+    with Recording(recorder, target):
+        following = follow_logs([target], machine, on_rows, idle_s=IDLE_S)
+    assert following.follower.rows_stepped > 2_000
+    # three topics at 100 Hz: two seconds are kept, and what a chunk or a look brings at once
+    assert heights[-1] < 1_000
