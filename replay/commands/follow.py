@@ -38,9 +38,7 @@ def command(
     ] = 120.0,
     reports: Annotated[
         Path | None,
-        typer.Option(
-            "--reports", metavar="MCAP", help="Write the reports as a topic, as they come."
-        ),
+        typer.Option("--reports", metavar="MCAP", help="Write reports as a topic, as they come."),
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace existing outputs.")] = False,
     as_json: Annotated[
@@ -74,7 +72,7 @@ def command(
     digests = FollowedDigests()
 
     with ExitStack() as opened:
-        topic = ReportFile(reports, force=force) if reports else None
+        topic = ReportFile(reports, logs, force=force) if reports else None
         if topic is not None:
             opened.callback(topic.close)
         panel = opened.enter_context(FollowPanel())

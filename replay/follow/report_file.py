@@ -1,14 +1,14 @@
 """Reports as a topic of an MCAP file, which grows as they come."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
 
 from mcap.writer import CompressionType, Writer
 
 from analysis.online.online_report import OnlineReport, report_schema
-from recordings.report.atomic_output import check_output
+from recordings.report.atomic_output import check_output, keep_apart
 
 TOPIC: Final = "/payscope/mass"
 
@@ -20,13 +20,14 @@ class ReportFile:
     controls the machine can follow it: what is killed leaves whole reports and no index.
     """
 
-    def __init__(self, path: Path, *, force: bool) -> None:
-        """Begin a file.
+    def __init__(self, path: Path, logs: Sequence[Path], *, force: bool) -> None:
+        """Begin a file, which is none of the logs that are followed.
 
         Raises:
             OutputError: it is there already, or cannot be written to.
         """
         check_output(path, force=force)
+        keep_apart(path, (log for log in logs if log.exists()))
         self._file = path.open("wb")
         # a message by itself: a chunk would be as late as it is long
         self._writer = Writer(self._file, compression=CompressionType.NONE, use_chunking=False)
