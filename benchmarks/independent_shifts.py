@@ -35,7 +35,8 @@ from benchmarks.independent.mcap_log import write_mcap
 from benchmarks.independent.shift_logs import shift_log
 from benchmarks.page import markdown
 from estimators.errors import PayscopeError
-from replay.review.review_shift import ReviewOptions, ShiftReview, review
+from replay.review.review_shift import ReviewOptions, review
+from replay.review.write_review import ShiftReview
 
 #: Of an interval of 95 %.
 K: Final = 2.0

@@ -16,7 +16,13 @@ from analysis.diagnosis import (
     withhold_by_causes,
     without_named,
 )
-from analysis.findings import FindingInputs, add_masked_findings, findings, first_findings
+from analysis.findings import (
+    FindingInputs,
+    add_masked_findings,
+    findings,
+    first_findings,
+    without_work,
+)
 from analysis.model.machine import Machine
 from analysis.model.run_record import Loss, Run
 from analysis.model.verdict import Verdict
@@ -158,7 +164,7 @@ def run(
             "budget": budget_frame(weighing, machine),
             "masses": withhold(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
-            "findings": causes,
+            "findings": without_work(causes, hauled.cycles),
         },
         provenance=provenance(
             logs,

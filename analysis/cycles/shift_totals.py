@@ -45,7 +45,7 @@ def shift(
     row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
         "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
-        **_sums(cycles, ()),
+        **sum_cycles(cycles, ()),
         "lost_cycles": lost.cycles,
         "lost_cycles_u": lost.u,
         "lost_kg": lost.payload_kg,
@@ -80,7 +80,7 @@ def recounted(
         cycles: frame `cycles`.
         rejected: numbers of cycles that are not counted.
     """
-    sums = _sums(cycles, rejected)
+    sums = sum_cycles(cycles, rejected)
     mean_kg = summary["payload_mean_kg"][0]
     scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
     row = summary.row(0, named=True)
@@ -120,7 +120,7 @@ def _total(row: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
+def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
     """What cycles add up to.
 
     Random parts of the passes add up in squares, each with its whole weight in the sum: an empty

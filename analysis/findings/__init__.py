@@ -4,6 +4,7 @@ from analysis.findings.cause_table import CAUSES, UNKNOWN
 from analysis.findings.find_causes import findings
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.masked_causes import add_masked_findings, first_findings
+from analysis.findings.part_of_work import without_work
 
 __all__ = [
     "CAUSES",
@@ -12,4 +13,5 @@ __all__ = [
     "add_masked_findings",
     "findings",
     "first_findings",
+    "without_work",
 ]

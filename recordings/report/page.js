@@ -34,16 +34,19 @@ const copied = (text) => {
   field.remove();
   return done;
 };
-const copy = async (button) => {
-  const text = button.textContent;
-  let done = false;
+const copyText = async (text, button) => {
   try {
     await navigator.clipboard.writeText(text);
-    done = true;
+    return true;
   } catch {
-    done = copied(text);
+    const done = copied(text);
     button.focus();
+    return done;
   }
+};
+const copy = async (button) => {
+  const text = button.textContent;
+  const done = await copyText(text, button);
   said.textContent = done ? "copied: " + text : "cannot copy here: select the text";
 };
 for (const table of document.querySelectorAll("table.sorted")) {
@@ -51,6 +54,6 @@ for (const table of document.querySelectorAll("table.sorted")) {
     const button = event.target.closest("button");
     if (!button) return;
     if (button.classList.contains("copy")) copy(button);
-    else sort(button.parentNode);
+    else if (button.closest("thead")) sort(button.parentNode);
   });
 }

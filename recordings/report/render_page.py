@@ -14,27 +14,34 @@ _HERE: Final = "recordings.report"
 _PAGE: Final = "page.html.j2"
 _MACROS: Final = "macros.html.j2"
 _SCRIPT: Final = "page.js"
+_TEMPLATES: Final = ".html.j2"
 _PLACE: Final = "/* page.js */"
 
 
-def page_html(package: str, template: str, **values: Any) -> str:
+def page_html(package: str, template: str, *, script: str = "", **values: Any) -> str:
     """Render a page; every text in it is escaped.
 
     Args:
-        package: where the template lies.
+        package: where the template and those that it includes lie.
         template: its name; it fills the block of `page.html.j2`.
+        script: the name of a script of its own beside it, if any.
         values: that it shows.
     """
     from jinja2 import DictLoader, Environment, StrictUndefined
 
     # our own files, so part of the template: no text of a log is in them
     here = files(_HERE)
-    script = here.joinpath(_SCRIPT).read_text(encoding="utf-8")
-    page = here.joinpath(_PAGE).read_text(encoding="utf-8").replace(_PLACE, script)
+    scripts = [here.joinpath(_SCRIPT), *([files(package).joinpath(script)] if script else [])]
+    code = "".join(each.read_text(encoding="utf-8") for each in scripts)
+    page = here.joinpath(_PAGE).read_text(encoding="utf-8").replace(_PLACE, code)
     macros = here.joinpath(_MACROS).read_text(encoding="utf-8")
-    own = files(package).joinpath(template).read_text(encoding="utf-8")
+    own = {
+        each.name: each.read_text(encoding="utf-8")
+        for each in files(package).iterdir()
+        if each.name.endswith(_TEMPLATES)
+    }
     environment = Environment(
-        loader=DictLoader({_PAGE: page, _MACROS: macros, template: own}),
+        loader=DictLoader({_PAGE: page, _MACROS: macros, **own}),
         undefined=StrictUndefined,
         autoescape=True,
         trim_blocks=True,
@@ -43,7 +50,7 @@ def page_html(package: str, template: str, **values: Any) -> str:
     )
     environment.filters["number"] = number
     environment.filters["percent"] = _percent
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
     return environment.get_template(template).render(
         width=WIDTH, version=version("payscope"), script_hash=f"sha256-{digest}", **values
     )

@@ -106,10 +106,16 @@ class Axes:
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
         return left + across * (right - left), bottom - up * (bottom - top)
 
-    def draw(self, picture: Drawing, x_label: str, y_label: str) -> None:
-        """Draw grid, numbers and labels."""
+    def draw(
+        self,
+        picture: Drawing,
+        x_label: str,
+        y_label: str,
+        x_ticks: Sequence[tuple[float, str]] | None = None,
+    ) -> None:
+        """Draw grid, numbers and labels; `x_ticks` are others than round numbers, as of a clock."""
         left, top, right, bottom = self.box
-        for value, text in ticks(*self.x):
+        for value, text in ticks(*self.x) if x_ticks is None else x_ticks:
             x, _ = self.place(value, self.y[0])
             picture.line(x, top, x, bottom, "grid")
             picture.write(x, bottom + 14, text)

@@ -13,7 +13,6 @@ from recordings.review.review_state import ReviewState
 _BOX: Final = (48.0, 22.0, WIDTH - 8.0, 190.0)
 _HEIGHT: Final = 226
 _ROW: Final = 20.0
-_MINUTE_S: Final = 60.0
 #: Bars of a distribution.
 _BINS: Final = 12
 _MOST_REASONS: Final = 9
@@ -21,21 +20,28 @@ _MOST_REASONS: Final = 9
 _FEWEST_LOADS: Final = 5
 
 
-def pictures(
-    ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None, track: pl.DataFrame | None
-) -> list[Drawing]:
-    """Every figure that there is something to draw for.
+def pictures(ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None) -> list[Drawing]:
+    """The figures of the loads, none where no load counts.
 
     Args:
         ledger: the ledger.
-        state: gaps and reasons.
+        state: of the review: clock and gaps.
         target: of a load.
+    """
+    counted = ledger.filter("counted")
+    if not counted.height:
+        return []
+    return [_timeline(ledger, state), _distribution(counted, target)]
+
+
+def more_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
+    """The figures of friction, gate and track that there is something to draw for.
+
+    Args:
+        state: of the review.
         track: `latitude_deg` and `longitude_deg`.
     """
     found: list[Drawing] = []
-    counted = ledger.filter("counted")
-    if counted.height:
-        found += [_timeline(ledger, state), _distribution(counted, target)]
     if len(state.friction_parts) > 1:
         found.append(_friction(state))
     if state.gate_shares:
@@ -47,29 +53,30 @@ def pictures(
 
 def _timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     shown = ledger.filter(pl.col("payload_kg").is_not_null())
+    clock = state.clock
     seconds = ((shown["end_unix_ns"] - state.t0_unix_ns) / 1e9).to_list()
     picture = Drawing(
         "timeline",
         "Payloads in time",
-        f"{shown.height} payloads in kg over minutes since the start, from "
+        f"{shown.height} payloads in kg over {clock.axis_label}, from "
         f"{shown['payload_kg'].min():,.0f} to {shown['payload_kg'].max():,.0f} kg; bars reach two "
         "standard uncertainties either way; shaded: nothing was recorded.",
         _HEIGHT,
     )
     payload, u = shown["payload_kg"].to_list(), shown["payload_u_kg"].to_list()
     tops = [p + 2.0 * w for p, w in zip(payload, u, strict=True)]
-    axes = Axes.around([0.0, *(s / _MINUTE_S for s in seconds)], [0.0, *tops], _BOX, 0.03)
+    axes = Axes.around([0.0, state.duration_s, *seconds], [0.0, *tops], _BOX, 0.03)
     for start, end in state.gaps_s:
-        (x0, _), (x1, _) = (axes.place(t / _MINUTE_S, 0.0) for t in (start, end))
+        (x0, _), (x1, _) = (axes.place(t, 0.0) for t in (start, end))
         picture.bar(x0, _BOX[1], max(x1 - x0, 1.0), _BOX[3] - _BOX[1], "band")
-    axes.draw(picture, "minutes since the start", "payload in kg")
+    axes.draw(picture, clock.axis_label, "payload in kg", clock.ticks(*axes.x))
     rows = zip(seconds, payload, u, shown["cycle"], shown["counted"], strict=True)
     for at_s, kg, u_kg, number, counts in rows:
-        x, low = axes.place(at_s / _MINUTE_S, kg - 2.0 * u_kg)
-        _, high = axes.place(at_s / _MINUTE_S, kg + 2.0 * u_kg)
+        x, low = axes.place(at_s, kg - 2.0 * u_kg)
+        _, high = axes.place(at_s, kg + 2.0 * u_kg)
         picture.line(x, low, x, high, "axis")
-        tip = f"cycle {number}: {kg:,.0f} ± {2.0 * u_kg:,.0f} kg"
-        picture.dot(*axes.place(at_s / _MINUTE_S, kg), "point" if counts else "rejected", tip)
+        tip = f"cycle {number}, {clock.at(at_s)}: {kg:,.0f} ± {2.0 * u_kg:,.0f} kg"
+        picture.dot(*axes.place(at_s, kg), "point" if counts else "rejected", tip)
     return picture
 
 
@@ -108,7 +115,8 @@ def _friction(state: ReviewState) -> Drawing:
     parts = state.friction_parts
     value = [part.friction_N_s_m for part in parts]
     std = [part.std_N_s_m for part in parts]
-    minutes = [(part.start_s + part.end_s) / 2.0 / _MINUTE_S for part in parts]
+    clock = state.clock
+    middles = [(part.start_s + part.end_s) / 2.0 for part in parts]
     low = min(v - 2.0 * s for v, s in zip(value, std, strict=True))
     high = max(v + 2.0 * s for v, s in zip(value, std, strict=True))
     first, last = parts[0], parts[-1]
@@ -123,14 +131,14 @@ def _friction(state: ReviewState) -> Drawing:
     )
     # what changes by less than a tenth is to look like it
     room = max(0.05 * abs(float(np.mean(value))), 1e-9)
-    axes = Axes.around([0.0, last.end_s / _MINUTE_S], [low - room, high + room], _BOX, 0.03)
-    axes.draw(picture, "minutes since the start", "friction in N·s/m")
-    for at, friction, u, part in zip(minutes, value, std, parts, strict=True):
+    axes = Axes.around([0.0, last.end_s], [low - room, high + room], _BOX, 0.03)
+    axes.draw(picture, clock.axis_label, "friction in N·s/m", clock.ticks(*axes.x))
+    for at, friction, u, part in zip(middles, value, std, parts, strict=True):
         x, bottom = axes.place(at, friction - 2.0 * u)
         _, top = axes.place(at, friction + 2.0 * u)
         picture.line(x, bottom, x, top, "axis")
         tip = (
-            f"{part.start_s / _MINUTE_S:.0f} to {part.end_s / _MINUTE_S:.0f} min: {friction:,.0f} "
+            f"{clock.at(part.start_s)} to {clock.at(part.end_s)}: {friction:,.0f} "
             f"± {2.0 * u:,.0f} N·s/m by {part.manoeuvres} starts"
         )
         picture.dot(*axes.place(at, friction), "point", tip)

@@ -7,18 +7,27 @@ import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from analysis.cycles.cycle_motion import (
+    CycleMotion,
+    DriveSummary,
+    cycle_motions,
+    idle_stands,
+    shift_motion,
+)
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
 from analysis.cycles.lost_cycles import holes
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
 from estimators.errors import counted
+from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of
-from recordings.rrd.recording_texts import local_time, machine_name
+from recordings.review.torn_logs import TornLog
+from recordings.rrd.recording_texts import local_time, machine_body, machine_name
 
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
-FORMAT: Final = 6
+FORMAT: Final = 7
 _NS: Final = 10**9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
@@ -61,6 +70,14 @@ class ReviewState(BaseModel):
         friction_parts: the same over the shift.
         no_cycle: why no cycle was found; empty where one was.
         gaps_s: stretches without a recording, from the first sample.
+        timezone: of the machine, which people read times in.
+        serial: number of the machine; empty where the machine file has none.
+        duration_s: from the first sample to the last.
+        motions: of each cycle.
+        motion: of the whole shift.
+        idle_s: stands of more than half a minute, from the first sample.
+        torn: logs that break off.
+        calibration: what `UsedCalibration` says, and what is against it.
         mixed_machines: that these may be logs of two machines; empty where nothing says so.
         findings: causes of a wrong mass that these logs show and that matter, a line each.
     """
@@ -88,10 +105,28 @@ class ReviewState(BaseModel):
     findings: tuple[str, ...] = ()
     no_cycle: str = ""
     mixed_machines: str = ""
+    timezone: str = "UTC"
+    serial: str = ""
+    duration_s: float = 0.0
+    motions: tuple[CycleMotion, ...] = ()
+    motion: DriveSummary = DriveSummary(None, None, 0.0, 0.0, 0.0)
+    idle_s: tuple[tuple[float, float], ...] = ()
+    torn: tuple[TornLog, ...] = ()
+    calibration: tuple[str, str] = ("", "")
+
+    @property
+    def clock(self) -> ShiftClock:
+        """The clock that people at the machine read."""
+        return ShiftClock(self.timezone, self.t0_unix_ns, self.duration_s)
 
 
 def state_of(
-    run: Run, key: str, recording_sha256: str, resolved: dict[str, Any], mixed_machines: str = ""
+    run: Run,
+    key: str,
+    recording_sha256: str,
+    resolved: dict[str, Any],
+    mixed_machines: str = "",
+    torn: tuple[TornLog, ...] = (),
 ) -> ReviewState:
     """Take from a replay what the page needs.
 
@@ -101,6 +136,7 @@ def state_of(
         recording_sha256: of the recording.
         resolved: see `ReviewState`.
         mixed_machines: likewise.
+        torn: likewise.
     """
     about, frames = run.provenance, run.frames
     verdict = Verdict.of(frames["verdict"])
@@ -108,6 +144,9 @@ def state_of(
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
     gaps = holes(frames["excitation"], frames["aligned"])
     load = frames["loads"].row(0, named=True)
+    body = machine_body(about)
+    timezone, duration_s = str(body.get("timezone", "UTC")), float(frames["shift"]["duration_s"][0])
+    clock = ShiftClock(timezone, about.t0_unix_ns, duration_s)
     return ReviewState(
         key=key,
         recording_sha256=recording_sha256,
@@ -143,9 +182,16 @@ def state_of(
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,
-        findings=tuple(finding_line(e) for e in findings_of(run) if e.severity != "tell"),
+        findings=tuple(finding_line(e, clock) for e in findings_of(run) if e.severity != "tell"),
         no_cycle=_no_cycle(frames["cycles"], frames["loads"]),
         mixed_machines=mixed_machines,
+        timezone=timezone,
+        serial=str(body.get("id") or ""),
+        duration_s=duration_s,
+        motions=tuple(cycle_motions(frames["cycles"], frames["excitation"], gaps)),
+        motion=shift_motion(frames["excitation"], gaps),
+        idle_s=tuple((s / _NS, e / _NS) for s, e in idle_stands(frames["excitation"])),
+        torn=torn,
     )
 
 

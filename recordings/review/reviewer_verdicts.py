@@ -1,18 +1,25 @@
-"""What a reviewer says of cycles: a small file beside the ledger, read and never written.
+"""What reviewers say of a shift and its cycles: a small file beside the ledger.
 
 ```toml
+[[shift]]                            # of all cycles that do not say otherwise
+operator = "A. Kim"
+product = "gravel"
+
 [[cycle]]
 id = "2023-11-14T22:14:58Z"          # as ledger and page have it: when it was dumped
 reject = true                        # not counted
-product = "gravel"
+product = "sand"
 note = "bucket caught the wall"
 author = "R. Meier"
 time = 2023-11-15T08:00:00Z
 ```
+
+A person writes it, or the page does, or `payscope review DIR --reject …`, which adds to its end.
 """
 
 import datetime as dt
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -22,31 +29,67 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from estimators.errors import ReviewError, counted
 
 VERDICTS: Final = "verdicts.toml"
+#: What a load can be labelled with; totals are made of each.
+LABELS: Final = ("product", "operator", "truck", "customer", "stockpile")
 #: A dump that another replay finds so much later is the same.
 _SAME_S: Final = 5.0
+#: Keys of the file in the order in which they are written.
+_KEYS: Final = ("id", "reject", *LABELS, "note", "author", "time")
 _Text = Annotated[str, Field(max_length=500)]
+_Author = Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class CycleVerdict(BaseModel):
-    """What somebody says of a cycle, and when."""
+class Labels(BaseModel):
+    """What was loaded, by whom, for whom and where; empty where nobody says so."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    product: _Text = ""
+    operator: _Text = ""
+    truck: _Text = ""
+    customer: _Text = ""
+    stockpile: _Text = ""
+
+
+class CycleVerdict(Labels):
+    """What somebody says of a cycle, and when."""
+
     id: str
-    author: Annotated[str, Field(min_length=1, max_length=200)]
+    author: _Author
     time: dt.datetime
     reject: bool = False
-    product: _Text = ""
     note: _Text = ""
 
 
-class _VerdictFile(BaseModel):
+class ShiftVerdict(Labels):
+    """What somebody says of all cycles; the later one counts, label by label."""
+
+    author: _Author | None = None
+    time: dt.datetime | None = None
+
+
+class VerdictFile(BaseModel):
+    """A file of verdicts."""
+
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    shift: tuple[ShiftVerdict, ...] = ()
     cycle: tuple[CycleVerdict, ...] = ()
 
+    @property
+    def shift_labels(self) -> Labels:
+        """What is said of all cycles."""
+        said: dict[str, str] = {}
+        for verdict in self.shift:
+            said |= {name: text for name in LABELS if (text := getattr(verdict, name))}
+        return Labels.model_validate(said)
 
-def read_verdicts(folder: Path) -> tuple[CycleVerdict, ...]:
+
+#: Of a folder without the file.
+NO_VERDICTS: Final = VerdictFile()
+
+
+def read_verdicts(folder: Path) -> VerdictFile:
     """Read the verdicts of a review's folder, none where there is no file.
 
     Raises:
@@ -56,11 +99,11 @@ def read_verdicts(folder: Path) -> tuple[CycleVerdict, ...]:
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        return ()
+        return NO_VERDICTS
     except (OSError, UnicodeDecodeError) as error:
         raise ReviewError(f"{path}: cannot be read ({error})") from None
     try:
-        return _VerdictFile.model_validate(tomllib.loads(text)).cycle
+        return VerdictFile.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
         raise ReviewError(f"{path}: is no TOML ({error})") from None
     except ValidationError as error:
@@ -68,13 +111,24 @@ def read_verdicts(folder: Path) -> tuple[CycleVerdict, ...]:
         where = ".".join(map(str, first["loc"]))
         raise ReviewError(
             f"{path}: {where}: {first['msg']}; a [[cycle]] has id, author, time, and any of "
-            "reject, product, note"
+            f"reject, note, {', '.join(LABELS)}; a [[shift]] any of {', '.join(LABELS)}, "
+            "author, time"
         ) from None
 
 
-def matched(
-    verdicts: tuple[CycleVerdict, ...], ids: pl.Series, path: Path
-) -> dict[int, CycleVerdict]:
+def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
+    """Verdicts as the file has them; what a verdict does not say is left out."""
+    blocks: list[str] = []
+    for verdict in verdicts:
+        name = "cycle" if isinstance(verdict, CycleVerdict) else "shift"
+        lines = [f"[[{name}]]"]
+        said = verdict.model_dump(exclude_defaults=True)
+        lines += [f"{key} = {_toml_value(said[key])}" for key in _KEYS if key in said]
+        blocks.append("\n".join(lines) + "\n")
+    return "\n".join(blocks)
+
+
+def matched(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
     """The verdict of each row that has one; of two about one cycle the later counts.
 
     Args:
@@ -87,7 +141,7 @@ def matched(
     """
     times = [_seconds(each) for each in ids]
     found: dict[int, CycleVerdict] = {}
-    for verdict in sorted(verdicts, key=lambda v: v.time.astimezone(dt.UTC)):
+    for verdict in sorted(verdicts.cycle, key=lambda v: v.time.astimezone(dt.UTC)):
         at = _seconds(verdict.id)
         away = {} if at is None else {k: abs(t - at) for k, t in enumerate(times) if t is not None}
         best = min(away, key=away.__getitem__, default=None)
@@ -108,3 +162,18 @@ def _seconds(identity: str) -> float | None:
         return dt.datetime.fromisoformat(identity).timestamp()
     except ValueError:
         return None
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dt.datetime):
+        return f"{value.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
+    return '"' + "".join(_toml_character(c) for c in str(value)) + '"'
+
+
+def _toml_character(c: str) -> str:
+    """A character of a basic string; what no screen shows is written by its number."""
+    if c in '\\"':
+        return f"\\{c}"
+    return c if c.isprintable() else f"\\U{ord(c):08x}"

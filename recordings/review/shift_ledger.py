@@ -7,12 +7,19 @@ from typing import Final
 
 import polars as pl
 
+from analysis.cycles.cycle_doubts import cycle_doubts
+from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
-from recordings.review.reviewer_verdicts import CycleVerdict
+from recordings.review.review_state import ReviewState
+from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
 
 PARQUET: Final = "ledger.parquet"
 CSV: Final = "ledger.csv"
+#: Quality of a load that counts and is worth a second look.
+CHECK: Final = "check"
+NO_LABELS: Final = Labels()
 _NS: Final = 10**9
+_QUALITY: Final = ("quality", "withheld_for", "counted")
 
 
 def identities(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
@@ -23,23 +30,31 @@ def identities(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
 
 
 def ledger(
-    cycles: pl.DataFrame, t0_unix_ns: int, verdicts: Mapping[int, CycleVerdict]
+    cycles: pl.DataFrame,
+    t0_unix_ns: int,
+    verdicts: Mapping[int, CycleVerdict],
+    labels: Labels = NO_LABELS,
 ) -> pl.DataFrame:
     """The ledger, a row a cycle.
+
+    Its quality is that of the frame, and "check" of a good load with a doubt.
 
     Args:
         cycles: the frame.
         t0_unix_ns: where its times begin.
         verdicts: by row.
+        labels: of all cycles whose verdict has none of its own.
     """
     rows = [verdicts.get(row) for row in range(cycles.height)]
 
-    def said(name: str) -> list[str]:
-        return ["" if each is None else str(getattr(each, name)) for each in rows]
+    def said(name: str, default: str = "") -> pl.Series:
+        texts = [default if each is None else getattr(each, name) or default for each in rows]
+        return pl.Series(name, texts, dtype=pl.String)
 
     rejected = pl.Series(
         "rejected", [each is not None and each.reject for each in rows], dtype=pl.Boolean
     )
+    doubts = pl.Series("doubt", cycle_doubts(cycles), dtype=pl.String)
     times = [
         (pl.col(f"{name}_t_ns") + t0_unix_ns).alias(f"{name}_unix_ns")
         for name in ("start", "end", "dig", "dump")
@@ -50,14 +65,61 @@ def ledger(
         identities(cycles, t0_unix_ns),
         *times,
         (pl.col("start_t_ns") / _NS).alias("at_s"),
-        pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", "counted"),
+        pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", *_QUALITY),
+        pl.when((doubts != "") & (pl.col("quality") == "good"))
+        .then(pl.lit(CHECK))
+        .otherwise(pl.col("quality").cast(pl.String))
+        .alias("quality"),
+        "withheld_for",
+        doubts,
         (pl.col("counted") & ~rejected).alias("counted"),
         rejected,
-        pl.Series("product", said("product"), dtype=pl.String),
-        pl.Series("note", said("note"), dtype=pl.String),
-        pl.Series("author", said("author"), dtype=pl.String),
+        *(said(name, getattr(labels, name)) for name in LABELS),
+        said("note"),
+        said("author"),
         pl.Series("said", when, dtype=pl.String),
     )
+
+
+def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
+    """The ledger with local times, distances, speeds and stands, by the number of the cycle.
+
+    Args:
+        rows: the ledger.
+        state: of the review.
+    """
+    clock, motions = state.clock, {each.cycle: each for each in state.motions}
+    local = [clock.at_unix_ns(each) for each in rows["end_unix_ns"]]
+    found = [motions.get(each) for each in rows["cycle"]]
+    columns = {
+        "haul_m": [None if m is None else m.haul_m for m in found],
+        **{
+            name: [None if m is None else getattr(m.whole, name) for m in found]
+            for name in ("distance_m", "top_speed_m_s", "moving_s", "standing_s", "hole_s")
+        },
+    }
+    return rows.with_columns(
+        pl.Series("local_time", local, dtype=pl.String),
+        *(pl.Series(name, numbers, dtype=pl.Float64) for name, numbers in columns.items()),
+    )
+
+
+def cycles_of(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:
+    """Frame `cycles` of a ledger, without what reviewers said.
+
+    Args:
+        rows: the ledger.
+        t0_unix_ns: where the frame's times begin.
+    """
+    frame = rows.with_columns(
+        *(
+            (pl.col(f"{name}_unix_ns") - t0_unix_ns).alias(f"{name}_t_ns")
+            for name in ("start", "end", "dig", "dump")
+        ),
+        quality=pl.col("quality").replace(CHECK, "good").cast(QUALITY),
+        counted=pl.col("quality").is_in(["good", "weak", CHECK]),
+    )
+    return conform("cycles", frame.select(c.name for c in FRAMES["cycles"].columns))
 
 
 def write_ledger(frame: pl.DataFrame, folder: Path) -> None:

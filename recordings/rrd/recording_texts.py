@@ -2,9 +2,7 @@
 
 import json
 from collections.abc import Callable
-from datetime import UTC, datetime
 from typing import Any, Final
-from zoneinfo import ZoneInfo
 
 import polars as pl
 
@@ -12,9 +10,11 @@ from analysis.model.answer import Answer, AnswerRow, answer
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of, findings_text
 from recordings.report.number_text import SCALE_NOT_KNOWN, number, outcome, plus_minus, table
 from recordings.report.planar_text import planar, planar_lines
+from recordings.report.shift_text import shift_sentence
 from recordings.report.worth_text import (
     budget_rows,
     load_heads,
@@ -63,7 +63,7 @@ def recording_name(about: Provenance) -> str:
 
 def machine_name(about: Provenance) -> str:
     """The name that the machine file gives, or nothing."""
-    return str(_body(about).get("name", ""))
+    return str(machine_body(about).get("name", ""))
 
 
 #: Findings beside the answer; their own text has all.
@@ -77,9 +77,8 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     stamp_ns = about.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / _NS:.3f} s of the log's own clock"
-    zone = ZoneInfo(str(_body(about).get("timezone", "UTC")))
-    utc = datetime.fromtimestamp(stamp_ns // _NS, UTC)
-    return f"{utc.astimezone(zone):%Y-%m-%d %H:%M:%S} {zone.key}"
+    clock = ShiftClock(_timezone(about), stamp_ns, 0.0)
+    return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
 
 
 def headline(said: Answer) -> str:
@@ -88,7 +87,7 @@ def headline(said: Answer) -> str:
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(said.loads) > 1:
-        return _several(said)
+        return shift_sentence(said.shift) if _is_shift(said) else _several(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
@@ -102,6 +101,11 @@ def headline(said: Answer) -> str:
     if not said.verdict.checks:
         return "This recording holds no answer."
     return "No window of this log was accepted: there is no mass."
+
+
+def _is_shift(said: Answer) -> bool:
+    """Whether the log's cycles add up to tonnes."""
+    return bool(said.shift.get("cycles_counted"))
 
 
 def _several(said: Answer) -> str:
@@ -153,6 +157,10 @@ def answer_text(run: Run) -> str:
         f"# {headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
     ]
+    if about.t0_unix_ns >= FIRST_DATE_NS:
+        parts.append("Times on the axes are UTC, unless the viewer's settings say local time.")
+    if _is_shift(said):
+        parts.append("As weighed; what reviewers say is on the page of the review.")
     if failed := said.verdict.failed("mass"):
         parts.append("**The mass is withheld**, because:")
         parts.append(
@@ -167,7 +175,7 @@ def answer_text(run: Run) -> str:
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _worth(said)
+    parts += _worth(said, _cycles(run) if _is_shift(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
@@ -255,9 +263,14 @@ def _fingerprint(about: Provenance) -> str:
     return table(("SHA-256 of", "digest"), digests)
 
 
-def _body(about: Provenance) -> dict[str, Any]:
+def machine_body(about: Provenance) -> dict[str, Any]:
+    """Table `machine` of the machine file."""
     body = about.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
+
+
+def _timezone(about: Provenance) -> str:
+    return str(machine_body(about).get("timezone", "UTC"))
 
 
 def _losses(about: Provenance) -> list[tuple[str, str, str]]:
@@ -288,22 +301,54 @@ def _masses(row: AnswerRow) -> list[str]:
     ]
 
 
-def _worth(said: Answer) -> list[str]:
-    """What the answer is worth: other priors, budget, priors and posteriors."""
+def _worth(said: Answer, cycles: list[str]) -> list[str]:
+    """What the answer is worth: other priors, budget, priors and posteriors.
+
+    Sentences are lists: the viewer wraps them, and no table.
+
+    Args:
+        said: the answer.
+        cycles: the part that stands for the loads, where the log is a shift.
+    """
     if not any(load["mass_kg"] is not None for load in said.loads):
         return []
     parts = ["\n".join(f"- {line}" for line in worth_lines(said))]
     which = ""
     if len(said.loads) > 1:
-        parts += ["## Loads", table(load_heads(said), load_rows(said))]
+        parts += cycles or ["## Loads", table(load_heads(said), load_rows(said))]
         which = f" (mass of load {main_load(said)})"
-    heads = ("uncertainty from", "kind", "u (kg)", "share of the variance", "shrinks with")
-    title = f"## Where the uncertainty comes from{which}"
-    parts += [title, table(heads, budget_rows(said, _MARK))]
-    columns = ("term", "prior_std", "posterior", "posterior_std", "unit", "u_kg", "meaning")
-    rows = [tuple(row[name] for name in columns) for row in said.nuisances]
-    heads = ("term", "prior ±", "posterior", "±", "unit", "u of the mass (kg)", "what it is")
-    return [*parts, "## What the fit allows besides mass and friction", table(heads, rows)]
+    parts += [
+        f"## Where the uncertainty comes from{which}",
+        "\n".join(
+            f"- **{cause}** ({kind}): {u} kg {share}; shrinks with {shrinks}"
+            for cause, kind, u, share, shrinks in budget_rows(said, _MARK)
+        ),
+        "## What the fit allows besides mass and friction",
+        "\n".join(
+            f"- **{row['term']}**, {row['meaning']}: "
+            f"{plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
+            f"{number(row['prior_std'])} {row['unit']}; u of the mass {number(row['u_kg'])} kg"
+            for row in said.nuisances
+        ),
+    ]
+    return parts
+
+
+def _cycles(run: Run) -> list[str]:
+    """The cycles of a shift with the local time of each dump."""
+    about, span = run.provenance, span_ns(run)
+    duration_s = 0.0 if span is None else (span[1] - span[0]) / _NS
+    clock = ShiftClock(_timezone(about), about.t0_unix_ns, duration_s)
+    rows = [
+        (
+            str(row["cycle"]),
+            clock.at(row["end_t_ns"] / _NS),
+            plus_minus(row["payload_kg"], row["payload_u_kg"]),
+            row["quality"],
+        )
+        for row in run.frames["cycles"].iter_rows(named=True)
+    ]
+    return ["## Cycles", table(("cycle", "dumped at", "payload kg", "quality"), rows)]
 
 
 def _verdict(verdict: Verdict) -> list[str]:

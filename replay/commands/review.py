@@ -1,7 +1,7 @@
 """`payscope review`: the logs of a shift in, its tonnes and their worth out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -10,15 +10,45 @@ from replay.commands.common_options import Calibration, RequireSigned, SignerKey
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from replay.review.review_shift import ShiftReview
+    from replay.review.write_review import ShiftReview
+
+
+#: Ways of naming a cycle: its number, its id, or the local time.
+_WHEN: Final = "WHEN"
+_VERDICT: Final = "Verdict"
+
+
+def _label(name: str) -> Any:
+    return typer.Option(
+        f"--{name}",
+        help=f"The {name} of the named cycles, or of the whole shift.",
+        rich_help_panel=_VERDICT,
+    )
+
+
+def _cycles(name: str, does: str) -> Any:
+    return typer.Option(
+        f"--{name}",
+        metavar=_WHEN,
+        help=f"{does}: a number (14), an id, or a local time (14:32:10).",
+        rich_help_panel=_VERDICT,
+    )
 
 
 def command(
     logs: Annotated[
-        list[Path], typer.Argument(help="Logs of one shift, or a folder of them, in any order.")
+        list[Path],
+        typer.Argument(
+            help="Logs of one shift, or a folder of them, in any order; or the folder of a review, "
+            "which is counted anew with its verdicts."
+        ),
     ],
-    machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the review.")],
+    machine: Annotated[
+        Path | None, typer.Option("-m", "--machine", help="The machine file, for logs.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder of the review, for logs.")
+    ] = None,
     calibration: Calibration = None,
     key: SignerKey = None,
     require_signed: RequireSigned = False,
@@ -26,6 +56,20 @@ def command(
         float | None,
         typer.Option(metavar="KG", min=1e-3, help="Judge loads against KG by the 10/10/20 rule."),
     ] = None,
+    reject: Annotated[list[str] | None, _cycles("reject", "Do not count this cycle")] = None,
+    accept: Annotated[list[str] | None, _cycles("accept", "Count this cycle again")] = None,
+    cycle: Annotated[list[str] | None, _cycles("cycle", "Note or label this cycle")] = None,
+    note: Annotated[
+        str, typer.Option(help="A note on the named cycles.", rich_help_panel=_VERDICT)
+    ] = "",
+    product: Annotated[str, _label("product")] = "",
+    operator: Annotated[str, _label("operator")] = "",
+    truck: Annotated[str, _label("truck")] = "",
+    customer: Annotated[str, _label("customer")] = "",
+    stockpile: Annotated[str, _label("stockpile")] = "",
+    author: Annotated[
+        str, typer.Option(help="Who gives the verdict.", rich_help_panel=_VERDICT)
+    ] = "",
     overrides: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override the machine file; repeatable."),
@@ -38,25 +82,50 @@ def command(
 ) -> None:
     """Review a shift: ledger, recording and one page with tonnes, cycles and what is wrong.
 
-    Exit status 1 if no cycle counts; stderr and the page say why.
+    Verdicts are added to verdicts.toml in the folder. Exit status 1 if no cycle counts; stderr and
+    the page say why.
     """
     from estimators.errors import one_line
-    from recordings.review.review_page import headline
+    from recordings.review.shift_facts import headline
     from replay.commands.print_tables import console, print_json
     from replay.commands.progress_bar import Stages
     from replay.pipeline import STAGES
+    from replay.review.give_verdicts import GivenVerdicts, count_again, is_review
     from replay.review.review_shift import ReviewOptions, review
 
+    labels = {
+        "product": product,
+        "operator": operator,
+        "truck": truck,
+        "customer": customer,
+        "stockpile": stockpile,
+    }
+    given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author)
+    given.check()
     asked = read_calibration(calibration, key, signed=require_signed)
-    options = ReviewOptions(overrides or [], asked, target, full)
-    with Stages(len(STAGES) + 3, timing=timing) as stages:
-        made = review(logs, machine, output, options, stages.begin)
+    if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):
+        if asked is not None or target is not None or overrides or full:
+            raise typer.BadParameter(
+                "--calibration, --target, --set and --full need the logs, -m and -o once more"
+            )
+        made = count_again(logs[0], given)
+    elif machine is None or output is None:
+        raise typer.BadParameter(
+            f"{logs[0]} is not the folder of a review: logs need a machine file (-m) and a folder "
+            "to write (-o)"
+        )
+    else:
+        options = ReviewOptions(overrides or [], asked, target, full)
+        with Stages(len(STAGES) + 3, timing=timing) as stages:
+            made = review(logs, machine, output, options, stages.begin)
+        if given:
+            made = count_again(output, given)
     if as_json:
         print_json(made.to_dict())
     else:
         print_review(console(), made)
     if made.no_tonnes:
-        typer.echo(one_line(headline(made.shift, made.no_tonnes)), err=True)
+        typer.echo(one_line(headline(made.shift, made.no_tonnes, made.state)), err=True)
         raise typer.Exit(1)
 
 
@@ -65,33 +134,36 @@ def print_review(screen: "Console", made: "ShiftReview") -> None:
 
     Why there are no tonnes is a message, which the command prints on stderr.
     """
-    from recordings.review.review_page import (
-        NOT_CALIBRATED,
-        PAGE,
-        breakdown,
+    from recordings.review.review_page import NOT_CALIBRATED, PAGE
+    from recordings.review.shift_facts import (
         facts,
         headline,
+        long_holes,
         missing_loads,
+        other_losses,
+        torn_sentences,
         two_machines,
     )
     from replay.commands.print_tables import print_line
 
+    state = made.state
     if not made.no_tonnes:
-        print_line(screen, headline(made.shift, ""))
-    if made.state.mixed_machines:
-        print_line(screen, f"warning: {two_machines(made.state)}")
-    for sentence in missing_loads(made.shift):
+        print_line(screen, headline(made.shift, "", state))
+    if state.mixed_machines:
+        print_line(screen, f"warning: {two_machines(state)}")
+    holes = long_holes(made.shift, state)
+    for sentence in (*filter(None, [holes]), *missing_loads(made.shift), *torn_sentences(state)):
         print_line(screen, sentence)
-    for name, value in (*facts(made.shift, made.target), *breakdown(made.ledger)):
+    for name, value in facts(made.shift, made.ledger, state, made.target):
         print_line(screen, f"{name}: {value}")
     if made.calibration.against:
         print_line(screen, f"{NOT_CALIBRATED}: {made.calibration.against}")
     elif made.calibration.says:
         print_line(screen, made.calibration.says)
-    failed = [check.check for check in made.state.failed]
+    failed = [check.check for check in state.failed]
     if failed:
         print_line(screen, f"checks that failed: {', '.join(failed)}")
-    for loss in made.state.losses:
+    for loss in other_losses(state):
         print_line(screen, f"lost: {loss}")
     if not made.replayed:
         print_line(screen, "not replayed: logs, machine and settings are those of the last review")

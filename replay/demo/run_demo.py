@@ -27,7 +27,9 @@ from replay.demo.demo_campaign import demo_campaign
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
-from replay.review.review_shift import ReviewOptions, ShiftReview, check_review_folder, review
+from replay.review.review_folder import check_review_folder
+from replay.review.review_shift import ReviewOptions, review
+from replay.review.write_review import ShiftReview
 from replay.simulation.log_truth import true_trials, truth_path
 from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
 

@@ -2,9 +2,8 @@
 
 import hashlib
 import json
-import shutil
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -16,27 +15,22 @@ from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradiction
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.mixed_machines import mixed_machines
-from analysis.cycles.payload_target import TargetCheck, check_target
-from analysis.cycles.shift_totals import recounted
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
-from estimators.errors import DataError, OutputError, RecordingError, ReviewError
+from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
 from recordings import read_frame, stages, write_recording
 from recordings.report.atomic_output import atomic_files
-from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, no_tonnes, review_html
 from recordings.review.review_state import (
     FORMAT,
     RECORDING,
-    STATE,
     ReviewState,
     changed,
     read_state,
     state_of,
 )
-from recordings.review.reviewer_verdicts import VERDICTS, matched, read_verdicts
-from recordings.review.shift_ledger import CSV, PARQUET, identities, ledger, write_ledger
+from recordings.review.reviewer_verdicts import read_verdicts
 from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
 from replay.inputs.channel_inputs import channel_fields, input_files, resolved, versions
 from replay.inputs.decode_cache import FOLDER as DECODED
@@ -45,9 +39,11 @@ from replay.inputs.time_line import begins_ns
 from replay.logs import Log, logs_in, open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
+from replay.review.find_torn_logs import torn_logs
+from replay.review.review_folder import locked
+from replay.review.track_points import track_of
+from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, write_review
 
-_LOCK: Final = ".lock"
-_STAGE: Final = ".payscope-"
 #: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
 _THINNED: Final = 10
 _OF_THE_GRID: Final = ("excitation", "gate")
@@ -56,50 +52,6 @@ _WHOLE: Final = (
     *("digging", "segments", "loads", "manoeuvres", "cycles", "shift", "findings"),
     *("nuisances", "responses", "learnt_errors", "budget", "masses", "verdict"),
 )
-#: Points of the track.
-_TRACK_POINTS: Final = 400
-
-
-@dataclass(frozen=True)
-class ShiftReview:
-    """A review.
-
-    Attributes:
-        folder: where it is.
-        ledger: its rows.
-        shift: frame `shift`, as reviewed.
-        state: what it was made of.
-        calibration: whose line the payloads are on.
-        target: 10/10/20, where a target was given.
-        replayed: whether the logs were replayed, or nothing that a replay depends on had changed.
-    """
-
-    folder: Path
-    ledger: pl.DataFrame
-    shift: dict[str, Any]
-    state: ReviewState
-    calibration: UsedCalibration
-    target: TargetCheck | None
-    replayed: bool
-
-    @property
-    def no_tonnes(self) -> str:
-        """Why no cycle counts; empty where one does."""
-        return no_tonnes(self.state, self.ledger)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values."""
-        return {
-            "folder": str(self.folder),
-            "shift": self.shift,
-            "target": None if self.target is None else self.target._asdict(),
-            "no_tonnes": self.no_tonnes,
-            "can_weigh": self.state.can_weigh,
-            "losses": list(self.state.losses),
-            "warnings": [self.state.mixed_machines] if self.state.mixed_machines else [],
-            "calibration": self.calibration._asdict(),
-            "replayed": self.replayed,
-        }
 
 
 @dataclass(frozen=True)
@@ -147,7 +99,7 @@ def review(
         by = load_calibration(options.calibration)
         machine = by.checked(by.weighing(machine), machine_file)
     logs = logs_in(logs)
-    with _locked(folder), ExitStack() as stack:
+    with locked(folder), ExitStack() as stack:
         verdicts = read_verdicts(folder)
         on_stage("open")
         opened = _in_time(
@@ -161,48 +113,32 @@ def review(
         before = read_state(folder)
         kept = _kept(folder, before, key)
         made = kept or _replayed(opened, machine, folder, (logs, machine_file), on_stage)
-        cycles, summary, against = made.cycles, made.shift, ""
+        cycles, against = made.cycles, ""
         if by is not None:
             told = _told(made, folder)
             against = contradiction(told["nuisances"])
             unlike = Unlike.of(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
-        said = matched(verdicts, identities(cycles, made.t0_unix_ns), folder)
-        rejected = [int(cycles["cycle"][row]) for row, each in said.items() if each.reject]
-        summary = recounted(summary, cycles, rejected)
-        rows = ledger(cycles, made.t0_unix_ns, said)
-        target = (
-            None
-            if options.target_kg is None
-            else check_target(rows.filter("counted"), options.target_kg)
-        )
+        shift = CountedShift.of(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
         on_stage("write")
-        targets = [folder / name for name in (RECORDING, PARQUET, CSV, PAGE, STATE)]
+        targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
             del targets[0]
         with atomic_files(targets, force=True) as stage:
             if made.run is not None:
                 write_recording(_thinned(made.run, full=options.full), stage / RECORDING)
                 digest = file_sha256(stage / RECORDING)
-                state = state_of(made.run, key, digest, plain, made.mixed)
+                torn = torn_logs(opened, channel_fields(machine), made.run.provenance)
+                state = state_of(made.run, key, digest, plain, made.mixed, torn)
             else:
                 assert before is not None
-                state = before.model_copy(update={"resolved": plain})
-            page = ReviewPage(
-                state,
-                rows,
-                summary.row(0, named=True),
-                target,
-                None if before is None else _changes(before, state),
-                UsedCalibration("" if by is None else by.says(logged), against),
-                made.track,
-            )
-            write_ledger(rows, stage)
-            (stage / PAGE).write_text(review_html(page), encoding="utf-8")
-            (stage / STATE).write_text(state.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    return ShiftReview(
-        folder, rows, dict(page.shift), state, page.calibration, target, kept is None
-    )
+                state = before
+            says = "" if by is None else by.says(logged)
+            state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
+            changes = None if before is None else _changes(before, state)
+            page = shift.page(state, changes, made.track)
+            write_review(page, stage)
+    return ShiftReview.of(folder, page, replayed=kept is None)
 
 
 @dataclass(frozen=True)
@@ -239,7 +175,7 @@ def _replayed(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
-        _track(frames["aligned"]),
+        track_of(frames["aligned"]),
         made,
         _mixed(made, opened, machine),
     )
@@ -261,7 +197,7 @@ def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift |
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
-        track = _track(read_frame(recording, "aligned"))
+        track = track_of(read_frame(recording, "aligned"))
     except RecordingError:
         return None
     return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
@@ -283,14 +219,6 @@ def _thinned(made: Run, *, full: bool) -> Run:
         elif name in _WHOLE:
             frames[name] = frame
     return Run(frames, made.provenance)
-
-
-def _track(aligned: pl.DataFrame) -> pl.DataFrame | None:
-    names = ("latitude_deg", "longitude_deg")
-    if not set(names) <= set(aligned.columns):
-        return None
-    known = aligned.select(names).drop_nulls()
-    return known.gather_every(max(known.height // _TRACK_POINTS, 1))
 
 
 def _in_time(logs: list[Log]) -> list[Log]:
@@ -342,51 +270,3 @@ def _changes(before: ReviewState, state: ReviewState) -> list[tuple[str, str, st
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
     return [*logs, *changed(before, state.resolved)]
-
-
-@contextmanager
-def _locked(folder: Path) -> Generator[None]:
-    """The folder for this review alone; what a killed one left half done is swept out.
-
-    The system takes the lock back from a process that ends, however it ends.
-    """
-    import fcntl
-
-    check_review_folder(folder)
-    try:
-        new = not folder.exists()
-        folder.mkdir(exist_ok=True)
-        lock = (folder / _LOCK).open("a")
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ReviewError(
-                f"{folder}: another review is being written there; wait for it, or name another "
-                "folder"
-            ) from None
-        for left in folder.glob(f"{_STAGE}*"):
-            shutil.rmtree(left, ignore_errors=True)
-        try:
-            yield
-        finally:
-            if new and [each.name for each in folder.iterdir()] == [_LOCK]:
-                shutil.rmtree(folder, ignore_errors=True)
-
-
-def check_review_folder(folder: Path) -> None:
-    """Refuse a folder for a review before the work that it is for.
-
-    Raises:
-        ReviewError: it holds other files and no review.
-    """
-    if not folder.is_dir() or any((folder / n).is_file() for n in (STATE, PARQUET, RECORDING)):
-        return
-    foreign = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
-    if foreign - {VERDICTS}:
-        raise ReviewError(
-            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) and no review; name a "
-            "folder of its own"
-        )

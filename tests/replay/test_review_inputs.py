@@ -21,7 +21,8 @@ from replay.calibration.apply_evidence import AskedCalibration
 from replay.calibration.calibrate_campaign import Calibrated, calibrate
 from replay.commands.review import print_review
 from replay.logs import logs_in
-from replay.review.review_shift import ReviewOptions, ShiftReview, review
+from replay.review.review_shift import ReviewOptions, review
+from replay.review.write_review import ShiftReview
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
@@ -127,6 +128,11 @@ def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
     assert not told["replayed"]
     assert told["shift"]["payload_kg"] == pytest.approx(rows["payload_kg"].sum())
     assert abs(told["shift"]["payload_kg"] - sum(SHORT)) < 2.0 * told["shift"]["payload_u_kg"]
+    # counted anew, without logs and evidence, it is on that line as well
+    anew = json.loads(payscope("review", out, "--json").out)
+    assert anew["shift"] == pytest.approx(told["shift"])
+    assert anew["calibration"] == told["calibration"]
+    assert pl.read_parquet(out / "ledger.parquet").equals(rows)
 
 
 def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(

@@ -102,7 +102,7 @@ def test_the_panels_are_named_with_their_units_over_seconds_since_the_start(page
     found = panels(pages[60.0])
     assert tuple(found) == PANELS
     *others, last = found.values()
-    assert last.get_xlabel() == "s since 2023-11-14 19:13:20 America/Santiago"
+    assert last.get_xlabel() == "s since 2023-11-14 19:13:20 -03:00 America/Santiago"
     assert all(axes.get_xlabel() == "" for axes in others)
     for axes in found.values():
         assert axes.get_xlim() == (0.0, pytest.approx(59.99))

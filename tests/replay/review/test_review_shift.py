@@ -19,7 +19,8 @@ import pytest
 from estimators.errors import PayscopeError, ReviewError
 from recordings import read_frame
 from recordings.review.review_state import RECORDING, STATE
-from replay.review.review_shift import ReviewOptions, ShiftReview, review
+from replay.review.review_shift import ReviewOptions, review
+from replay.review.write_review import ShiftReview
 from tests.replay.shift_review import shift_folder, verdict
 
 OUTPUTS = {"ledger.csv", "ledger.parquet", "review.html", "review.json", "shift.rrd"}

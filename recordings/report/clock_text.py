@@ -1,0 +1,120 @@
+"""Times as the people at the machine read them, with the offset from UTC, so that none is twice."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Final
+from zoneinfo import ZoneInfo
+
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+
+_NS: Final = 10**9
+_MINUTE_S: Final = 60
+_HOUR_S: Final = 3600
+#: Distances of an axis' ticks, in s; the shortest with at most `_MOST_TICKS` of them is taken.
+_STEPS_S: Final = tuple(
+    60 * each for each in (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720, 1440, 2880, 10080)
+)
+_MOST_TICKS: Final = 6
+
+
+@dataclass(frozen=True)
+class ShiftClock:
+    """The clock of a shift.
+
+    Attributes:
+        zone: name of the machine's time zone.
+        t0_unix_ns: the first aligned sample; before `FIRST_DATE_NS` the log has no date.
+        duration_s: to the last one.
+    """
+
+    zone: str
+    t0_unix_ns: int
+    duration_s: float
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether the log says when it was."""
+        return self.t0_unix_ns >= FIRST_DATE_NS
+
+    @property
+    def axis_label(self) -> str:
+        """What the ticks of an axis are."""
+        if not self.is_dated:
+            return "h:min since the start"
+        return f"local time (UTC{self._offset(0.0)})" if self._one_offset else "local time, UTC±h"
+
+    def at(self, s: float) -> str:
+        """A time in s since the first sample, with date where the shift has two, and offset."""
+        if not self.is_dated:
+            return _elapsed(s)
+        local = self.local(s)
+        day = "" if self._one_day else f"{local:%Y-%m-%d} "
+        return f"{day}{local:%H:%M:%S} {self._offset(s)}"
+
+    def day_and_time(self, when: datetime) -> str:
+        """Any time, of another day than the shift as well, as the machine's clock has it."""
+        local = when.astimezone(ZoneInfo(self.zone))
+        return f"{local:%Y-%m-%d %H:%M:%S} {_offset_text(local)}"
+
+    def at_unix_ns(self, unix_ns: int) -> str:
+        """The same of a unix time."""
+        return self.at((unix_ns - self.t0_unix_ns) / _NS)
+
+    def local(self, s: float) -> datetime:
+        """A time in s since the first sample in the machine's zone, to the second."""
+        unix_s = (self.t0_unix_ns + round(s * _NS)) // _NS
+        return datetime.fromtimestamp(unix_s, UTC).astimezone(ZoneInfo(self.zone))
+
+    def ticks(self, low_s: float, high_s: float) -> list[tuple[float, str]]:
+        """Round local times between two in s since the first sample, with their texts.
+
+        Where the offset changes, each tick has its own.
+        """
+        step_s = next((s for s in _STEPS_S if (high_s - low_s) / s <= _MOST_TICKS), _STEPS_S[-1])
+        # minutes since local midnight by the first offset: a tick is round on the wall
+        shift_s = 0.0
+        if self.is_dated:
+            first = self.local(0.0)
+            midnight_s = first.hour * _HOUR_S + first.minute * _MINUTE_S + first.second
+            shift_s = midnight_s + (self.t0_unix_ns % _NS) / _NS
+        begin = int(-(-(low_s + shift_s) // step_s))
+        end = int((high_s + shift_s) // step_s)
+        places = [k * step_s - shift_s for k in range(begin, end + 1)]
+        return [(place, self._tick(place)) for place in places]
+
+    def _tick(self, s: float) -> str:
+        if not self.is_dated:
+            return _elapsed(s).removesuffix(":00")
+        # a tick that float rounding puts a hair before its minute is that minute
+        local = self.local(s + 0.5)
+        return f"{local:%H:%M}{'' if self._one_offset else self._offset(s + 0.5)[:3]}"
+
+    def _offset(self, s: float) -> str:
+        return _offset_text(self.local(s))
+
+    @property
+    def _one_offset(self) -> bool:
+        return self._offset(0.0) == self._offset(self.duration_s)
+
+    @property
+    def _one_day(self) -> bool:
+        return self.local(0.0).date() == self.local(self.duration_s).date()
+
+
+def _offset_text(local: datetime) -> str:
+    text = f"{local:%z}"
+    return f"{text[:3]}:{text[3:5]}"
+
+
+def duration_text(s: float) -> str:
+    """A duration in the unit that a person would say it in."""
+    if s < 2 * _MINUTE_S:
+        return f"{s:.0f} s"
+    if s < 2 * _HOUR_S:
+        return f"{s / _MINUTE_S:.0f} min"
+    return f"{s / _HOUR_S:.1f} h"
+
+
+def _elapsed(s: float) -> str:
+    sign, whole = ("-" if s < -0.5 else ""), round(abs(s))
+    return f"{sign}{whole // _HOUR_S}:{whole // _MINUTE_S % 60:02d}:{whole % 60:02d}"

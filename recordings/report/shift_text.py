@@ -1,0 +1,37 @@
+"""What a shift came to, in a sentence: for the page, the terminal and the recording alike."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from estimators.errors import counted
+from recordings.report.number_text import SCALE_NOT_KNOWN
+
+#: Of an interval with a confidence of 95 %.
+K: Final = 2.0
+
+
+def shift_sentence(shift: Mapping[str, Any]) -> str:
+    """The tonnes of a shift of which a cycle counts.
+
+    Args:
+        shift: row of the frame `shift`.
+    """
+    loads = counted(shift["cycles_counted"], "load")
+    answer = f"{tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
+    scale = f", {SCALE_NOT_KNOWN}" if shift["scale_unknown"] else ""
+    if not _is_priced(shift):
+        return answer + scale
+    whole = tonnes(shift["total_kg"], K * shift["total_u_kg"])
+    return f"{whole} in the shift: {answer} counted{scale}"
+
+
+def tonnes(kg: float, u_kg: float) -> str:
+    """A sum in t with its expanded uncertainty, to the digits that it is worth."""
+    digits = 1 if u_kg >= 3000.0 else 2 if u_kg >= 300.0 else 3
+    return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
+
+
+def _is_priced(shift: Mapping[str, Any]) -> bool:
+    """Whether the shift's total has more in it than the counted loads."""
+    parts = ("uncounted_kg", "uncounted_u_kg", "lost_kg", "lost_u_kg")
+    return any((shift[name] or 0.0) > 0.0 for name in parts)

@@ -1,0 +1,104 @@
+"""Find the cycle that a reviewer means: by its number, its id, or the clock at the machine."""
+
+import datetime as dt
+import re
+from typing import Final
+from zoneinfo import ZoneInfo
+
+import polars as pl
+
+from estimators.errors import ReviewError, counted
+from recordings.report.clock_text import ShiftClock
+
+_NS: Final = 10**9
+#: A dump so long before or after the time that is asked for, in s, is meant.
+_NEAR_S: Final = 5.0
+_TIME: Final = re.compile(
+    r"(?:(?P<day>\d{4}-\d\d-\d\d)[ T])?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?"
+    r"\s*(?P<offset>Z|[+-]\d\d:?\d\d)?"
+)
+
+
+def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
+    """The row of the cycle that is meant.
+
+    A local time means the cycle that is dumped then, to 5 s or in that minute, else the one that
+    is under way.
+
+    Args:
+        when: a number (14), an id (2023-11-14T22:14:58Z) or a local time (14:32:10, 14:32,
+            02:30:10+02:00, 2023-11-14 14:32:10); h:mm:ss since the start for a log without a date.
+        rows: the ledger.
+        clock: of the shift.
+
+    Raises:
+        ReviewError: no cycle is meant, or more than one.
+    """
+    text = when.strip()
+    if text.isdecimal():
+        found = [k for k, number in enumerate(rows["cycle"]) if number == int(text)]
+    elif text in (ids := rows["id"].to_list()):
+        found = [ids.index(text)]
+    elif match := _TIME.fullmatch(text):
+        try:
+            found = _at(match, rows, clock)
+        except ValueError as error:  # 30 February, an offset of 25 h
+            raise ReviewError(f"'{when}' is no time ({error})") from None
+    else:
+        raise ReviewError(
+            f"'{when}' names no cycle; give its number (14), its id, or a local time (14:32:10)"
+        )
+    if len(found) > 1:
+        choices = ", ".join(f"{rows['cycle'][k]} (dumped {rows['local_time'][k]})" for k in found)
+        raise ReviewError(f"'{when}' may be cycle {choices}; give the number, or the UTC offset")
+    if not found:
+        span = f" from {rows['local_time'][0]} to {rows['local_time'][-1]}" if rows.height else ""
+        raise ReviewError(f"no cycle '{when}' among {counted(rows.height, 'cycle')}{span}")
+    return found[0]
+
+
+def _at(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int]:
+    """Rows that a time may mean."""
+    starts, ends = rows["start_unix_ns"].to_list(), rows["end_unix_ns"].to_list()
+    room_s = 60.0 if match["s"] is None else 0.0
+    found: set[int] = set()
+    for unix_s in _instants(match, clock):
+        dumped = {
+            k: abs(end / _NS - unix_s)
+            for k, end in enumerate(ends)
+            if unix_s - (0.0 if room_s else _NEAR_S) <= end / _NS < unix_s + (room_s or _NEAR_S)
+        }
+        if dumped:
+            found |= set(dumped) if room_s else {min(dumped, key=dumped.__getitem__)}
+            continue
+        spans = enumerate(zip(starts, ends, strict=True))
+        found |= {k for k, (s, e) in spans if s / _NS <= unix_s <= e / _NS}
+    return sorted(found)
+
+
+def _instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
+    """The unix times at which the clock at the machine shows this, in s."""
+    hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
+    if not clock.is_dated:
+        return [clock.t0_unix_ns / _NS + 3600 * hour + 60 * minute + second]
+    zone = _offset(match["offset"]) if match["offset"] else ZoneInfo(clock.zone)
+    first, last = (clock.local(s).astimezone(zone).date() for s in (0.0, clock.duration_s))
+    days = [first + dt.timedelta(days=k) for k in range((last - first).days + 1)]
+    if match["day"]:
+        days = [dt.date.fromisoformat(match["day"])]
+    found: set[float] = set()
+    for day in days:
+        for fold in (0, 1):
+            wall = dt.datetime.combine(day, dt.time(hour, minute, second, fold=fold), zone)
+            # a clock that is put forward never shows the hour between
+            utc = wall.astimezone(dt.UTC)
+            if utc.astimezone(zone).replace(tzinfo=None) == wall.replace(tzinfo=None):
+                found.add(utc.timestamp())
+    return sorted(found)
+
+
+def _offset(text: str) -> dt.timezone:
+    if text == "Z":
+        return dt.UTC
+    sign, digits = (-1 if text[0] == "-" else 1), text[1:].replace(":", "")
+    return dt.timezone(sign * dt.timedelta(hours=int(digits[:2]), minutes=int(digits[2:])))

@@ -1,0 +1,296 @@
+"""What a shift came to, as names and sentences: alike on the page and in the terminal."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.cycles.payload_target import TargetCheck
+from estimators.errors import counted
+from recordings.report.clock_text import duration_text
+from recordings.report.number_text import plus_minus
+from recordings.report.shift_text import K, shift_sentence, tonnes
+from recordings.review.review_state import ReviewState
+from recordings.review.torn_logs import open_end
+
+#: A headline is no list of all that may be wrong; the table has all.
+_MOST_CHECKS: Final = 3
+#: Longest stands that are named.
+_MOST_STANDS: Final = 3
+#: A hole of so long, in s, is about one cycle: longer ones are said on top, each.
+_LONG_HOLE_S: Final = 120.0
+#: A cycle with a longer hole in it, in s, is left out of the mean times.
+_HOLE_S: Final = 5.0
+_HOUR_S: Final = 3600.0
+_KM_H: Final = 3.6
+
+
+def headline(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
+    """The answer in a line.
+
+    Args:
+        shift: frame `shift`, as reviewed.
+        why_not: see `no_tonnes`.
+        state: of the review: a torn last log leaves the end open.
+    """
+    answer = f"No tonnes: {why_not}" if why_not else shift_sentence(shift)
+    end = open_end(state.torn)
+    if end is None or why_not:
+        return answer
+    return f"{answer}; until {state.clock.at(end.ends_s)}, the rest is unknown"
+
+
+def no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
+    """Why no cycle counts; nothing where one does."""
+    if ledger["counted"].any():
+        return ""
+    if not state.can_weigh:
+        failed = [check for check in state.failed if check.consequence == "withhold"]
+        more = len(failed) - _MOST_CHECKS
+        names = ", ".join(check.check for check in failed[:_MOST_CHECKS])
+        names += f" and {more} more" if more > 0 else ""
+        why = f": {failed[0].meaning}" if len(failed) == 1 else ""
+        return f"these logs cannot weigh; failed: {names}{why}"
+    if ledger.is_empty():
+        return state.no_cycle
+    reasons = Counter(
+        "rejected by a reviewer" if rejected else reason or str(quality)
+        for rejected, reason, quality in ledger.select(
+            "rejected", "withheld_for", "quality"
+        ).iter_rows()
+    )
+    return "; ".join(f"{counted(n, 'cycle')}: {reason}" for reason, n in reasons.items())
+
+
+def missing_loads(shift: Mapping[str, Any]) -> list[str]:
+    """What the total cannot hold: loads that were seen and have no price, or are not dumped."""
+    found: list[str] = []
+    if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
+        found.append(
+            f"Not weighed: about {shift['uncounted_cycles']:.0f} cycles that digging or the boom "
+            "shows; no load has a mass to price them by."
+        )
+    if shift["on_board_kg"] is not None:
+        load = tonnes(shift["on_board_kg"], K * shift["on_board_u_kg"])
+        found.append(f"On board when the recording ends: {load}, not counted.")
+    return found
+
+
+def long_holes(shift: Mapping[str, Any], state: ReviewState) -> str:
+    """Where nothing was recorded for minutes, and what that costs; empty where nowhere."""
+    clock = state.clock
+    holes = [(s, e) for s, e in state.gaps_s if e - s > _LONG_HOLE_S]
+    if not holes:
+        return ""
+    spans = "; ".join(
+        f"from {clock.at(s)} to {clock.at(e)} ({duration_text(e - s)})" for s, e in holes
+    )
+    price = "what was loaded then is unknown"
+    if shift["lost_cycles"] > 0.0:
+        price = (
+            f"estimated for all that was not recorded: "
+            f"{_number(shift['lost_cycles'], shift['lost_cycles_u'])} loads, "
+            f"{tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
+        )
+    return f"Nothing was recorded {spans}; {price}."
+
+
+def torn_sentences(state: ReviewState) -> list[str]:
+    """What logs that break off cost, in minutes."""
+    return [each.sentence(state.clock) for each in state.torn]
+
+
+def other_losses(state: ReviewState) -> list[str]:
+    """Losses that are no torn end of a log."""
+    torn = {text for each in state.torn for text in each.losses}
+    return [text for text in state.losses if text not in torn]
+
+
+def facts(
+    shift: Mapping[str, Any],
+    ledger: pl.DataFrame,
+    state: ReviewState,
+    target: TargetCheck | None,
+) -> list[tuple[str, str]]:
+    """What a reader looks for, name and value: the work first, then what the tonnes are worth."""
+    found = [*_work(shift, ledger), *_times(shift, ledger, state)]
+    if target is not None:
+        found.append(("10/10/20", target_sentence(target)))
+    if shift["cycles_counted"]:
+        found += _worth(shift, state)
+    return found
+
+
+def _work(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str]]:
+    found: list[tuple[str, str]] = []
+    recorded_h = (shift["duration_s"] - shift["gap_s"]) / _HOUR_S
+    if recorded_h > 0.0 and shift["cycles"]:
+        per_hour = [f"{shift['cycles'] / recorded_h:.1f} cycles"]
+        if shift["cycles_counted"]:
+            t_h = tonnes(shift["payload_kg"] / recorded_h, K * shift["payload_u_kg"] / recorded_h)
+            per_hour.insert(0, t_h)
+        found.append(("per hour", f"{', '.join(per_hour)} (of recorded time)"))
+    found.append(
+        (
+            "cycles",
+            f"{shift['cycles']} seen ({_seen_by(shift)}), {shift['cycles_counted']} counted, "
+            f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
+        )
+    )
+    doubted = ledger.filter("counted", pl.col("doubt") != "")["cycle"].to_list()
+    if doubted:
+        numbers = ", ".join(map(str, doubted))
+        found.append(("worth a second look", f"{counted(len(doubted), 'load')}: {numbers}"))
+    if shift["cycles_counted"]:
+        mean, std = shift["payload_mean_kg"], shift["payload_std_kg"] or 0.0
+        found.append(("a load", f"{mean:,.0f} kg on average, standard deviation {std:,.0f} kg"))
+    back_kg, back_u_kg = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
+    # an interval that holds zero says nothing about what stays in the bucket
+    if back_kg is not None and abs(back_kg) > back_u_kg:
+        found.append(("carried back", f"{back_kg:,.0f} ± {back_u_kg:,.0f} kg on average"))
+    return found
+
+
+def _times(
+    shift: Mapping[str, Any], ledger: pl.DataFrame, state: ReviewState
+) -> list[tuple[str, str]]:
+    found = cycle_times(ledger)
+    motion = state.motion
+    if motion.distance_m is not None and motion.top_speed_m_s is not None:
+        haul_m = ledger["haul_m"].mean()
+        haul = f"haul {haul_m:,.0f} m on average, " if isinstance(haul_m, float) else ""
+        found.append(
+            (
+                "driving",
+                f"{haul}{motion.distance_m / 1e3:,.1f} km in all, at most "
+                f"{_KM_H * motion.top_speed_m_s:.1f} km/h; moving {duration_text(motion.moving_s)},"
+                f" standing {duration_text(motion.standing_s)}",
+            )
+        )
+    longest = sorted(state.idle_s, key=lambda span: span[0] - span[1])[:_MOST_STANDS]
+    stands = "; longest: " + ", ".join(
+        f"{state.clock.at(start)} ({duration_text(end - start)})" for start, end in longest
+    )
+    found.append(
+        (
+            "utilisation",
+            f"{shift['utilisation_1']:.0%}; idle (> 30 s): {duration_text(shift['idle_s'])}"
+            f"{stands if longest else ''}; not recorded: {duration_text(shift['gap_s'])}",
+        )
+    )
+    return found
+
+
+def _worth(shift: Mapping[str, Any], state: ReviewState) -> list[tuple[str, str]]:
+    return [
+        ("payload", _delivered(shift)),
+        ("interval", "95 % (k = 2)"),
+        ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
+        ("systematic", f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)"),
+        ("scale", scale_of(shift)),
+        ("estimated where nothing was recorded", _lost(shift, state)),
+        (
+            "estimated for cycles without a mass",
+            _priced(
+                (shift["uncounted_cycles"], shift["uncounted_cycles_u"]),
+                (shift["uncounted_kg"], shift["uncounted_u_kg"]),
+            ),
+        ),
+    ]
+
+
+def _delivered(shift: Mapping[str, Any]) -> str:
+    """Whether payloads are those at the start of a haul or at its end."""
+    arriving_1 = shift.get("arriving_1")
+    if arriving_1 is None:
+        return (
+            "at the start of the haul; spillage on the way is not subtracted "
+            "(machine.haul_spillage_share)"
+        )
+    u_1 = K * (shift["arriving_u_1"] or 0.0)
+    return (
+        f"at the dump: {arriving_1:.1%} ± {u_1:.1%} of what is weighed arrives, by the spillage "
+        "that the machine file states"
+    )
+
+
+def _lost(shift: Mapping[str, Any], state: ReviewState) -> str:
+    lost = _priced(
+        (shift["lost_cycles"], shift["lost_cycles_u"]), (shift["lost_kg"], shift["lost_u_kg"])
+    )
+    end = open_end(state.torn)
+    if end is None:
+        return lost
+    unknown = f"unknown after {state.clock.at(end.ends_s)}"
+    return unknown if lost == _NOTHING else f"{lost}; {unknown}"
+
+
+_NOTHING: Final = "nothing"
+
+
+def _priced(cycles: tuple[float, float], kg: tuple[float, float]) -> str:
+    """A number of cycles and what they carried, each with its standard uncertainty."""
+    if not any((*cycles, *kg)):
+        return _NOTHING
+    return f"{_number(*cycles)} cycles, {tonnes(kg[0], K * kg[1])}"
+
+
+def scale_of(shift: Mapping[str, Any]) -> str:
+    """What tells the scale of the tonnes, or what does not."""
+    gain = ""
+    if shift["gain_1"] is not None:
+        found = plus_minus(shift["gain_1"], shift["gain_u_1"])
+        gain = f"; the empty machine weighs {found} times its stated mass here"
+    if not shift["scale_unknown"]:
+        return f"by the {shift['scale_from']}{gain}"
+    # what changes with the load is left where the empty machine tells the rest
+    remedy = "known loads" if gain else "a weighbridge ticket (machine.empty_mass_u_kg)"
+    return (
+        f"not known: the machine file gives no uncertainty of {shift['scale_unknown']}, so none is "
+        f"in the ±; {remedy} or a calibration would tell it{gain}"
+    )
+
+
+def cycle_times(ledger: pl.DataFrame) -> list[tuple[str, str]]:
+    """What a cycle's time goes into, on average; nothing where no cycle was seen whole.
+
+    A cycle with a hole in it, or with a reviewer's verdict against it, is in no mean.
+    """
+    parts = ("return_s", "load_s", "haul_s", "dump_s")
+    whole = ledger.drop_nulls(parts).filter(
+        pl.col("hole_s").fill_null(0.0) <= _HOLE_S, ~pl.col("rejected")
+    )
+    if not whole.height:
+        return []
+    mean = whole.select(pl.col(parts).mean()).row(0)
+    words = ", ".join(
+        f"{name.removesuffix('_s')} {each:.0f} s" for name, each in zip(parts, mean, strict=True)
+    )
+    return [("a cycle", f"{sum(mean):.0f} s on average of {whole.height}: {words}")]
+
+
+def target_sentence(target: TargetCheck) -> str:
+    """The verdict on the target in words."""
+    near = (
+        f"; {counted(target.near, 'load')} within the uncertainty of a limit" if target.near else ""
+    )
+    return (
+        f"{'kept' if target.keeps else 'not kept'}: mean {target.mean_kg:,.0f} kg of "
+        f"{target.target_kg:,.0f} kg, {target.above} of {target.loads} above 110 % (at most a "
+        f"tenth), {target.never} above 120 % (none){near}"
+    )
+
+
+def two_machines(state: ReviewState) -> str:
+    """The warning that these may be logs of two machines, as a sentence."""
+    return f"{state.mixed_machines[:1].upper()}{state.mixed_machines[1:]}."
+
+
+def _number(cycles: float, u: float) -> str:
+    return f"{cycles:.1f} ± {K * u:.1f}"
+
+
+def _seen_by(shift: Mapping[str, Any]) -> str:
+    boom = "no boom" if shift["boom_dumps"] is None else f"{shift['boom_dumps']} dumps of the boom"
+    return f"{shift['digs']} with digging, {boom}"

@@ -1,0 +1,181 @@
+"""Write verdicts into a review's folder, and count it anew without its logs."""
+
+import datetime as dt
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+from pydantic import ValidationError
+
+from estimators.errors import RecordingError, ReviewError
+from estimators.file_digest import file_sha256
+from recordings import read_frame
+from recordings.report.atomic_output import atomic_files
+from recordings.review.find_cycle import find_cycle
+from recordings.review.review_state import RECORDING, ReviewState, read_state
+from recordings.review.reviewer_verdicts import (
+    VERDICTS,
+    CycleVerdict,
+    ShiftVerdict,
+    VerdictFile,
+    matched,
+    read_verdicts,
+    verdict_toml,
+)
+from recordings.review.shift_ledger import PARQUET, cycles_of
+from replay.review.review_folder import locked
+from replay.review.track_points import track_of
+from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, write_review
+
+_MODEL_KEYS: Final = {"id", "author", "time"}
+
+
+@dataclass(frozen=True)
+class GivenVerdicts:
+    """What a reviewer says on the command line.
+
+    Attributes:
+        reject: cycles that are not to count; see `find_cycle` for how they are named.
+        accept: cycles that are to count again.
+        cycles: cycles that note and labels are of.
+        note: of the cycles.
+        labels: of the cycles, by name (`LABELS`); of the whole shift where no cycle is named.
+        author: who says so.
+    """
+
+    reject: Sequence[str] = ()
+    accept: Sequence[str] = ()
+    cycles: Sequence[str] = ()
+    note: str = ""
+    labels: Mapping[str, str] = field(default_factory=dict[str, str])
+    author: str = ""
+
+    def __bool__(self) -> bool:
+        """Whether anything is said."""
+        return bool(self.named or self.note or self._labels)
+
+    @property
+    def named(self) -> list[tuple[str, bool | None]]:
+        """The cycles that are named, and whether each is rejected; None: as before."""
+        return [
+            *((each, True) for each in self.reject),
+            *((each, False) for each in self.accept),
+            *((each, None) for each in self.cycles),
+        ]
+
+    @property
+    def _labels(self) -> dict[str, str]:
+        return {name: text for name, text in self.labels.items() if text}
+
+    def check(self) -> None:
+        """Refuse what is incomplete.
+
+        Raises:
+            ReviewError: in a line.
+        """
+        if self.named and not self.author.strip():
+            raise ReviewError("a verdict on a cycle has an author: add --author NAME")
+        if self.note and not self.named:
+            raise ReviewError("a note is of a cycle: add --reject, --accept or --cycle WHEN")
+        trial = {"id": "", "author": self.author or "-", "time": _now(), "note": self.note}
+        try:
+            CycleVerdict.model_validate(trial | self._labels)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            raise ReviewError(f"--{first['loc'][0]}: {first['msg']}") from None
+
+    def added_to(
+        self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+    ) -> list[CycleVerdict | ShiftVerdict]:
+        """The verdicts that these add to those of before; one that changes nothing is none.
+
+        Args:
+            before: what is said already.
+            rows: the ledger.
+            state: of the review.
+            folder: of the review.
+        """
+        now = _now()
+        if not self.named:
+            said = {
+                name: text
+                for name, text in self._labels.items()
+                if getattr(before.shift_labels, name) != text
+            }
+            signed = {"author": self.author.strip() or None, "time": now}
+            return [ShiftVerdict.model_validate(said | signed)] if said else []
+        standing = matched(before, rows["id"], folder)
+        found: dict[int, CycleVerdict] = {}
+        for when, reject in self.named:
+            row = find_cycle(when, rows, state.clock)
+            old = found.get(row) or standing.get(row)
+            kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)
+            said = kept | self._labels | ({"note": self.note} if self.note else {})
+            said |= {} if reject is None else {"reject": reject}
+            if said != kept:
+                signed = {"id": rows["id"][row], "author": self.author.strip(), "time": now}
+                found[row] = CycleVerdict.model_validate(said | signed)
+        return list(found.values())
+
+
+def _now() -> dt.datetime:
+    return dt.datetime.now(dt.UTC).replace(microsecond=0)
+
+
+def is_review(folder: Path) -> bool:
+    """Whether a folder holds a review that can be counted anew."""
+    return read_state(folder) is not None and (folder / PARQUET).is_file()
+
+
+def count_again(folder: Path, given: GivenVerdicts) -> ShiftReview:
+    """Add verdicts to a review's file, and write its ledger and page anew.
+
+    Raises:
+        ReviewError: no review is there, it is of another version, or a cycle is not there.
+    """
+    given.check()
+    state = read_state(folder)
+    if state is None:
+        raise ReviewError(
+            f"{folder}: holds no review of this version; make it: payscope review LOG… -m MACHINE "
+            f"-o {folder}"
+        )
+    with locked(folder):
+        recording = folder / RECORDING
+        try:
+            if file_sha256(recording) != state.recording_sha256:
+                raise RecordingError(f"{recording} is not the one that was written")
+            summary = read_frame(recording, "shift")
+            track = track_of(read_frame(recording, "aligned"))
+            rows = pl.read_parquet(folder / PARQUET)
+            cycles = cycles_of(rows, state.t0_unix_ns)
+        except (OSError, RecordingError, pl.exceptions.PolarsError) as error:
+            raise ReviewError(
+                f"{folder}: cannot be counted anew ({error}); review its logs once more"
+            ) from None
+        before = read_verdicts(folder)
+        added = given.added_to(before, rows, state, folder)
+        text = _with_added(folder, added)
+        verdicts = VerdictFile(
+            shift=(*before.shift, *(v for v in added if isinstance(v, ShiftVerdict))),
+            cycle=(*before.cycle, *(v for v in added if isinstance(v, CycleVerdict))),
+        )
+        shift = CountedShift.of(cycles, summary, state.t0_unix_ns, verdicts, folder)
+        page = shift.page(state, [], track)
+        names = [*OUTPUTS, *([VERDICTS] if added else [])]
+        with atomic_files([folder / name for name in names], force=True) as stage:
+            write_review(page, stage)
+            if added:
+                (stage / VERDICTS).write_text(text, encoding="utf-8")
+    return ShiftReview.of(folder, page, replayed=False)
+
+
+def _with_added(folder: Path, added: Sequence[CycleVerdict | ShiftVerdict]) -> str:
+    """The file's own text, as a person wrote it, with more at its end."""
+    try:
+        text = (folder / VERDICTS).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        text = ""
+    return "\n".join(filter(None, (text and f"{text.rstrip()}\n", verdict_toml(added))))

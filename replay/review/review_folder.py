@@ -1,0 +1,63 @@
+"""The folder of a review: for one review at a time, and for nothing else."""
+
+import shutil
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from estimators.errors import OutputError, ReviewError
+from recordings.review.review_state import RECORDING, STATE
+from recordings.review.reviewer_verdicts import VERDICTS
+from recordings.review.shift_ledger import PARQUET
+
+_LOCK: Final = ".lock"
+_STAGE: Final = ".payscope-"
+
+
+@contextmanager
+def locked(folder: Path) -> Generator[None]:
+    """The folder for this review alone; what a killed one left half done is swept out.
+
+    The system takes the lock back from a process that ends, however it ends.
+    """
+    import fcntl
+
+    check_review_folder(folder)
+    try:
+        new = not folder.exists()
+        folder.mkdir(exist_ok=True)
+        lock = (folder / _LOCK).open("a")
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ReviewError(
+                f"{folder}: another review is being written there; wait for it, or name another "
+                "folder"
+            ) from None
+        for left in folder.glob(f"{_STAGE}*"):
+            shutil.rmtree(left, ignore_errors=True)
+        try:
+            yield
+        finally:
+            if new and [each.name for each in folder.iterdir()] == [_LOCK]:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def check_review_folder(folder: Path) -> None:
+    """Refuse a folder for a review before the work that it is for.
+
+    Raises:
+        ReviewError: it holds other files and no review.
+    """
+    if not folder.is_dir() or any((folder / n).is_file() for n in (STATE, PARQUET, RECORDING)):
+        return
+    foreign = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
+    if foreign - {VERDICTS}:
+        raise ReviewError(
+            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) and no review; name a "
+            "folder of its own"
+        )

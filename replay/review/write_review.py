@@ -1,0 +1,156 @@
+"""From the cycles of a shift and what reviewers say to the files of its review."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.cycles.label_totals import LabelTotal, label_totals
+from analysis.cycles.payload_target import TargetCheck, check_target
+from analysis.cycles.shift_totals import recounted
+from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
+from recordings.review.review_state import STATE, ReviewState
+from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, VerdictFile, matched
+from recordings.review.shift_facts import no_tonnes
+from recordings.review.shift_ledger import (
+    CSV,
+    PARQUET,
+    identities,
+    ledger,
+    with_motion,
+    write_ledger,
+)
+
+#: What a review writes besides its recording.
+OUTPUTS: Final = (PARQUET, CSV, PAGE, STATE)
+
+
+@dataclass(frozen=True)
+class ShiftReview:
+    """A review.
+
+    Attributes:
+        folder: where it is.
+        ledger: its rows.
+        shift: frame `shift`, as reviewed.
+        state: what it was made of.
+        calibration: whose line the payloads are on.
+        target: 10/10/20, where a target was given.
+        replayed: whether the logs were replayed, or nothing that a replay depends on had changed.
+    """
+
+    folder: Path
+    ledger: pl.DataFrame
+    shift: dict[str, Any]
+    state: ReviewState
+    calibration: UsedCalibration
+    target: TargetCheck | None
+    replayed: bool
+
+    @property
+    def no_tonnes(self) -> str:
+        """Why no cycle counts; empty where one does."""
+        return no_tonnes(self.state, self.ledger)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "folder": str(self.folder),
+            "shift": self.shift,
+            "target": None if self.target is None else self.target._asdict(),
+            "no_tonnes": self.no_tonnes,
+            "can_weigh": self.state.can_weigh,
+            "losses": list(self.state.losses),
+            "warnings": [self.state.mixed_machines] if self.state.mixed_machines else [],
+            "calibration": self.calibration._asdict(),
+            "replayed": self.replayed,
+        }
+
+    @classmethod
+    def of(cls, folder: Path, page: ReviewPage, *, replayed: bool) -> "ShiftReview":
+        """What a page shows."""
+        shown = (page.state, page.calibration, page.target)
+        return cls(folder, page.ledger, dict(page.shift), *shown, replayed)
+
+
+@dataclass(frozen=True)
+class CountedShift:
+    """The cycles of a shift and its sums, with what reviewers say.
+
+    Attributes:
+        rows: the ledger, without motion.
+        shift: frame `shift`, one row.
+        verdicts: all that was said.
+        by_row: on cycles, by row.
+        totals: by label, where loads have one.
+    """
+
+    rows: pl.DataFrame
+    shift: Mapping[str, Any]
+    verdicts: VerdictFile
+    by_row: Mapping[int, CycleVerdict]
+    totals: Mapping[str, list[LabelTotal]]
+
+    @classmethod
+    def of(
+        cls,
+        cycles: pl.DataFrame,
+        summary: pl.DataFrame,
+        t0_unix_ns: int,
+        verdicts: VerdictFile,
+        folder: Path,
+    ) -> "CountedShift":
+        """Count.
+
+        Args:
+            cycles: the frame, on the line of a calibration where there is one.
+            summary: frame `shift` as replayed.
+            t0_unix_ns: where times begin.
+            verdicts: of reviewers.
+            folder: theirs.
+
+        Raises:
+            ReviewError: a verdict is about no cycle.
+        """
+        by_row = matched(verdicts, identities(cycles, t0_unix_ns), folder)
+        rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
+        rows = ledger(cycles, t0_unix_ns, by_row, verdicts.shift_labels)
+        totals = {name: label_totals(cycles, rows[name].to_list(), rejected) for name in LABELS}
+        return cls(
+            rows,
+            recounted(summary, cycles, rejected).row(0, named=True),
+            verdicts,
+            by_row,
+            {name: sums for name, sums in totals.items() if sums},
+        )
+
+    def page(
+        self,
+        state: ReviewState,
+        changes: list[tuple[str, str, str]] | None,
+        track: pl.DataFrame | None,
+    ) -> ReviewPage:
+        """The page of it; arguments as of `ReviewPage`."""
+        target_kg = state.resolved["target_kg"]
+        counted = self.rows.filter("counted")
+        return ReviewPage(
+            state,
+            with_motion(self.rows, state),
+            self.shift,
+            None if target_kg is None else check_target(counted, target_kg),
+            changes,
+            UsedCalibration(*state.calibration),
+            track,
+            self.verdicts,
+            self.by_row,
+            self.totals,
+        )
+
+
+def write_review(page: ReviewPage, folder: Path) -> None:
+    """Write ledger, page and state."""
+    write_ledger(page.ledger, folder)
+    (folder / PAGE).write_text(review_html(page), encoding="utf-8")
+    (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
