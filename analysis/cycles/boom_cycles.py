@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, Span, boom_dumps
+from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, Span, find_boom_dumps
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 
@@ -64,13 +64,13 @@ def add_boom_cycles(
     Returns:
         The cycles, and whether boom and masses contradict each other.
     """
-    seen = boom_dumps(aligned, excitation)
+    seen = find_boom_dumps(aligned, excitation)
     times = np.array([part.dumped_ns for part in parts if part.dumped_ns is not None], np.int64)
     agree = [each.near(times, _OFF_NS) for each in seen.dumps]
     told = any(part.loaded is not None for part in parts)
     contradicts = told and seen.tells and float(np.mean(agree)) < _AGREE
     if contradicts or not told:
-        return _by_boom(seen, digs) or parts, contradicts
+        return _boom_cycle_parts(seen, digs) or parts, contradicts
     # sooner after a dump than half a cycle the machine is empty
     apart_ns = int(_OF_A_CYCLE * float(np.median(np.diff(times)))) if times.size > 1 else 0
     missed = [
@@ -78,21 +78,21 @@ def add_boom_cycles(
         for each in found.dumps.dumps
         if not each.near(times, max(ONE_DUMP_NS, apart_ns))
     ]
-    return sorted([*parts, *missed], key=_begins_ns), False
+    return sorted([*parts, *missed], key=_first_seen_ns), False
 
 
-def _begins_ns(part: CycleParts) -> int:
+def _first_seen_ns(part: CycleParts) -> int:
     """When a cycle is seen first."""
     return next(span[0] for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span)
 
 
-def _by_boom(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
+def _boom_cycle_parts(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
     """A cycle for each dump of the boom, with what was dug before it."""
     dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
     before = [0, *(each.end_ns for each in seen.dumps)]
     return [
         CycleParts(
-            _filling(dug, since_ns, each.start_ns),
+            _digging_span(dug, since_ns, each.start_ns),
             dump_ns=(each.start_ns, each.end_ns),
             dumped_ns=each.dumped_ns,
         )
@@ -100,7 +100,7 @@ def _by_boom(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
     ]
 
 
-def _filling(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
+def _digging_span(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
     """From the first to the last digging in a stretch of time."""
     inside = [span for span in dug if since_ns <= span[0] < until_ns]
     return (inside[0][0], inside[-1][1]) if inside else None

@@ -29,10 +29,10 @@ def cycle_doubts(cycles: pl.DataFrame) -> list[str]:
     if counted.len() >= _FEWEST:
         typical = counted.median()
         spread = (counted - typical).abs().median()
-    return [_doubts(row, typical, spread) for row in cycles.iter_rows(named=True)]
+    return [_row_doubts(row, typical, spread) for row in cycles.iter_rows(named=True)]
 
 
-def _doubts(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
+def _row_doubts(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
     payload_kg, u_kg = row["payload_kg"], row["payload_u_kg"]
     if payload_kg is None or not row["counted"]:
         return ""

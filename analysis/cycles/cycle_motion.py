@@ -53,7 +53,7 @@ class CycleMotion(NamedTuple):
     whole: DriveSummary
 
 
-def cycle_motions(
+def summarise_cycle_motion(
     cycles: pl.DataFrame, excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> list[CycleMotion]:
     """The motion of each cycle.
@@ -77,8 +77,10 @@ def cycle_motions(
     return found
 
 
-def shift_motion(excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> DriveSummary:
-    """The motion of the whole shift; arguments as of `cycle_motions`."""
+def summarise_shift_motion(
+    excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
+) -> DriveSummary:
+    """The motion of the whole shift; arguments as of `summarise_cycle_motion`."""
     t_ns = excitation["t_ns"].to_numpy()
     if not t_ns.size:
         return DriveSummary(None, None, 0.0, 0.0, 0.0)

@@ -16,7 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.boom_cycles import add_boom_cycles, digging_contradicts
-from analysis.cycles.cycle_parts import CycleParts, cycle_parts, dump_times
+from analysis.cycles.cycle_parts import CycleParts, add_dump_times, cycle_parts
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
@@ -24,7 +24,7 @@ from analysis.cycles.empty_machine import (
     carried_variance,
     cleanest,
     empty_machine,
-    states_of_passes,
+    pass_weights_by_state,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
 from analysis.cycles.load_passes import NO_PASSES, Passes, passes
@@ -46,7 +46,7 @@ _CONTRADICTED: Final = "the boom dumps where no load is dumped by its mass"
 _HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
 
 
-class Hauled(NamedTuple):
+class LogCycles(NamedTuple):
     """The cycles of a log.
 
     Attributes:
@@ -61,7 +61,7 @@ class Hauled(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Common:
+class _CommonUncertainty:
     """What is common to payloads: it does not average out.
 
     Attributes:
@@ -98,7 +98,7 @@ def cycles(
     machine: Machine,
     verdict: Verdict,
     known: Passes | None = None,
-) -> Hauled:
+) -> LogCycles:
     """Make `cycles`, and say of which masses each payload is a sum and what tells their scale.
 
     Args:
@@ -114,12 +114,12 @@ def cycles(
     twice = known is None and digging_contradicts(found, digs)
     found = NO_PASSES if twice else found
     parts = cycle_parts(found, digs)
-    dump_times(parts, found, *motion)
+    add_dump_times(parts, found, *motion)
     contradicts = False
     if known is None:
         parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
     if not parts:
-        return Hauled(_frame([]), {}, ShiftScale())
+        return LogCycles(_cycle_frame([]), {}, ShiftScale())
     withheld = ", ".join(check.check for check in verdict.failed("mass"))
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
@@ -127,33 +127,35 @@ def cycles(
     empty = empty_machine(weighing, machine, found)
     withheld = withheld or (empty.contradiction if empty else "")
     share = _tare_share(found)
-    worth = _worth(weighing, machine, found, _summed(found, parts, share), empty)
+    worth = _shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
     clean = cleanest(found)
     rows: list[dict[str, object]] = []
-    known_sums = weighing is not None and weighing.fit.states is not None and bool(found.of.size)
-    of_states = states_of_passes(weighing.fit, found) if weighing and known_sums else None
+    known_sums = (
+        weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
+    )
+    of_states = pass_weights_by_state(weighing.fit, found) if weighing and known_sums else None
     sums: dict[int, Floats] = {}
     ready_ns = int(frames["excitation"]["t_ns"][0])
-    counts = np.bincount(found.of)
+    counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
-        row: dict[str, object] = {"cycle": number, **_times(part, ready_ns)}
-        reason = withheld or _reason(part)
+        row: dict[str, object] = {"cycle": number, **_cycle_times(part, ready_ns)}
+        reason = withheld or _no_mass_reason(part)
         if not reason:
             weights = pass_weights(part, share, found.mass_kg.size)
-            row |= _masses(part, found, share, clean)
-            row |= _uncertainty(row, worth, weights)
+            row |= _payload_row(part, found, share, clean)
+            row |= _payload_uncertainty(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded])
-        row["quality"], row["counted"] = _quality(row, part)
-        row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
+        row["quality"], row["counted"] = _row_quality(row, part)
+        row["withheld_for"] = reason or _row_remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
-    table = subtract_spillage(_frame(rows), parts, found, frames, machine.machine)
-    return Hauled(table, sums, worth.scale)
+    table = subtract_spillage(_cycle_frame(rows), parts, found, frames, machine.machine)
+    return LogCycles(table, sums, worth.scale)
 
 
-def _frame(rows: list[dict[str, object]]) -> pl.DataFrame:
+def _cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     declared = FRAMES["cycles"].columns
     columns = {
         c.name: pl.Series([row.get(c.name) for row in rows], dtype=c.dtype) for c in declared
@@ -161,7 +163,7 @@ def _frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     return build("cycles", columns)
 
 
-def _times(part: CycleParts, ready_ns: int) -> dict[str, object]:
+def _cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
     """From one dump to the next, and what it is made of."""
     dig, haul, dump = part.dig_ns, part.haul_ns, part.dump_ns
     seen = [span for span in (dig, haul, dump) if span]
@@ -183,7 +185,7 @@ def _ready_ns(part: CycleParts) -> int:
     return seen[-1][1]
 
 
-def _reason(part: CycleParts) -> str:
+def _no_mass_reason(part: CycleParts) -> str:
     """Why a cycle has no mass, nothing where it has one."""
     if part.loaded is None:
         return "no start with this load tells a mass"
@@ -192,14 +194,14 @@ def _reason(part: CycleParts) -> str:
     return ""
 
 
-def _remark(row: dict[str, object]) -> str:
+def _row_remark(row: dict[str, object]) -> str:
     return {
         "weak": "uncertain: more than a quarter of the payload",
         "not dumped": "the recording ends before it is dumped",
     }.get(str(row["quality"]), "")
 
 
-def _quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
+def _row_quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
     payload_kg, u_kg = row.get("payload_kg"), row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
@@ -208,7 +210,7 @@ def _quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
     return ("weak" if u_kg > _WEAK * abs(payload_kg) else "good"), True
 
 
-def _masses(
+def _payload_row(
     part: CycleParts, found: Passes, share: Floats, cleanest: tuple[float, float]
 ) -> dict[str, object]:
     row: dict[str, object] = {}
@@ -235,7 +237,9 @@ def _masses(
     return row
 
 
-def _uncertainty(row: dict[str, object], worth: "_Worth", weights: Floats) -> dict[str, object]:
+def _payload_uncertainty(
+    row: dict[str, object], worth: "_SharedUncertainty", weights: Floats
+) -> dict[str, object]:
     """What a payload has in common with others, how much of it with all of them, and the whole.
 
     The log's own stand beside those that the empty machine tells: a calibration has to have them.
@@ -304,7 +308,7 @@ def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
     return variance * (before**2 + after**2)
 
 
-def _summed(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
+def _sum_weights(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
     """(passes,) weights of the sum of all payloads; 0 where there is none."""
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
     weights = [pass_weights(part, tare, found.mass_kg.size) for part in whole]
@@ -312,7 +316,7 @@ def _summed(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Worth:
+class _SharedUncertainty:
     """What payloads have in common.
 
     Attributes:
@@ -322,19 +326,19 @@ class _Worth:
         scale: where it comes from.
     """
 
-    own: _Common
-    told: _Common
+    own: _CommonUncertainty
+    told: _CommonUncertainty
     scale_1: float
     scale: ShiftScale
 
 
-def _worth(
+def _shared_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     found: Passes,
     weights: Floats,
     empty: EmptyMachine | None,
-) -> _Worth:
+) -> _SharedUncertainty:
     """Find it.
 
     Args:
@@ -347,10 +351,10 @@ def _worth(
     if weighing is None or weighing.fit.states is None or empty is None or not weights.any():
         count = found.mass_kg.size
         nothing = np.zeros(count)
-        none = _Common(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
-        return _Worth(none, none, 1.0, ShiftScale())
-    datum = empty.datum(states_of_passes(weighing.fit, found) @ weights)
-    own = _common(weighing, machine, found, weights, None)
+        none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
+        return _SharedUncertainty(none, none, 1.0, ShiftScale())
+    datum = empty.datum(pass_weights_by_state(weighing.fit, found) @ weights)
+    own = _common_uncertainty(weighing, machine, found, weights, None)
     gain_1, gain_u_1 = empty.gain or (None, None)
     sources = (
         budget(weighing, machine, empty.weights) if datum is None else datum.sources(empty.weights)
@@ -359,20 +363,22 @@ def _worth(
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
-        return _Worth(own, own, 1.0, scale)
-    return _Worth(own, _common(weighing, machine, found, weights, datum), datum.scale_1, scale)
+        return _SharedUncertainty(own, own, 1.0, scale)
+    return _SharedUncertainty(
+        own, _common_uncertainty(weighing, machine, found, weights, datum), datum.scale_1, scale
+    )
 
 
-def _common(
+def _common_uncertainty(
     weighing: Weighing, machine: Machine, found: Passes, weights: Floats, datum: Datum | None
-) -> _Common:
+) -> _CommonUncertainty:
     """What is common to payloads of the log's own, with the fit's correlations.
 
     Of all payloads together it is what the fit's budget has besides what the passes' own noise and
     scatter add up to. One payload also has what nuisances do to its own starts and not to others'.
     """
     fit = weighing.fit
-    of_states = states_of_passes(fit, found)
+    of_states = pass_weights_by_state(fit, found)
     summed = of_states @ weights
     sources = budget(weighing, machine, summed) if datum is None else datum.sources(summed)
     by_1 = 1.0 if datum is None else datum.scale_1
@@ -387,7 +393,7 @@ def _common(
     if datum is not None:
         share = np.where(found.loaded, 0.0, 1.0 / found.u_kg**2)
         empty = -datum.by_kg * share / share.sum()
-    return _Common(
+    return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
         combined(other) / by_1 / total_kg,
         fit.term_responses @ of_states,

@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, boom_dumps, standing
+from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, find_boom_dumps, standing
 from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.lost_cycles import HOLE_S
 from analysis.model.windows import runs_of
@@ -71,10 +71,10 @@ def uncounted_cycles(
     t_ns = excitation["t_ns"].to_numpy()
     end_ns = int(t_ns[-1]) if t_ns.size else 0
     times = cycles["dump_t_ns"].drop_nulls().to_list()
-    boom = boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
-    likely = _of_rows(cycles, boom)
-    if not boom.tells and not _digging_tells(cycles):
-        likely += _out_of_rhythm(np.array(sorted(times), np.int64), excitation)
+    boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
+    likely = _row_probabilities(cycles, boom)
+    if not boom.tells and not _is_digging_reliable(cycles):
+        likely += _rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
     if on_board.height:
@@ -108,11 +108,11 @@ def price_kg(
     return number * mean_kg, float(np.sqrt((number_u * mean_kg) ** 2 + number * spread_kg**2))
 
 
-def _of_rows(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
+def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     """How likely each row without a mass was a cycle."""
     blank = cycles.filter(pl.col("payload_kg").is_null())
     only_dug = _CONTRADICTED if boom.tells else _ALONE
-    only_dumped = _CONTRADICTED if _digging_tells(cycles) else _ALONE
+    only_dumped = _CONTRADICTED if _is_digging_reliable(cycles) else _ALONE
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
     return [
         1.0 if haul or (dig and dump and boom.tells) else only_dug if dig else only_dumped
@@ -120,14 +120,14 @@ def _of_rows(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     ]
 
 
-def _digging_tells(cycles: pl.DataFrame) -> bool:
+def _is_digging_reliable(cycles: pl.DataFrame) -> bool:
     """Whether digging is a witness: counted cycles mostly have it."""
     counted = cycles.filter("counted")
     dug = counted.height - counted["dig_t_ns"].null_count()
     return dug >= _MOSTLY * max(counted.height, 1)
 
 
-def _out_of_rhythm(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
+def _rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
     """How likely each cycle that the rhythm lacks was one: as likely as the rhythm is steady.
 
     Args:

@@ -41,11 +41,11 @@ class ShiftScale(NamedTuple):
     gain_u_1: float | None = None
 
 
-def states_of_passes(fit: JointFit, found: Passes) -> Floats:
+def pass_weights_by_state(fit: JointFit, found: Passes) -> Floats:
     """(states, passes) by which masses of passes are those of states weighted."""
     assert fit.states is not None
     weights = np.zeros((fit.count, found.mass_kg.size))
-    np.add.at(weights, (fit.states.of, found.of), found.share)
+    np.add.at(weights, (fit.states.membership, found.membership), found.share)
     return weights
 
 
@@ -96,4 +96,6 @@ def empty_machine(
     noise_kg2 = float(np.mean(found.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
     carried = carried_kg, float(np.sqrt(own_kg2 + (_STILL_CARRIES * carried_kg) ** 2))
-    return EmptyMachine(weighing, machine, states_of_passes(weighing.fit, found) @ share, carried)
+    return EmptyMachine(
+        weighing, machine, pass_weights_by_state(weighing.fit, found) @ share, carried
+    )

@@ -61,7 +61,7 @@ def friction_parts(
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count() or nuisances.is_empty():
         return ()
-    crossed, squared = _sums(excitation, manoeuvres, nuisances, settings)
+    crossed, squared = _manoeuvre_sums(excitation, manoeuvres, nuisances, settings)
     t_ns = excitation["t_ns"].to_numpy()
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     since_s = (middle - t_ns[0]) / _NS
@@ -82,7 +82,7 @@ def friction_parts(
     return tuple(found)
 
 
-def _sums(
+def _manoeuvre_sums(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """(manoeuvres,) of speed times the force that is left, and of the speed's square."""
@@ -99,7 +99,7 @@ def _sums(
     )
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
     driving &= np.isfinite(rest) & np.isfinite(acceleration) & np.isfinite(speed)
-    mass_kg = _of_state(manoeuvres)
+    mass_kg = _state_masses(manoeuvres)
     t_ns = excitation["t_ns"].to_numpy()
     spans = manoeuvres.select("start_t_ns", "end_t_ns").iter_rows()
     crossed, squared = np.zeros(mass_kg.size), np.zeros(mass_kg.size)
@@ -112,7 +112,7 @@ def _sums(
     return crossed, squared
 
 
-def _of_state(manoeuvres: pl.DataFrame) -> Floats:
+def _state_masses(manoeuvres: pl.DataFrame) -> Floats:
     """(manoeuvres,) the mass of the load state of each."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0

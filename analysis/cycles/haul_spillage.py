@@ -46,7 +46,7 @@ def subtract_spillage(
     """
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
-    progress = _weighed_at(parts, found, frames["manoeuvres"], frames["excitation"])
+    progress = _weighing_progress(parts, found, frames["manoeuvres"], frames["excitation"])
     arriving, u = arriving_share(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
     return deliver(
@@ -90,7 +90,7 @@ def deliver(cycles: pl.DataFrame) -> pl.DataFrame:
     return conform("cycles", widened.with_columns(payload_u_kg=u_kg))
 
 
-def _weighed_at(
+def _weighing_progress(
     parts: Sequence[CycleParts], found: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
 ) -> Floats:
     """(cycles,) share of its haul that each load has behind it where it is weighed.
@@ -116,7 +116,7 @@ def _weighed_at(
             continue
         begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))
         haul = driven[min(end, t_ns.size - 1)] - driven[begin]
-        own = found.of == part.loaded
+        own = found.membership == part.loaded
         if haul > 0.0:
             mean = float(found.share[own] @ place[own])
             progress[number] = np.clip((mean - driven[begin]) / haul, 0.0, 1.0)

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, boom_dumps
+from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, find_boom_dumps
 from analysis.cycles.empty_or_loaded import loaded_states
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,7 @@ class Passes:
     """Passes in time.
 
     Attributes:
-        of: (manoeuvres,) the pass of each.
+        membership: (manoeuvres,) the pass of each.
         share: (manoeuvres,) the weight of each in its pass' mass; those of a pass add up to 1.
         loaded: (passes,).
         mass_kg: (passes,).
@@ -46,7 +46,7 @@ class Passes:
         dumps: that the boom shows.
     """
 
-    of: Ints
+    membership: Ints
     share: Floats
     loaded: Bools
     mass_kg: Floats
@@ -105,18 +105,18 @@ def passes(
         emptied = np.flatnonzero(of_state[:-1] & ~of_state[1:])
         # one who creeps to the dump may have emptied the bucket before the start ends
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
-        dumps = boom_dumps(aligned, excitation, known)
-        of_state = _changed_at_dumps(of_state, begin, end, digs, dumps)
+        dumps = find_boom_dumps(aligned, excitation, known)
+        of_state = _reclassify_at_dumps(of_state, begin, end, digs, dumps)
     one_filling_ns = _one_filling_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[_filled_again(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    parts[_refill_places(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < _DIGGING_TELLS * np.count_nonzero(parts & of_state[:-1]):
-        parts[_emptied_again(of_state, begin, end, dumps)] = True
+        parts[_dump_places(of_state, begin, end, dumps)] = True
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
-    dumping = _while_dumping(begin, end, dumps)
-    spilled = _before_spilling(of_state & ~dumping, of, state, mass_kg, u_kg)
+    dumping = _is_dumping(begin, end, dumps)
+    spilled = _carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
     left = np.where(dumping | spilled, 0.0, weight)
     # a pass that has no other keeps what it has
     weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
@@ -152,7 +152,7 @@ def _one_filling_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -
     return min(_ONE_FILLING_NS, int(_OF_A_CYCLE * float(np.median(apart))))
 
 
-def _filled_again(
+def _refill_places(
     loaded: Bools,
     begin: Ints,
     end: Ints,
@@ -181,7 +181,7 @@ def _filled_again(
     return found
 
 
-def _changed_at_dumps(
+def _reclassify_at_dumps(
     loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """(manoeuvres,) whether each is loaded, if loads are dumped where the boom shows it.
@@ -205,7 +205,7 @@ def _changed_at_dumps(
     return moved
 
 
-def _emptied_again(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
+def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
     """Places between two loaded manoeuvres where the boom dumps: the second load is another."""
     return [
         k
@@ -214,25 +214,27 @@ def _emptied_again(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> l
     ]
 
 
-def _while_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
+def _is_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
     """(manoeuvres,) which creep while they dump: a load that changes has no mass."""
     dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")
 
 
-def _before_spilling(loaded: Bools, of: Ints, state: Ints, mass_kg: Floats, u_kg: Floats) -> Bools:
+def _carries_spilled_load(
+    loaded: Bools, membership: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
+) -> Bools:
     """(manoeuvres,) which carry a load that is spilled before it is dumped.
 
     Args:
         loaded: (manoeuvres,), and not dumping.
-        of: (manoeuvres,) the pass of each.
+        membership: (manoeuvres,) the pass of each.
         state: (manoeuvres,) the load state of each.
         mass_kg: (states,).
         u_kg: (states,).
     """
-    spilled = np.zeros(of.size, np.bool_)
-    for number in np.unique(of[loaded]):
-        inside = loaded & (of == number)
+    spilled = np.zeros(membership.size, np.bool_)
+    for number in np.unique(membership[loaded]):
+        inside = loaded & (membership == number)
         last = int(state[inside][-1])
         for each in np.unique(state[inside]):
             apart = float(np.hypot(u_kg[each], u_kg[last]))

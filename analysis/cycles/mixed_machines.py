@@ -53,7 +53,7 @@ class MixedMachines:
         )
 
 
-def mixed_machines(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedMachines | None:
+def find_mixed_machine(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedMachines | None:
     """Look for a log from which on the empty machine weighs otherwise.
 
     Args:
@@ -72,7 +72,7 @@ def mixed_machines(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedM
     found: list[tuple[float, MixedMachines]] = []
     for number, border_ns in enumerate(begins_ns[1:], 1):
         later = start_ns >= border_ns
-        sides = [_empty(mass_kg[side], std_kg[side]) for side in (~later, later)]
+        sides = [_lightest_mass(mass_kg[side], std_kg[side]) for side in (~later, later)]
         if sides[0] is None or sides[1] is None:
             continue
         (before_kg, u_kg), (after_kg, other_u_kg) = sides[0], sides[1]
@@ -83,7 +83,7 @@ def mixed_machines(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedM
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
-def _empty(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
+def _lightest_mass(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
     """Mass of the lightest starts, and its deviation; None where none of them is known empty."""
     if mass_kg.size < _FEWEST:
         return None

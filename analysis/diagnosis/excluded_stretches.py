@@ -19,7 +19,7 @@ from analysis.model.windows import windows_with
 from analysis.stages.gating.gate import refused
 from analysis.stages.motion.phases import span_rows
 from analysis.weighing.motion_samples import Bools
-from analysis.weighing.weigh import Weighing, apart_kg
+from analysis.weighing.weigh import Weighing, mean_difference_kg
 
 #: So many standard uncertainties of the answer without a stretch are no other answer.
 MOVES_U: Final = 1.0
@@ -131,7 +131,7 @@ def _in_what_is_weighed(weighing: Weighing) -> Bools:
 def _moved_u(whole: Weighing, without: Weighing | None) -> float:
     if without is None:
         return np.inf
-    moved_u = abs(apart_kg(without.fit, whole.fit)) / without.fit.u_kg
+    moved_u = abs(mean_difference_kg(without.fit, whole.fit)) / without.fit.u_kg
     return moved_u if np.isfinite(moved_u) else np.inf
 
 

@@ -10,9 +10,9 @@ from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.method_disagreement import disagreements
 from analysis.model.schema import values
 from analysis.weighing.mass_budget import relative_u
-from analysis.weighing.other_motion import disagreement
+from analysis.weighing.other_motion import motion_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
-from analysis.weighing.wheel_kinematics import Kinematics
+from analysis.weighing.wheel_kinematics import WheelKinematics
 
 
 def _of_fit(number: Callable[[Weighing], float]) -> Callable[[CheckInputs, Motion], float]:
@@ -22,7 +22,9 @@ def _of_fit(number: Callable[[Weighing], float]) -> Callable[[CheckInputs, Motio
     return of
 
 
-def _of_wheels(number: Callable[[Kinematics], float]) -> Callable[[CheckInputs, Motion], float]:
+def _of_wheels(
+    number: Callable[[WheelKinematics], float],
+) -> Callable[[CheckInputs, Motion], float]:
     def of(evidence: CheckInputs, _: Motion) -> float:
         wheels = None if evidence.weighing is None else evidence.weighing.fit.kinematics
         return np.nan if wheels is None else number(wheels)
@@ -43,7 +45,7 @@ def _relative_u(evidence: CheckInputs, _: Motion) -> float:
     weighing = evidence.weighing
     if weighing is None:
         return np.nan
-    return relative_u(weighing, evidence.machine, weighing.fit.main)
+    return relative_u(weighing, evidence.machine, weighing.fit.main_state)
 
 
 def _answers(evidence: CheckInputs, _: Motion) -> bool:
@@ -56,7 +58,7 @@ def _why_none(evidence: CheckInputs, _: Motion) -> str:
 
 
 def _farthest_term(evidence: CheckInputs, _: Motion) -> str:
-    widths = {} if evidence.weighing is None else evidence.weighing.own.from_priors
+    widths = {} if evidence.weighing is None else evidence.weighing.own.prior_distances
     return max(widths, key=widths.__getitem__, default="")
 
 
@@ -101,9 +103,9 @@ def _gated(evidence: CheckInputs, motion: Motion) -> float:
     mass_kg, std_kg = (values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
     if not mass_kg.size:
         return np.nan
-    apart_kg = abs(mass_kg[0] - motion.fit.value)
+    mean_difference_kg = abs(mass_kg[0] - motion.fit.value)
     u_kg = float(np.hypot(std_kg[0], motion.fit.std))
-    return float(apart_kg / u_kg) if u_kg > 0.0 else np.nan
+    return float(mean_difference_kg / u_kg) if u_kg > 0.0 else np.nan
 
 
 def _told(name: str, meaning: str) -> CheckRow:
@@ -111,11 +113,11 @@ def _told(name: str, meaning: str) -> CheckRow:
     return CheckRow(
         name,
         "mass",
-        _of_fit(lambda weighing: weighing.own.terms_t.get(name, np.nan)),
+        _of_fit(lambda weighing: weighing.own.term_t_values.get(name, np.nan)),
         meaning,
         maximum="term_t_max",
         applies=lambda evidence, _: (
-            evidence.weighing is not None and name in evidence.weighing.own.terms_t
+            evidence.weighing is not None and name in evidence.weighing.own.term_t_values
         ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",
@@ -136,7 +138,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "beyond_prior",
         "mass",
-        _of_fit(lambda weighing: max(weighing.own.from_priors.values())),
+        _of_fit(lambda weighing: max(weighing.own.prior_distances.values())),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
@@ -202,7 +204,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "wheels",
         "mass",
-        _of_fit(lambda weighing: disagreement(weighing.fit)),
+        _of_fit(lambda weighing: motion_disagreement(weighing.fit)),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
         applies=_has_wheels,

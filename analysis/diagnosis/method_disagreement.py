@@ -35,7 +35,7 @@ def disagreements(evidence: CheckInputs) -> list[Disagreement]:
         return []
     fit = weighing.fit
     modelled = _modelled(evidence)
-    shows = any(t > _TERM_IS_THERE for term, t in fit.terms_t.items() if term not in modelled)
+    shows = any(t > _TERM_IS_THERE for term, t in fit.term_t_values.items() if term not in modelled)
     shows = shows or bool(fit.fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.scatters)
     out: list[Disagreement] = []
@@ -43,13 +43,13 @@ def disagreements(evidence: CheckInputs) -> list[Disagreement]:
     for method, mass_kg, std_kg in zip(*columns, strict=True):
         if not np.isfinite(mass_kg):
             continue
-        apart_kg = mass_kg - fit.mass_kg
+        difference_kg = mass_kg - fit.mass_kg
         if fit.count > 1 or not np.isfinite(std_kg):
             out.append(Disagreement(method, np.inf, contradicted=True))
             continue
-        deviations = apart_kg / float(np.hypot(std_kg, fit.u_kg))
-        far = abs(deviations) > _CONTRADICTS and abs(apart_kg) > _MATTERS * abs(fit.mass_kg)
-        misses = shows and abs(apart_kg) + fit.u_kg > 1.96 * std_kg
+        deviations = difference_kg / float(np.hypot(std_kg, fit.u_kg))
+        far = abs(deviations) > _CONTRADICTS and abs(difference_kg) > _MATTERS * abs(fit.mass_kg)
+        misses = shows and abs(difference_kg) + fit.u_kg > 1.96 * std_kg
         out.append(Disagreement(method, float(deviations), contradicted=far or misses))
     return out
 

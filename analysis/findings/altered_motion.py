@@ -12,9 +12,9 @@ from analysis.weighing.motion_samples import MotionSamples
 def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
     """The motion with `force`, `speed` or `imu` moved back by how late it is."""
     if channel == "force":
-        return motion.with_force_moved_back(late_s)
+        return motion.shift_force(late_s)
     if channel == "speed":
-        return motion.with_speed_moved_back(late_s)
+        return motion.shift_speed(late_s)
     rows = np.arange(motion.force.size, dtype=np.float64)
 
     def back(x: Floats) -> Floats:

@@ -17,7 +17,7 @@ from analysis.model.verdict import Verdict
 from analysis.model.windows import windows_with
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import KeptNoise, MotionSamples, NoiseOfColumns
+from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
 from estimators.compiled import compiled
 
 #: Channels of the force and of the speed, as a machine file may have them.
@@ -79,10 +79,10 @@ class FindingInputs:
         return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
 
     @cached_property
-    def column_noise(self) -> NoiseOfColumns | None:
+    def column_noise(self) -> ColumnNoiseModel | None:
         """Noise of acceleration, speed and force."""
         found = ColumnNoise.of(X, self.noise, self.machine.settings.noise)
-        return None if found is None else KeptNoise(found)
+        return None if found is None else CachedNoise(found)
 
     @cached_property
     def stands(self) -> Bools:
@@ -191,7 +191,7 @@ class FindingInputs:
         if fit.states is None or fit.count == 1:
             return np.full(motion.force.size, fit.mass_kg)
         place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
-        return fit.masses_kg[fit.states.of[place.clip(0, fit.states.unit.size - 1)]]
+        return fit.masses_kg[fit.states.membership[place.clip(0, fit.states.unit.size - 1)]]
 
 
 def _is_as_read(channel: Channel) -> bool:

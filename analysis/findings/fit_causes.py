@@ -296,7 +296,7 @@ def share_of_u(case: FindingInputs) -> float:
     weighing = case.evidence.weighing
     if weighing is None:
         return float("inf")
-    parts = weighing.fit.parts_kg(weighing.fit.weights(weighing.fit.main))
+    parts = weighing.fit.parts_kg(weighing.fit.weights(weighing.fit.main_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(weighing.fit.mass_kg)
@@ -316,7 +316,7 @@ def collinear(case: FindingInputs) -> list[Symptom]:
     fit = case.fit
     if fit is None:
         return []
-    parts = fit.parts_kg(fit.weights(fit.main))
+    parts = fit.parts_kg(fit.weights(fit.main_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)

@@ -16,8 +16,8 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.model.settings import PriorSettings
 from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import MotionSamples, NoiseOfColumns, begins
-from analysis.weighing.wheel_kinematics import Kinematics, kinematics
+from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples, begins
+from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
 
 #: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
 _OF_REPLAY: Final = 0.5
@@ -85,7 +85,7 @@ def refit_mended(case: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Ch
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
+    of_noise = fit.parts_kg(fit.weights(fit.main_state))["noise"]
     return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
 
 
@@ -111,14 +111,14 @@ def _mass_kg(case: FindingInputs, motion: MotionSamples) -> float | None:
     motion = whole_stretches(motion.beginning(_TRIED))
     if motion.used.sum() < _FEWEST or not motion.drives:
         return None
-    motion = motion.around_fitted(_REACH_S)
+    motion = motion.near_fitted(_REACH_S)
     states = None if fit.states is None else fit.states.among(motion)
     if states is not None and states.count != case.kept.setdefault("states", states.count):
         return None
     earlier = case.kept.get("wheels")
-    wheels = earlier if isinstance(earlier, Kinematics) else fit.kinematics
+    wheels = earlier if isinstance(earlier, WheelKinematics) else fit.kinematics
     if not known or earlier is None:
-        wheels = kinematics(motion, noise, priors, wheels)
+        wheels = compare_wheels(motion, noise, priors, wheels)
     if known:
         case.kept["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
@@ -151,7 +151,7 @@ def _differ_by_constant(old: Floats, new: Floats) -> bool:
 
 
 def _refitted(
-    begun: JointFit, noise: NoiseOfColumns, priors: PriorSettings, *, known: bool
+    begun: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
 ) -> JointFit:
     """Fit from another one's parameters on; its lag by the first stretches where there are more.
 

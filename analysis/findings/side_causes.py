@@ -68,7 +68,7 @@ def _other(channel: str) -> str:
 def _wrong_speed(case: FindingInputs, seen: SideDifference) -> tuple[str, float] | None:
     """The speed that the accelerometer contradicts, and what its scale is to be multiplied by."""
     wheels = None if case.fit is None else case.fit.kinematics
-    if wheels is None or not wheels.goes_together:
+    if wheels is None or not wheels.is_consistent:
         return None
     gains = [(1.0 + wheels.gain[0]) * (1.0 + way * seen.value_1 / 2.0) for way in (-1.0, 1.0)]
     if min(gains) <= 0.0:

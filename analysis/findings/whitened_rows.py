@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
 from analysis.diagnosis.measured_channels import Ints
-from analysis.weighing.motion_samples import MotionSamples, NoiseOfColumns
+from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from estimators.numerics.fit_loss import group_rows
 
 #: Samples of a mean of the force's rows, and of the wheels'.
@@ -59,7 +59,7 @@ class System:
 
 def force_system(
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     mass_kg: Floats,
     friction: float,
     *,
@@ -116,7 +116,7 @@ def force_system(
     )
 
 
-def wheel_system(motion: MotionSamples, noise: NoiseOfColumns) -> System | None:
+def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> System | None:
     """Rows of the wheels against the accelerometer; None without one."""
     reads = motion.specific_force if motion.without_gravity is None else motion.without_gravity
     if reads is None:

@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.motion_samples import Floats, MotionSamples, begins, ends, rolled_share
-from analysis.weighing.pitch_squat import instrumented, squats_of_stretches
-from analysis.weighing.wheel_kinematics import Kinematics
+from analysis.weighing.motion_samples import Floats, MotionSamples, begins, ends, rolling_fraction
+from analysis.weighing.pitch_squat import fit_instrumental_variables, squat_products
+from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import student_factor
 
 #: Samples of a mean, and the fewest means of a stretch that is compared.
@@ -69,7 +69,7 @@ class Squat:
 
 def find_squat(
     motion: MotionSamples,
-    wheels: Kinematics,
+    wheels: WheelKinematics,
     loads: RelativeLoads,
     relative_load: Floats,
     prior_std: float,
@@ -84,11 +84,11 @@ def find_squat(
         prior_std: of the change of gain for a load of the reference mass.
     """
     if motion.without_gravity is not None:
-        gain, variance = _grown_squat(wheels.squat[0], _by_pitch(motion, loads))
+        gain, variance = _scale_squat_with_load(wheels.squat[0], _estimate_by_pitch(motion, loads))
         return Squat(gain, float(np.sqrt(variance)), relative_load)
-    found = _by_wheels(_stretches(motion, wheels, loads))
+    found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads))
     if wheels.squat[0] > 0.0:
-        gain, variance = _grown_squat(wheels.squat[0], found)
+        gain, variance = _scale_squat_with_load(wheels.squat[0], found)
         return Squat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
@@ -110,7 +110,7 @@ def find_squat(
     return Squat(value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load)
 
 
-def _grown_squat(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
+def _scale_squat_with_load(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
     """The change of gain by load of a body that squats by this share, and its variance.
 
     Linear springs give way in proportion to the mass that they hold.
@@ -129,14 +129,16 @@ def _grown_squat(share: float, seen: tuple[float, float] | None) -> tuple[float,
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-def _stretches(motion: MotionSamples, wheels: Kinematics, loads: RelativeLoads) -> list[_Stretch]:
+def _stretch_rows(
+    motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads
+) -> list[_Stretch]:
     """Columns (means, 4), response and time of each stretch, without their means, and its load."""
     assert motion.specific_force is not None
     # such a squat is itself a reason why wheels and accelerometer do not go together
-    known = wheels.goes_together
+    known = wheels.is_consistent
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
-    in_time = motion.with_speed_moved_back(delay_s)
-    ground = in_time.speed * rolled_share(in_time.speed, motion.force, slip_1_N)
+    in_time = motion.shift_speed(delay_s)
+    ground = in_time.speed * rolling_fraction(in_time.speed, motion.force, slip_1_N)
     relative = loads.at(motion.unit)
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
     found: list[_Stretch] = []
@@ -159,12 +161,12 @@ def _stretches(motion: MotionSamples, wheels: Kinematics, loads: RelativeLoads) 
     return found
 
 
-def _by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float] | None:
+def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float] | None:
     """The change of gain by load that the pitch shows, and its variance; None: undetermined."""
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
-    squats = squats_of_stretches(gravity, motion)
+    squats = squat_products(gravity, motion)
     relative = loads.at(motion.unit)[squats.first]
     if relative.size < _FEWEST_STRETCHES or np.ptp(relative) == 0.0:
         return None
@@ -172,7 +174,7 @@ def _by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float
     times = np.column_stack([relative, np.ones((relative.size, 2))])
     columns = squats.columns[:, [0, 0, 1], :][:, :, [0, 0, 1]]
     columns = times[:, :, None] * columns * times[:, None, :]
-    solved = instrumented(columns, times * squats.response[:, [0, 0, 1]])
+    solved = fit_instrumental_variables(columns, times * squats.response[:, [0, 0, 1]])
     if solved is None:
         return None
     theta, covariance = solved
@@ -181,14 +183,14 @@ def _by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float
     return -float(theta[0]), variance
 
 
-def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
+def _estimate_by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
     """The change of gain by load that the wheels say, and its variance, by clusters.
 
     None where it is undetermined.
     """
     if len(rows) < _FEWEST_STRETCHES or len({load for *_, load in rows}) < 2:
         return None
-    free = [_without_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
+    free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
     beta, _, rank, _ = np.linalg.lstsq(X, y)
@@ -203,7 +205,7 @@ def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
     count = slopes.size
     scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
     scatter *= student_factor(count - 1) ** 2
-    part = [_without_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
+    part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])
@@ -225,7 +227,7 @@ def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
     return float(theta[0] / scale[0]), found / float(scale[0]) ** 2
 
 
-def _without_slope(
+def _whiten_random_slope(
     columns: Floats, y: Floats, time: Floats, ratio: float
 ) -> tuple[Floats, Floats, Floats]:
     """Whiten a stretch whose slope scatters with `ratio` times the variance of a row.

@@ -15,11 +15,11 @@ from scipy.optimize import nnls
 from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
-from analysis.weighing.fit_columns import Averages, averages, stride_of
+from analysis.weighing.fit_columns import FitRows, average_columns, mean_stride
 from analysis.weighing.joint_fit import refit
-from analysis.weighing.joint_result import JointFit, place_of
+from analysis.weighing.joint_result import JointFit, term_index
 from analysis.weighing.load_states import sample_units, stretch_units
-from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, NoiseOfColumns
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
 from estimators.numerics.autocorrelation import student_factor
 from estimators.numerics.fit_loss import group_ids, group_rows
@@ -51,7 +51,7 @@ _LEAST_APART: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Growth:
+class LoadGrowth:
     """A manoeuvre whose load grows, or falls, while it drives.
 
     Attributes:
@@ -68,7 +68,7 @@ class Growth:
 
 
 @dataclass(frozen=True, slots=True)
-class Filling:
+class LoadFilling:
     """A load that grows at every start alike.
 
     Attributes:
@@ -81,9 +81,9 @@ class Filling:
     deviations: float
 
 
-def filling(
-    fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings, rows: Averages | None = None
-) -> Filling:
+def fit_filling(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
+) -> LoadFilling:
     """Fit once more with a load that grows at every start alike, and with resistances that resist.
 
     The likelihood ratio of a growth of zero and of one that is not below it, each with whichever
@@ -97,23 +97,23 @@ def filling(
     """
     grown = refit(fit, noise, priors, (FILLING,), rows=rows)
     names = [term.name for term in fit.terms]
-    resistances = [place_of(name, fit.terms) for name in _RESISTANCES if name in names]
+    resistances = [term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.count + 1 + place for place in resistances)]
     found, covariance = grown.theta[at], grown.fit.covariance[np.ix_(at, at)]
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
     if not (np.isfinite(correlation).all() and np.linalg.eigvalsh(correlation)[0] > _LEAST_APART):
-        return Filling(0.0, float("nan"))
+        return LoadFilling(0.0, float("nan"))
     whitened = np.linalg.inv(np.linalg.cholesky(correlation))
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
     better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.fit.misfit_ratio, 1.0)
-    return Filling(float(best[0] * std[0]), float(np.sqrt(better)))
+    return LoadFilling(float(best[0] * std[0]), float(np.sqrt(better)))
 
 
-def growing(
-    fit: JointFit, noise: NoiseOfColumns, motion: MotionSamples | None = None
-) -> tuple[Growth, ...]:
+def find_growing_loads(
+    fit: JointFit, noise: ColumnNoiseModel, motion: MotionSamples | None = None
+) -> tuple[LoadGrowth, ...]:
     """The manoeuvres whose load changes by more than chance makes of so many.
 
     Args:
@@ -124,7 +124,7 @@ def growing(
     if fit.states is None or not np.isfinite(fit.fit.residual_rms):
         return ()
     motion = fit.motion if motion is None else motion
-    rows = averages(motion, noise, fit.terms, fit.mean_samples, fit.found)
+    rows = average_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
     unit = np.where(rows.group >= 0, stretch_units(motion)[np.maximum(rows.group, 0)], -1)
     by_unit = dict(zip(group_ids(unit).tolist(), group_rows(unit), strict=True))
     none = np.empty(0, np.int64)
@@ -133,19 +133,21 @@ def growing(
     told = [part.size >= _FEWEST_ROWS for part in parts]
     if sum(told) < _FEWEST:
         return ()
-    left = _left(fit, rows, unit)
+    left = _residual(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
         most = _FAR * _OF_MEDIAN * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
         left[part] = left[part].clip(-most, most)
-    variance = _variance(fit, noise)
+    variance = _row_variance(fit, noise)
     friction = float(np.hypot(fit.viscous, fit.fit.std[fit.count]))
     own = _FRICTION * friction, _CONSTANT * fit.motion.largest_force
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
         return ()  # of a fit that determines nothing
-    slopes = np.array([_slope(rows.A[part], left[part], tied) for part in compress(parts, told)])
+    slopes = np.array(
+        [_mass_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
+    )
     number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
     if number.size < _FEWEST:
         return ()
@@ -158,7 +160,7 @@ def growing(
     carried = np.abs(kg) < _CARRIED * abs(fit.mass_kg)
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
-        Growth(
+        LoadGrowth(
             int(number[k]),
             int(used[np.argmax(of_sample == number[k])]),
             float(kg[k]),
@@ -168,15 +170,15 @@ def growing(
     )
 
 
-def _left(fit: JointFit, rows: Averages, unit: Ints) -> Floats:
+def _residual(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     """What the fit leaves of the rows, (n,) in N; anything where they are of no manoeuvre."""
     assert fit.states is not None
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
-    masses = fit.theta[: fit.count][fit.states.of[place]]
+    masses = fit.theta[: fit.count][fit.states.membership[place]]
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared
 
 
-def _slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
+def _mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
     """How much a residual grows with a mass, and the information about it.
 
     The manoeuvre's own mass, friction and constant are aside, as far as they may differ: `tied` is
@@ -192,9 +194,9 @@ def _slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
     return float(grows @ residual) / square, square
 
 
-def _variance(fit: JointFit, noise: NoiseOfColumns) -> float:
+def _row_variance(fit: JointFit, noise: ColumnNoiseModel) -> float:
     """Of a row of the fit by the instruments' noise, added up over rows that overlap, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous, -1.0])
-    overlap = samples / stride_of(samples)
+    overlap = samples / mean_stride(samples)
     return overlap * float(gradient @ noise.covariance(samples) @ gradient)

@@ -9,12 +9,12 @@ from analysis.model.settings import PriorSettings
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.body_squat import find_squat
 from analysis.weighing.fit_columns import (
-    Averages,
-    EarlierRounds,
     FitColumns,
+    FitRows,
+    PreviousEstimates,
     RelativeLoads,
-    averages,
-    stride_of,
+    average_columns,
+    mean_stride,
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
@@ -28,13 +28,19 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.low_gears import LOW_GEARS
-from analysis.weighing.motion_samples import Floats, Ints, KeptNoise, MotionSamples, NoiseOfColumns
+from analysis.weighing.motion_samples import (
+    CachedNoise,
+    ColumnNoiseModel,
+    Floats,
+    Ints,
+    MotionSamples,
+)
 from analysis.weighing.nuisances import (
     NUISANCES,
     Nuisance,
 )
 from analysis.weighing.uneven_ground import FEWEST, GROUND
-from analysis.weighing.wheel_kinematics import Kinematics, kinematics
+from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 
 #: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
@@ -74,7 +80,7 @@ _LARGER: Final = 0.01
 
 
 @dataclass(frozen=True)
-class FittedLog:
+class JointFitInputs:
     """What is fitted, and what is known of it.
 
     Attributes:
@@ -82,23 +88,23 @@ class FittedLog:
         noise: of acceleration, speed and force.
         priors: of the nuisances.
         wheels: what they say of the accelerometer, the force as it was measured.
-        uneven_1_s: how much the ground's force differs from stretch to stretch (`EarlierRounds`).
+        uneven_1_s: how much the ground force differs between stretches (`PreviousEstimates`).
     """
 
     motion: MotionSamples
-    noise: NoiseOfColumns
+    noise: ColumnNoiseModel
     priors: PriorSettings
-    wheels: Kinematics | None
+    wheels: WheelKinematics | None
     uneven_1_s: float = 0.0
 
     @classmethod
-    def of(cls, motion: MotionSamples, noise: NoiseOfColumns, priors: PriorSettings) -> Self:
+    def of(cls, motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings) -> Self:
         """Ask the wheels."""
-        noise = KeptNoise(noise)
-        return cls(motion, noise, priors, _wheels(motion, noise, priors))
+        noise = CachedNoise(noise)
+        return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors))
 
 
-def joint_fit(of: FittedLog, states: LoadStates | None = None) -> JointFit:
+def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     motion = of.motion
     several = states is not None and states.count > 1
@@ -114,13 +120,15 @@ def joint_fit(of: FittedLog, states: LoadStates | None = None) -> JointFit:
     means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S}
     means = sorted(means | {*_MEANS_OF_ROWS} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
-    columns = FitColumns.of(part.motion, of.noise, terms, part.begun)
+    columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)
     first = [
         part.fitted(samples, _PILOT_ROUNDS, rows=columns.averaged(of.noise, samples))
         for samples in lengths
     ]
     # a lag that is far from made up for may leave no mass at all
-    first = [found for found in first if found.mass_kg > _LEAST * motion.about_kg] or first
+    first = [
+        found for found in first if found.mass_kg > _LEAST * motion.approximate_mass_kg
+    ] or first
     telling = [found for found in first if found.fit.noise_share <= _MOST_NOISE] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
@@ -128,9 +136,9 @@ def joint_fit(of: FittedLog, states: LoadStates | None = None) -> JointFit:
     samples = best.mean_samples
     if abs(best.lag_s) > _SHORT_LAG_S or best.found.transfer_s2_m:
         # slip is of the force on the ground at that moment
-        in_time = motion.with_force_moved_back(best.lag_s)
-        acting = replace(in_time, force=best.found.acting(in_time))
-        whole = replace(whole, wheels=_wheels(acting, of.noise, of.priors))
+        in_time = motion.shift_force(best.lag_s)
+        acting = replace(in_time, force=best.found.ground_force(in_time))
+        whole = replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:
@@ -143,11 +151,11 @@ def joint_fit(of: FittedLog, states: LoadStates | None = None) -> JointFit:
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
 
-def _wheels(
-    motion: MotionSamples, noise: NoiseOfColumns, priors: PriorSettings
-) -> Kinematics | None:
+def _wheel_kinematics(
+    motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings
+) -> WheelKinematics | None:
     """What the wheels say, or what a calibration says of them."""
-    found = kinematics(motion, noise, priors)
+    found = compare_wheels(motion, noise, priors)
     return None if found is None else found.learnt(priors)
 
 
@@ -157,16 +165,16 @@ def _averaging_share(by_length: list[JointFit], place: int) -> float:
     if best.mass_kg == 0.0:
         return 0.0
     rows = by_length[0].mean_samples == 1
-    if any(_differ(best, other, rows=rows) for other in longer):
+    if any(_masses_differ(best, other, rows=rows) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
-    if not longer and place and _differ(best, by_length[place - 1], rows=rows):
+    if not longer and place and _masses_differ(best, by_length[place - 1], rows=rows):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - by_length[place - 1].mass_kg / best.mass_kg
     return _ROW_SHARE_1_S / best.motion.rate_hz if rows else 0.0
 
 
-def _differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
+def _masses_differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
     """Whether means of two lengths give masses that their uncertainties do not explain.
 
     Of single rows any difference that counts is one: noise that makes it is no excuse.
@@ -181,11 +189,11 @@ def _differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
 
 def refit(
     found: JointFit,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     priors: PriorSettings,
     extra: tuple[Nuisance, ...] = (),
     rounds: int = 1,
-    rows: Averages | None = None,
+    rows: FitRows | None = None,
 ) -> JointFit:
     """Fit the same samples with other priors, or with further terms behind the others.
 
@@ -197,7 +205,7 @@ def refit(
         priors: of the nuisances.
         extra: the further terms.
         rounds: at most.
-        rows: `rows_of` what was found, with these terms and maybe more, where they are at hand.
+        rows: `fit_rows` what was found, with these terms and maybe more, where they are at hand.
     """
     if found.effects is not None:
         priors = found.effects.narrowed(priors)
@@ -217,20 +225,22 @@ def refit(
     )
 
 
-def rows_of(found: JointFit, noise: NoiseOfColumns, extra: tuple[Nuisance, ...] = ()) -> Averages:
+def fit_rows(found: JointFit, noise: ColumnNoiseModel, extra: tuple[Nuisance, ...] = ()) -> FitRows:
     """The rows by which a fit begins that goes on from another, with further terms or without."""
     terms = (*found.terms, *extra)
-    return averages(found.motion, noise, terms, found.mean_samples, found.found)
+    return average_columns(found.motion, noise, terms, found.mean_samples, found.found)
 
 
-def with_likely_effects(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+def drop_unlikely_effects(
+    found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+) -> JointFit:
     """Fit without the effects that the log is unlikely to have."""
     likely = LikelyEffects.of(found.fit, found.count, found.terms, found.prior_std)
     found = replace(found, effects=likely)
     return refit(found, noise, priors, rounds=2) if likely and likely.left_out else found
 
 
-def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:
+def add_squat(found: JointFit, priors: PriorSettings) -> JointFit:
     """Look for an accelerometer whose gain changes with the load."""
     wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
     if wheels is None or loads is None or states is None:
@@ -238,23 +248,25 @@ def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:
     told = found.motion.without_gravity is None or wheels.squat[0] > 0.0
     if not (found.motion.by_accelerometer and told):
         return found
-    first = np.unique(states.of, return_index=True)[1]
+    first = np.unique(states.membership, return_index=True)[1]
     for _ in range(_SQUAT_ROUNDS):
         squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)
         found = replace(found, squat=squat)
         # a squat that is not taken off makes loads of another size
         shares = loads.weight_shares
-        loads = RelativeLoads.of(states.unit, found.masses_kg[states.of], shares) or loads
+        loads = RelativeLoads.of(states.unit, found.masses_kg[states.membership], shares) or loads
     return found
 
 
-def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+def add_motion_responses(
+    found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+) -> JointFit:
     """Find what errors of the motion do to each mass, by fitting once more with each."""
     if found.kinematics is None or not found.motion.by_accelerometer:
         return found
     known, count = found.found, found.count
 
-    def moved(changed: EarlierRounds, by: float) -> Floats:
+    def moved(changed: PreviousEstimates, by: float) -> Floats:
         other = refit(replace(found, found=changed), noise, priors)
         return (other.theta[:count] - found.theta[:count]) / by
 
@@ -264,40 +276,44 @@ def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
     return replace(found, by_motion=responses)
 
 
-def with_states(found: JointFit, of: FittedLog, repeatability_kg: float | None) -> JointFit:
+def add_load_states(
+    found: JointFit, of: JointFitInputs, repeatability_kg: float | None
+) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes.
 
     A search that does not settle has the states about which manoeuvres scatter least, for as many.
     """
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
     if not np.isfinite(found.theta).all():
-        return _without_answer(found)
+        return _withhold_masses(found)
     first, tried = found, list[JointFit]()
     for _ in range(_STATE_ROUNDS):
         task = FitTask(
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
         )
-        rows = rows_of(found, of.noise)
+        rows = fit_rows(found, of.noise)
         units = task.units(found, rows)
         states = find_states(replace(units, kind=hints), number, repeatability_kg)
         before = found.states
         if states.count == 1 and found.count == 1:
             return refit(replace(found, states=states), of.noise, of.priors, rows=rows)
-        if before is not None and np.array_equal(states.of, before.of):
+        if before is not None and np.array_equal(states.membership, before.membership):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
             return refit(found, of.noise, of.priors, rounds=2, rows=rows)
-        of = _with_uneven_ground(found, of, rows.group)
+        of = _add_uneven_ground(found, of, rows.group)
         found = joint_fit(of, states)
         if not np.isfinite(found.theta).all():
-            return _without_answer(first)
-        if any(np.array_equal(states.of, each.of) for each in map(_states, tried)):
+            return _withhold_masses(first)
+        if any(
+            np.array_equal(states.membership, each.membership) for each in map(_find_states, tried)
+        ):
             break
         tried.append(found)
-    return min(tried, key=lambda each: _states(each).misfit)
+    return min(tried, key=lambda each: _find_states(each).misfit)
 
 
-def _without_answer(found: JointFit) -> JointFit:
+def _withhold_masses(found: JointFit) -> JointFit:
     """The same fit, none of whose masses is known."""
     states = found.states
     if found.count == 1 or states is None:
@@ -305,18 +321,18 @@ def _without_answer(found: JointFit) -> JointFit:
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 
-def _states(found: JointFit) -> LoadStates:
+def _find_states(found: JointFit) -> LoadStates:
     assert found.states is not None
     return found.states
 
 
-def _with_uneven_ground(found: JointFit, of: FittedLog, group: Ints) -> FittedLog:
+def _add_uneven_ground(found: JointFit, of: JointFitInputs, group: Ints) -> JointFitInputs:
     """Likewise with constants that differ from stretch to stretch."""
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of
     residual = found.fit.residual
     correlation, white = pooled_autocorrelation(residual, group, None)
-    a_second = found.motion.rate_hz / stride_of(found.mean_samples)
+    a_second = found.motion.rate_hz / mean_stride(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     std_N = of.priors.ground_uneven_share * found.motion.weight
     return replace(of, uneven_1_s=std_N**2 * a_second / noise)

@@ -46,13 +46,13 @@ class AlternativePartition:
     """What the manoeuvres may as well say, where the log cannot tell.
 
     Attributes:
-        of: (units,) the load state of each.
+        membership: (units,) the load state of each.
         differs_kg: (units,) by how much its mass then differs.
         scatter_kg: standard deviation of manoeuvres about their state.
         probability: that it is not as the states have it.
     """
 
-    of: Ints
+    membership: Ints
     differs_kg: Floats
     scatter_kg: float
     probability: float
@@ -64,7 +64,7 @@ class LoadStates:
 
     Attributes:
         unit: (units,) numbers of the manoeuvres, as the samples have them, ascending.
-        of: (units,) the load state of each, from 0 on in time.
+        membership: (units,) the load state of each, from 0 on in time.
         level_kg: (units,) mass that each says, the nuisances taken off.
         std_kg: (units,) its deviation by the manoeuvre alone.
         scatter_kg: standard deviation of manoeuvres about their state.
@@ -77,7 +77,7 @@ class LoadStates:
     """
 
     unit: Ints
-    of: Ints
+    membership: Ints
     level_kg: Floats
     std_kg: Floats
     scatter_kg: float
@@ -85,24 +85,26 @@ class LoadStates:
     birge_ratio: float
     single_probability: float = 1.0
     other: AlternativePartition | None = None
-    comes_back: bool = False
+    load_returns: bool = False
 
     @property
     def count(self) -> int:
         """How many states there are."""
-        return int(self.of.max()) + 1
+        return int(self.membership.max()) + 1
 
     @property
     def means_kg(self) -> Floats:
         """(states,) the mass of each by its manoeuvres."""
         weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
-        return means_by_state(self.level_kg, weight, self.of)
+        return means_by_state(self.level_kg, weight, self.membership)
 
     @property
     def misfit(self) -> float:
         """How far manoeuvres are from their states, and how many these are (Schwarz 1978)."""
         variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
-        return self.of.size * float(np.log(variance)) + self.count * float(np.log(self.of.size))
+        return self.membership.size * float(np.log(variance)) + self.count * float(
+            np.log(self.membership.size)
+        )
 
     @property
     def scatters(self) -> bool:
@@ -124,16 +126,18 @@ class LoadStates:
         return replace(
             self,
             unit=unit,
-            of=np.unique(self.of[place], return_inverse=True)[1],
+            membership=np.unique(self.membership[place], return_inverse=True)[1],
             level_kg=self.level_kg[place],
             std_kg=self.std_kg[place],
             other=self.other
             and replace(
-                self.other, of=self.other.of[place], differs_kg=self.other.differs_kg[place]
+                self.other,
+                membership=self.other.membership[place],
+                differs_kg=self.other.differs_kg[place],
             ),
         )
 
-    def other_reading_kg(self, weights: Floats) -> float:
+    def alternative_std_kg(self, weights: Floats) -> float:
         """What the doubt of the states does to a sum of their masses, in kg.
 
         The mass of a manoeuvre drawn from each state has the variance between the two readings.
@@ -143,9 +147,11 @@ class LoadStates:
         """
         if self.other is None:
             return 0.0
-        count = np.bincount(self.of)
-        mean_kg = np.bincount(self.of, weights=self.other.differs_kg) / count
-        within = np.bincount(self.of, weights=(self.other.differs_kg - mean_kg[self.of]) ** 2)
+        count = np.bincount(self.membership)
+        mean_kg = np.bincount(self.membership, weights=self.other.differs_kg) / count
+        within = np.bincount(
+            self.membership, weights=(self.other.differs_kg - mean_kg[self.membership]) ** 2
+        )
         variance = float(weights @ mean_kg) ** 2 + float(weights**2 @ (within / count))
         return float(np.sqrt(self.other.probability * variance))
 
@@ -153,7 +159,7 @@ class LoadStates:
         """The states of the stretches of the motion whose manoeuvres these are."""
         number = np.searchsorted(self.unit, stretch_units(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
-        return RandomIntercepts(self.of[number], number, scatter_kg, self.freedom)
+        return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
 def stretch_units(motion: MotionSamples) -> Ints:
@@ -175,7 +181,7 @@ def stretch_units(motion: MotionSamples) -> Ints:
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
-        if _place(motion, *sooner, *sooner) > 1 and _place(motion, *later, *later) == 1:
+        if _change_kind(motion, *sooner, *sooner) > 1 and _change_kind(motion, *later, *later) == 1:
             goes[short] = after[short]
     return number[goes][of]
 
@@ -199,10 +205,10 @@ def places(motion: MotionSamples) -> Ints:
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    return np.array([_place(motion, *span) for span in spans], np.int64)
+    return np.array([_change_kind(motion, *span) for span in spans], np.int64)
 
 
-def _place(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
+def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
     """What tells a change of load between two manoeuvres.
 
     Args:
@@ -249,10 +255,10 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
         _REPEATS * typical_kg,
         repeatability_kg,
     )
-    best = found.best if _chosen(found, repeatability_kg) else found.single
+    best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
     other = found.several if best.states == 1 else found.single
     level_kg = units.y - units.x @ best.effects
-    scatter_kg, freedom, ratio = _scatter(level_kg, units.variance, best)
+    scatter_kg, freedom, ratio = _between_manoeuvre_scatter(level_kg, units.variance, best)
     if repeatability_kg is not None:
         scatter_kg, freedom = repeatability_kg, np.inf
     probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
@@ -265,18 +271,18 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
         freedom,
         ratio,
         found.single_probability,
-        _other_reading(units, best, other, probability),
-        np.unique(best.level).size < best.states or _turns(best) >= _ALTERNATES,
+        _alternative_partition(units, best, other, probability),
+        np.unique(best.level).size < best.states or _count_reversals(best) >= _ALTERNATES,
     )
 
 
-def _turns(found: Partition) -> int:
+def _count_reversals(found: Partition) -> int:
     """How often a load that was put on is taken off, or the other way round."""
     rises = np.sign(np.diff(found.levels))
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
 
 
-def _other_reading(
+def _alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
     """What the units may as well say; None where the log can tell."""
@@ -284,7 +290,7 @@ def _other_reading(
     if other is None or probability < doubted:
         return None
     level_kg = units.y - units.x @ other.effects
-    scatter_kg, _, _ = _scatter(level_kg, units.variance, other)
+    scatter_kg, _, _ = _between_manoeuvre_scatter(level_kg, units.variance, other)
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return AlternativePartition(other.state, differs_kg, scatter_kg, probability)
 
@@ -295,7 +301,7 @@ def single_unknown_state(number: Ints) -> LoadStates:
     return LoadStates(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
 
-def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:
+def _is_partition_credible(found: Partitions, repeatability_kg: float | None) -> bool:
     """Whether the most probable partition is taken, or one state where nothing can tell."""
     few = found.best.freedom < FEWEST_FREEDOM
     doubted = found.single_probability > _DOUBTED
@@ -313,7 +319,9 @@ def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
     return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
 
 
-def _scatter(level: Floats, variance: Floats, found: Partition) -> tuple[float, float, float]:
+def _between_manoeuvre_scatter(
+    level: Floats, variance: Floats, found: Partition
+) -> tuple[float, float, float]:
     """Scatter about the levels (Paule & Mandel 1982), its degrees of freedom, Birge's ratio."""
     freedom, state = found.freedom, found.level[found.state]
     if freedom < 1:

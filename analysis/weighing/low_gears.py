@@ -27,11 +27,11 @@ _LEAST_SHARE: Final = 0.05
 BY_GEAR: Final = "gears"
 
 
-def _left(speed: Floats, quarter_m_s: float) -> Floats:
+def _remaining_fraction(speed: Floats, quarter_m_s: float) -> Floats:
     return (1.0 + (speed / quarter_m_s) ** 2) ** -2
 
 
-def _falls(speed: Floats, quarter_m_s: float) -> Floats:
+def _remaining_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
     """Derivative of that by the speed, in s/m."""
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
 
@@ -44,22 +44,22 @@ def _has_gears(motion: MotionSamples) -> bool:
     return float(slow.mean()) > _LEAST_SHARE
 
 
-def _width(motion: MotionSamples, priors: PriorSettings) -> float:
-    return priors.low_gear_share * motion.about_kg
+def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+    return priors.low_gear_share * motion.approximate_mass_kg
 
 
-def _gear(quarter_m_s: float) -> Nuisance:
+def _gear_term(quarter_m_s: float) -> Nuisance:
     def left(m: Moments) -> Floats:
-        return _left(m.speed, quarter_m_s)
+        return _remaining_fraction(m.speed, quarter_m_s)
 
     return Nuisance(
         f"low_gears_{quarter_m_s:.0f}_m_s",
         "kg",
         lambda m: m.acceleration * left(m),
-        _width,
+        _gear_prior_std,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
-        by_speed=lambda m: m.acceleration * _falls(m.speed, quarter_m_s),
+        by_speed=lambda m: m.acceleration * _remaining_slope_s_m(m.speed, quarter_m_s),
         by_acceleration=left,
         applies=_has_gears,
         source=BY_GEAR,
@@ -67,4 +67,4 @@ def _gear(quarter_m_s: float) -> Nuisance:
 
 
 #: Behind the nuisances that every log may have.
-LOW_GEARS: Final = tuple(map(_gear, _QUARTER_LEFT_M_S))
+LOW_GEARS: Final = tuple(map(_gear_term, _QUARTER_LEFT_M_S))

@@ -146,7 +146,7 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
     parts_kg = fit.parts_kg(weights)
-    parts_kg |= _doubts(weighing, weights, parts_kg)
+    parts_kg |= _widening_by_checks(weighing, weights, parts_kg)
     for source in {term.source: None for term in fit.terms if term.source}:
         own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
         parts_kg[source] = float(np.linalg.norm(own_kg))
@@ -199,7 +199,9 @@ def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
     return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.count)
 
 
-def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> dict[str, float]:
+def _widening_by_checks(
+    weighing: Weighing, weights: Floats, parts_kg: dict[str, float]
+) -> dict[str, float]:
     """What else a check of the fit widens a sum of masses by, in kg, where it shows."""
     fit = weighing.fit
     # what is wrong with the equation is as wrong with every mass

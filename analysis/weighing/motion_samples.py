@@ -62,7 +62,7 @@ _PIECE: Final = 32_768
 _REACH_S: Final = 0.6
 
 
-class NoiseOfColumns(Protocol):
+class ColumnNoiseModel(Protocol):
     """What is known of the noise of acceleration, speed and force."""
 
     def covariance(self, samples: int) -> Floats:
@@ -71,14 +71,14 @@ class NoiseOfColumns(Protocol):
 
 
 @dataclass(frozen=True)
-class KeptNoise:
+class CachedNoise:
     """The same noise, each length of a mean worked out once.
 
     Attributes:
         columns: whose noise it is.
     """
 
-    columns: NoiseOfColumns
+    columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
 
     def covariance(self, samples: int) -> Floats:
@@ -149,18 +149,18 @@ class MotionSamples:
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
-        return replace(self._cut(slice(0, end)), progress=_progress(end))
+        return replace(self._select(slice(0, end)), progress=_progress(end))
 
-    def around_fitted(self, reach_s: float) -> "MotionSamples":
+    def near_fitted(self, reach_s: float) -> "MotionSamples":
         """The same without samples that are farther than so from any that may be fitted.
 
         What moves the force or the speed in time by no more finds what it would.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
         near = windows_with(self.used, size) | windows_with(self.used[::-1], size)[::-1]
-        return self._cut(np.flatnonzero(near))
+        return self._select(np.flatnonzero(near))
 
-    def _cut(self, cut: slice | Ints) -> "MotionSamples":
+    def _select(self, cut: slice | Ints) -> "MotionSamples":
         """Some of the samples."""
         level, measured = self.without_gravity, self.specific_force
         wheels = self.wheel_acceleration
@@ -195,7 +195,7 @@ class MotionSamples:
         found: list[MotionSamples] = []
         for stretches in np.split(np.arange(first.size), whole):
             begin, end = int(first[stretches[0]]), int(last[stretches[-1]]) + 1
-            piece = self._cut(slice(max(begin - reach, 0), end + reach))
+            piece = self._select(slice(max(begin - reach, 0), end + reach))
             own = (piece.group >= stretches[0]) & (piece.group <= stretches[-1])
             found.append(replace(piece, group=np.where(own, piece.group, -1)))
         return tuple(found)
@@ -207,15 +207,15 @@ class MotionSamples:
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, group=group)
 
-    def with_force_moved_back(self, lag_s: float) -> "MotionSamples":
+    def shift_force(self, lag_s: float) -> "MotionSamples":
         """The same with the force moved back by how late it is."""
-        return replace(self, force=self._moved_back(self.force, lag_s))
+        return replace(self, force=self._shift(self.force, lag_s))
 
-    def with_speed_moved_back(self, delay_s: float) -> "MotionSamples":
+    def shift_speed(self, delay_s: float) -> "MotionSamples":
         """The same with the speed moved back by how late it is."""
-        return replace(self, speed=self._moved_back(self.speed, delay_s))
+        return replace(self, speed=self._shift(self.speed, delay_s))
 
-    def _moved_back(self, x: Floats, late_s: float) -> Floats:
+    def _shift(self, x: Floats, late_s: float) -> Floats:
         """By a cubic inside of stretches: a line between two rows is a low-pass on a slow grid."""
         late = late_s * self.rate_hz
         rows = np.arange(x.size, dtype=np.float64)
@@ -266,7 +266,7 @@ class MotionSamples:
         return float(np.mean(np.abs(self.speed[self.used])))
 
     @cached_property
-    def about_kg(self) -> float:
+    def approximate_mass_kg(self) -> float:
         """The force that this log drives with over the acceleration that it reaches, in kg."""
         reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
         return self.largest_force / reached if reached else 0.0
@@ -274,7 +274,7 @@ class MotionSamples:
     @property
     def drives(self) -> bool:
         """Whether it has a force, a speed and an acceleration to measure the terms' priors by."""
-        return self.about_kg > 0.0 and self.largest_speed > 0.0
+        return self.approximate_mass_kg > 0.0 and self.largest_speed > 0.0
 
     @cached_property
     def manoeuvres(self) -> int:
@@ -282,12 +282,12 @@ class MotionSamples:
         return int(np.unique(self.unit[self.used]).size)
 
     @cached_property
-    def drives_apart(self) -> int:
+    def separate_drive_count(self) -> int:
         """How many drives may be fitted between which a load may change."""
         return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
 
     @cached_property
-    def on_a_bench(self) -> bool:
+    def is_on_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
         return self.both_ways and 0.0 < self.path_m < min(_BENCH_M, driven_m / _PASSES)
@@ -304,7 +304,7 @@ def motion_samples(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     *,
     braking: bool = True,
 ) -> MotionSamples:
@@ -326,11 +326,11 @@ def motion_samples(
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     moves_m_s = max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S)
-    group = _fitted(excitation, gated, machine, moves_m_s, braking=braking)
+    group = _fitted_manoeuvres(excitation, gated, machine, moves_m_s, braking=braking)
     filtered = any(channel.differentiates for channel in machine.channels.values())
     mixed = _MIXED_FILTERED if filtered else _MIXED
     settled = max(mixed, round(_MIXED_S * settings.align.rate_hz))
-    group = _from_break_away(
+    group = _trim_to_break_away(
         group,
         np.where(known, speed, 0.0),
         moves_m_s,
@@ -339,17 +339,17 @@ def motion_samples(
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = rows_in(_CLEAR_S, settings.align.rate_hz)
-    silent = ~known | _left_out(aligned)
+    silent = ~known | _missing_rows(aligned)
     near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
-    group = _runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
-    measured = _column(aligned, "specific_force_x_m_s2", known)
-    pitch = _column(aligned, "pitch_rad", known)
+    group = _number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
+    measured = _grid_column(aligned, "specific_force_x_m_s2", known)
+    pitch = _grid_column(aligned, "pitch_rad", known)
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
-    stood = _standstills(excitation)
+    stood = _count_standstills(excitation)
     unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
-    silences = _silences(known, rows_in(_SILENT_S, settings.align.rate_hz))
+    silences = _count_silences(known, rows_in(_SILENT_S, settings.align.rate_hz))
     group = _cut_stretches(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
@@ -361,13 +361,13 @@ def motion_samples(
         settings.align.rate_hz,
         measured,
         level,
-        _column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
+        _grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
         _progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
+        *_path_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
-        _weight(machine, acceleration, force, group >= 0),
+        _empty_weight(machine, acceleration, force, group >= 0),
         tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         _named_empty(aligned, machine),
@@ -377,7 +377,7 @@ def motion_samples(
     )
 
 
-def _left_out(aligned: pl.DataFrame) -> Bools:
+def _missing_rows(aligned: pl.DataFrame) -> Bools:
     """Which rows of the grid say nothing, (n,)."""
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
@@ -385,7 +385,7 @@ def _left_out(aligned: pl.DataFrame) -> Bools:
 
 
 @compiled
-def rolled_share(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+def rolling_fraction(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     """The share of the speed of wheels which slip by κ = F / C that is the ground's, (n,)."""
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
@@ -405,7 +405,9 @@ def _progress(samples: int) -> Floats:
     return np.arange(samples) / max(samples, 1) - 0.5
 
 
-def _places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> tuple[Floats, float]:
+def _path_places(
+    speed: Floats, used: Bools, silences: Ints, rate_hz: float
+) -> tuple[Floats, float]:
     """Where the machine is on its path, (n,), and how long that is, in m.
 
     What it did while the log was silent nobody knows: each record is centred on its own path.
@@ -420,13 +422,13 @@ def _places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> tuple
     return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
 
 
-def _standstills(excitation: pl.DataFrame) -> Ints:
+def _count_standstills(excitation: pl.DataFrame) -> Ints:
     """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def _silences(known: Bools, shortest: int) -> Ints:
+def _count_silences(known: Bools, shortest: int) -> Ints:
     """How often nothing was known for so many samples, up to each sample, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]
@@ -451,7 +453,7 @@ def _cut_stretches(group: Ints, unit: Ints) -> Ints:
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
-def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
+def _empty_weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
     """The empty machine's weight in N, or what force over acceleration says it is about."""
     body = machine.machine
     if body.empty_mass_kg is not None or not used.any():
@@ -470,13 +472,13 @@ def _named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
     return (t_s >= loads.empty_from_s) & (t_s <= loads.empty_to_s)
 
 
-def _column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
+def _grid_column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
     if name not in aligned.columns:
         return None
     return np.where(known, values(aligned, name), 0.0)
 
 
-def _fitted(
+def _fitted_manoeuvres(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
@@ -501,7 +503,7 @@ def _fitted(
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 
-def _from_break_away(
+def _trim_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
     """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
@@ -519,7 +521,7 @@ def _from_break_away(
     return grown
 
 
-def _runs(group: Ints, speed: Floats, mixed: int) -> Ints:
+def _number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     """Number the stretches of adjoining samples that move one way; at a reversal friction turns."""
     used = group >= 0
     forwards = np.convolve(speed, np.ones(3) / 3.0, "same") > 0.0

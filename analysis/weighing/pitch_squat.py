@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.stretch_means import EVERY, MEAN, means
+from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means
 from estimators.numerics.fit_loss import group_rows
 
 #: Metres from where a stretch begins over which the grade is a cubic: half the length of a hill.
@@ -50,7 +50,7 @@ class StretchSquats:
     columns: Floats
 
 
-def squats_of_stretches(gravity: Floats, motion: MotionSamples) -> StretchSquats:
+def squat_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
     """Multiply them, each without a cubic of the distance.
 
     Args:
@@ -67,9 +67,19 @@ def squats_of_stretches(gravity: Floats, motion: MotionSamples) -> StretchSquats
         if near.size < MEAN + EVERY * (_FEWEST_ROWS + 2 * _RATE_MEANS):
             continue
         channels = (motion.without_gravity, motion.force / scale_N, gravity)
-        a, force, pitch = (means(channel[near]) for channel in channels)
-        grade = np.vander(_inner(means(travelled_m[: near.size])) / _REACH_M, _DEGREE + 1)
-        rows = np.column_stack([_inner(force), _rate(force), _inner(a), _rate(a), _inner(pitch)])
+        a, force, pitch = (overlapping_means(channel[near]) for channel in channels)
+        grade = np.vander(
+            _drop_ends(overlapping_means(travelled_m[: near.size])) / _REACH_M, _DEGREE + 1
+        )
+        rows = np.column_stack(
+            [
+                _drop_ends(force),
+                _rate_of_means(force),
+                _drop_ends(a),
+                _rate_of_means(a),
+                _drop_ends(pitch),
+            ]
+        )
         rows -= grade @ np.linalg.lstsq(grade, rows, rcond=None)[0]
         first.append(int(near[0]))
         products.append(rows[:, :2].T @ rows[:, 2:])
@@ -77,17 +87,17 @@ def squats_of_stretches(gravity: Floats, motion: MotionSamples) -> StretchSquats
     return StretchSquats(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
 
 
-def _inner(x: Floats) -> Floats:
+def _drop_ends(x: Floats) -> Floats:
     """Those of the means that have a rate."""
     return x[_RATE_MEANS:-_RATE_MEANS]
 
 
-def _rate(x: Floats) -> Floats:
+def _rate_of_means(x: Floats) -> Floats:
     """Change of the means over a fixed number of them."""
     return x[2 * _RATE_MEANS :] - x[: -2 * _RATE_MEANS]
 
 
-def instrumented(columns: Floats, response: Floats) -> tuple[Floats, Floats] | None:
+def fit_instrumental_variables(columns: Floats, response: Floats) -> tuple[Floats, Floats] | None:
     """Coefficients by instrumental variables, and their covariance by clusters.
 
     Args:
@@ -107,16 +117,16 @@ def instrumented(columns: Floats, response: Floats) -> tuple[Floats, Floats] | N
     return theta, bread @ scores.T @ scores @ bread.T * (count / (count - p))
 
 
-def pitch_squat(gravity: Floats, motion: MotionSamples) -> tuple[float, float] | None:
+def estimate_pitch_squat(gravity: Floats, motion: MotionSamples) -> tuple[float, float] | None:
     """By which share of the acceleration the pitch's gravity follows it; None where it does not.
 
     Returns:
         The share, and the standard uncertainty of what it does to the accelerometer.
     """
-    found = squats_of_stretches(gravity, motion)
+    found = squat_products(gravity, motion)
     if found.first.size < _FEWEST_STRETCHES:
         return None
-    solved = instrumented(found.columns, found.response)
+    solved = fit_instrumental_variables(found.columns, found.response)
     if solved is None:
         return None
     share, std = float(solved[0][0]), float(np.sqrt(solved[1][0, 0]))

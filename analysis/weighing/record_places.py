@@ -23,10 +23,10 @@ _MOVED_1: Final = 1e-4
 _FREE: Final = 1e3
 
 
-def with_records_in_place(motion: MotionSamples) -> MotionSamples:
+def align_records(motion: MotionSamples) -> MotionSamples:
     """The same with the paths of its records moved onto each other, where a bench has several."""
     used = motion.used
-    if motion.silences is None or not used.any() or not motion.on_a_bench:
+    if motion.silences is None or not used.any() or not motion.is_on_bench:
         return motion
     record = np.unique(motion.silences[used], return_inverse=True)[1]
     records = int(record.max()) + 1
@@ -72,7 +72,7 @@ def record_offsets(straight: Floats, force: Floats, place_1: Floats, of_record: 
     for _ in range(_ROUNDS):
         place = place_1 + of_record @ off_1
         known = np.column_stack((straight, forces_by_place(place)))
-        found, missed = _solved(known, force, np.full(known.shape[1], _FREE))
+        found, missed = _solve_penalised(known, force, np.full(known.shape[1], _FREE))
         cost = float(missed @ missed) / max(float(force @ force), 1e-300)
         if cost >= least * (1.0 - 1e-9):
             break
@@ -80,7 +80,7 @@ def record_offsets(straight: Floats, force: Floats, place_1: Floats, of_record: 
         slope = slopes_by_place(place) @ found[straight.shape[1] :]
         moving = np.column_stack((known, slope[:, None] * of_record[:, 1:]))
         free = np.full(moving.shape[1], _FREE)
-        step = _solved(moving, force, free)[0][known.shape[1] :]
+        step = _solve_penalised(moving, force, free)[0][known.shape[1] :]
         step = np.append(0.0, step).clip(-_STEP_1, _STEP_1)
         if float(np.abs(step).max()) < _MOVED_1:
             break
@@ -88,7 +88,7 @@ def record_offsets(straight: Floats, force: Floats, place_1: Floats, of_record: 
     return best_1
 
 
-def _solved(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:
+def _solve_penalised(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:
     """Least squares with columns of unit mean square, all but free, and what they miss."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0

@@ -15,17 +15,17 @@ import numpy as np
 
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import (
+    ColumnNoiseModel,
     Floats,
     Ints,
     MotionSamples,
-    NoiseOfColumns,
     begins,
     ends,
-    rolled_share,
+    rolling_fraction,
 )
-from analysis.weighing.nuisances import const_width
-from analysis.weighing.pitch_squat import pitch_squat
-from analysis.weighing.stretch_means import EVERY, MEAN, means, without_line
+from analysis.weighing.nuisances import const_prior_std
+from analysis.weighing.pitch_squat import estimate_pitch_squat
+from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means, subtract_line
 from estimators.compiled import compiled
 from estimators.joint import prior_fit
 from estimators.joint.prior_fit import Grouping
@@ -69,7 +69,7 @@ _Rows = tuple[Floats, Floats, Ints, NoiseMoments]
 
 
 @dataclass(frozen=True, slots=True)
-class Kinematics:
+class WheelKinematics:
     """What the wheels say of the accelerometer and of themselves, value and deviation each.
 
     Attributes:
@@ -100,7 +100,7 @@ class Kinematics:
     prior_std: Floats
     mean_u: Floats
     squat: tuple[float, float] = (0.0, 0.0)
-    own: "Kinematics | None" = None
+    own: "WheelKinematics | None" = None
 
     @property
     def by_term(self) -> dict[str, tuple[float, float]]:
@@ -108,23 +108,23 @@ class Kinematics:
         return dict(zip(TERMS, (self.slip_1_N, self.gain_by_prior, self.delay_s), strict=True))
 
     @property
-    def goes_together(self) -> bool:
+    def is_consistent(self) -> bool:
         """Whether wheels and accelerometer go together at all."""
         return self.mismatch <= _MISMATCH
 
     @property
     def is_found(self) -> bool:
         """Whether another motion may begin from here."""
-        return self.goes_together and abs(self.delay_s[0]) < _LONGEST_DELAY_S
+        return self.is_consistent and abs(self.delay_s[0]) < _LONGEST_DELAY_S
 
-    def learnt(self, priors: PriorSettings) -> "Kinematics":
+    def learnt(self, priors: PriorSettings) -> "WheelKinematics":
         """The same as a calibration says it, once for all its logs.
 
         The three are found together, so they are taken together, and where this log's gain is
         beyond its prior, or nothing goes together, its own words stand.
         """
         terms = [priors.learnt[name] for name in TERMS if name in priors.learnt]
-        if len(terms) < len(TERMS) or not self.goes_together or self.gain_counts:
+        if len(terms) < len(TERMS) or not self.is_consistent or self.gain_counts:
             return self
         slip, gain, delay = ((term.mean, term.std) for term in terms)
         return replace(
@@ -139,12 +139,12 @@ class Kinematics:
         )
 
 
-def kinematics(
+def compare_wheels(
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: Kinematics | None = None,
-) -> Kinematics | None:
+    earlier: WheelKinematics | None = None,
+) -> WheelKinematics | None:
     """Compare them; None where there is no accelerometer, or no stretch is long enough.
 
     Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
@@ -160,35 +160,35 @@ def kinematics(
     if motion.specific_force is None:
         return None
     told = None if earlier is None or not earlier.is_found else earlier.own or earlier
-    found = _compared(motion.specific_force, motion, noise, priors, told)
+    found = _fit_comparison(motion.specific_force, motion, noise, priors, told)
     if found is None:
         return None
     if motion.without_gravity is None:
-        return _without_squat(found, motion.specific_force, motion, noise, priors, told)
-    level = _compared(motion.without_gravity, motion, noise, priors, told)
+        return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
+    level = _fit_comparison(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
-    squat = pitch_squat(motion.specific_force - motion.without_gravity, motion)
+    squat = estimate_pitch_squat(motion.specific_force - motion.without_gravity, motion)
     if squat is not None:
         # on even ground what is left of gravity is less than the noise of the pitch
         upright = motion.specific_force - squat[0] * motion.without_gravity
-        even = _compared(upright, motion, noise, priors, told)
+        even = _fit_comparison(upright, motion, noise, priors, told)
         best = level if even is None or level.mismatch < even.mismatch else even
-        if best.goes_together or best.mismatch < found.mismatch:
+        if best.is_consistent or best.mismatch < found.mismatch:
             return replace(best, squat=squat)
     if level.mismatch < _BETTER * found.mismatch:
         return level
-    return _without_squat(found, motion.specific_force, motion, noise, priors, told)
+    return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
 
 
-def _without_squat(
-    found: Kinematics,
+def _subtract_squat(
+    found: WheelKinematics,
     measured: Floats,
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: Kinematics | None,
-) -> Kinematics:
+    earlier: WheelKinematics | None,
+) -> WheelKinematics:
     """Take a squat off the accelerometer that the wheels show, where their radius is known.
 
     An accelerometer that says more than wheels of a known radius sees gravity through a body that
@@ -199,25 +199,25 @@ def _without_squat(
         return found
     if not _GAIN_COUNTS * radius_u_1 < share < _MOST_SQUAT:
         return found
-    even = _compared(measured * (1.0 - share), motion, noise, priors, earlier)
+    even = _fit_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
     if even is None or even.gain_counts:
         return found
     u = float(np.linalg.norm([found.gain[1], radius_u_1, _SPEED_SHARE_U * share]))
     return replace(even, squat=(share, u))
 
 
-def _compared(
+def _fit_comparison(
     measured: Floats,
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: Kinematics | None = None,
-) -> Kinematics | None:
+    earlier: WheelKinematics | None = None,
+) -> WheelKinematics | None:
     """Fit the comparison, from earlier words on where there are any."""
     slip_std = priors.wheel_slip / motion.largest_force
 
     def widths(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
-        offset = slip_1_N * const_width(motion, priors)
+        offset = slip_1_N * const_prior_std(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solved(
@@ -231,12 +231,12 @@ def _compared(
     if earlier is not None:
         delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
         about = abs(slip_1_N) + earlier.slip_1_N[1]
-    rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N)
+    rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N)
     if rows is None:
         return None
     lines = loss = None
     if earlier is not None:
-        lines = _lines(rows[2])
+        lines = _line_columns(rows[2])
         loss = autocovariance_loss(rows[2], lines)
     wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     for number in range(_PASSES):
@@ -250,10 +250,10 @@ def _compared(
         about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
-        rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
+        rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
         # only the last one's deviations count
         if lines is None and number == _PASSES - 1:
-            lines = _lines(rows[2])
+            lines = _line_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     free = wide.fit
@@ -276,7 +276,7 @@ def _compared(
     values = list(
         zip(found.theta[:3].tolist(), np.sqrt(np.diag(covariance)).tolist()[:3], strict=True)
     )
-    return Kinematics(
+    return WheelKinematics(
         gain=(float(free.theta[0]), float(free.std[0])),
         gain_by_prior=values[0],
         slip_1_N=values[1],
@@ -290,7 +290,7 @@ def _compared(
     )
 
 
-def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: float) -> Floats:
+def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float) -> Floats:
     """Standard deviations by what the instruments' noise does alone, (4,).
 
     An accelerometer's noise adds up over a manoeuvre, and what is fitted follows it, so that few
@@ -314,20 +314,20 @@ def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: fl
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
-def _lines(group: Ints) -> Floats:
+def _line_columns(group: Ints) -> Floats:
     """A constant and a slope for each stretch, (rows, 2)."""
-    return np.concatenate([_line(part.size) for part in group_rows(group)])
+    return np.concatenate([_orthonormal_line(part.size) for part in group_rows(group)])
 
 
 @cache
-def _line(samples: int) -> Floats:
+def _orthonormal_line(samples: int) -> Floats:
     """Orthonormal columns of a constant and a slope, (samples, 2)."""
     ramp = np.linspace(-1.0, 1.0, samples)
     return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]
 
 
-def _rows(
-    measured: Floats, motion: MotionSamples, noise: NoiseOfColumns, slip_1_N: float
+def _comparison_rows(
+    measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
@@ -371,15 +371,15 @@ def _compared_means(
         a, v, f = measured[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
-        slipping = v * rolled_share(v, f, slip_1_N) - gained
-        ground = np.abs(gained + slipping - without_line(slipping))
+        slipping = v * rolling_fraction(v, f, slip_1_N) - gained
+        ground = np.abs(gained + slipping - subtract_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = without_line(means(v - gained))
-        X[rows, 0] = without_line(means(gained))
-        X[rows, 1] = without_line(means(ground * f))
-        X[rows, 2] = without_line(means(-a))
-        of_ground = means(ground)
-        X[rows, 3] = without_line(-of_ground)
+        y[rows] = subtract_line(overlapping_means(v - gained))
+        X[rows, 0] = subtract_line(overlapping_means(gained))
+        X[rows, 1] = subtract_line(overlapping_means(ground * f))
+        X[rows, 2] = subtract_line(overlapping_means(-a))
+        of_ground = overlapping_means(ground)
+        X[rows, 3] = subtract_line(-of_ground)
         group[rows] = number
         squares[number] = (of_ground**2).sum()
         row += counts[number]
