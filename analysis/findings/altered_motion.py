@@ -20,10 +20,10 @@ def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionS
     def back(x: Floats) -> Floats:
         return np.interp(rows + late_s * motion.rate_hz, rows, x)
 
-    return accelerated(motion, back)
+    return change_accelerometer(motion, back)
 
 
-def accelerated(motion: MotionSamples, of: Callable[[Floats], Floats]) -> MotionSamples:
+def change_accelerometer(motion: MotionSamples, of: Callable[[Floats], Floats]) -> MotionSamples:
     """The motion with its accelerometer changed."""
     measured, level = motion.specific_force, motion.without_gravity
     return replace(

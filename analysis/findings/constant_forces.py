@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import accelerated
+from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.whitened_rows import Explained, force_system
 from analysis.model.schema import values
@@ -51,52 +51,52 @@ class Constants:
     motion: MotionSamples | None
 
 
-def has_pitch(case: FindingInputs) -> bool:
+def has_pitch(inputs: FindingInputs) -> bool:
     """Whether the log knows the slope."""
-    return _PITCH in case.aligned.columns
+    return _PITCH in inputs.aligned.columns
 
 
-def gravity(case: FindingInputs) -> np.typing.NDArray[np.float64]:
+def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
     """Gravity along x by the pitch, (n,) in m/s²; 0 where there is none."""
-    if not has_pitch(case):
-        return np.zeros(case.aligned.height)
-    if "gravity" not in case.kept:
-        pitch = values(case.aligned, _PITCH)
-        case.kept["gravity"] = case.machine.machine.gravity_m_s2 * np.sin(pitch)
-    return case.kept["gravity"]  # type: ignore[return-value]
+    if not has_pitch(inputs):
+        return np.zeros(inputs.aligned.height)
+    if "gravity" not in inputs.kept:
+        pitch = values(inputs.aligned, _PITCH)
+        inputs.kept["gravity"] = inputs.machine.machine.gravity_m_s2 * np.sin(pitch)
+    return inputs.kept["gravity"]  # type: ignore[return-value]
 
 
-def constants(case: FindingInputs) -> Constants:
+def explain_constant_force(inputs: FindingInputs) -> Constants:
     """Explain the constant force of driving by as few causes as do."""
-    if "constants" not in case.kept:
-        case.kept["constants"] = _explained(case)
-    found = case.kept["constants"]
+    if "constants" not in inputs.kept:
+        inputs.kept["constants"] = _fit_explanation(inputs)
+    found = inputs.kept["constants"]
     assert isinstance(found, Constants)
     return found
 
 
-def _explained(case: FindingInputs) -> Constants:
-    rest = case.level_of(longitudinal_force(case.aligned, case.machine.machine))
+def _fit_explanation(inputs: FindingInputs) -> Constants:
+    rest = inputs.level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
     error = np.nan, np.nan
-    if ACC in case.aligned.columns:
-        error = case.level_of(values(case.aligned, ACC) - gravity(case))
-    fit, noise = case.fit, case.column_noise
+    if ACC in inputs.aligned.columns:
+        error = inputs.level_of(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+    fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
         return Constants(rest, error, None, None, None)
     motion = fit.motion
     offset = abs(rest[0]) > max(DEVIATIONS * rest[1], LEAST_SHARE * motion.largest_force)
     tilt = abs(error[0]) > max(DEVIATIONS * error[1], LEAST_M_S2) and motion.by_accelerometer
     # with a pitch an error of the accelerometer is one, and acts
-    tilts = (False, True) if tilt and not has_pitch(case) else (bool(tilt),)
+    tilts = (False, True) if tilt and not has_pitch(inputs) else (bool(tilt),)
     offsets = (False, True) if offset else (False,)
     friction = "direction" if motion.both_ways else "const"
     way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
-    mass_kg, viscous = case.mass_of_samples(motion), max(fit.viscous, 0.0)
+    mass_kg, viscous = inputs.sample_masses_kg(motion), max(fit.viscous, 0.0)
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []
     for acts, tilted in product(offsets, tilts):
         system = force_system(
-            _without(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
+            _subtract_constants(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
         if system.y.size < _FEWEST:
             return Constants(rest, error, None, None, None)
@@ -113,19 +113,19 @@ def _explained(case: FindingInputs) -> Constants:
     return Constants(
         rest,
         error,
-        _said(cost, best, 0),
-        _said(cost, best, 1),
-        _without(motion, of_rest, of_error),
+        _is_in_explanation(cost, best, 0),
+        _is_in_explanation(cost, best, 1),
+        _subtract_constants(motion, of_rest, of_error),
     )
 
 
-def _without(motion: MotionSamples, rest_N: float, error_m_s2: float) -> MotionSamples:
+def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float) -> MotionSamples:
     if rest_N:
         motion = replace(motion, force=motion.force - rest_N)
-    return accelerated(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
+    return change_accelerometer(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
 
 
-def _said(
+def _is_in_explanation(
     cost: dict[tuple[bool, bool, bool], float], best: tuple[bool, bool, bool], place: int
 ) -> bool | None:
     """Whether a cause is in the best explanation; None where one without it is nearly as good."""

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.findings.altered_motion import delay_channel
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
-from analysis.findings.likelihood_search import NO_FAULTS, Pick, pick_causes
+from analysis.findings.likelihood_search import NO_FAULTS, Pick, search_likelihood
 from analysis.findings.long_delays import LongDelay, long_delay
 from analysis.findings.refit import refit_mended
 
@@ -31,21 +31,21 @@ EXPLAINED_BY_LONG: Final = (
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 
-def delays(case: FindingInputs) -> list[Symptom]:
+def find_delays(inputs: FindingInputs) -> list[Symptom]:
     """The channels that are late, by the likelihood of f(t - d) = m a + b v with m, b refitted."""
-    late = long_delay(case)
+    late = long_delay(inputs)
     if late is not None:
-        return [_of_long(case, late)]
-    found = [pick for name, pick in pick_causes(case).items() if name.startswith("delay")]
-    return [_sign(case, pick) for pick in found if not is_low_pass(pick)]
+        return [_long_delay_symptom(inputs, late)]
+    found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
+    return [_symptom(inputs, pick) for pick in found if not is_filter_delay(pick)]
 
 
-def low_pass(case: FindingInputs) -> list[Symptom]:
+def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     """An accelerometer that is later than stamps are."""
-    found = pick_causes(case).get("delay:imu")
-    if found is None or not is_low_pass(found):
+    found = search_likelihood(inputs).get("delay:imu")
+    if found is None or not is_filter_delay(found):
         return []
-    return [replace(_sign(case, found), alternatives=("delay",), setting=None, value=None)]
+    return [replace(_symptom(inputs, found), alternatives=("delay",), setting=None, value=None)]
 
 
 def is_long(cause: str, strength: float | None) -> bool:
@@ -53,16 +53,16 @@ def is_long(cause: str, strength: float | None) -> bool:
     return cause == "delay" and strength is not None and strength >= _LONG_STANDS_FIRST
 
 
-def is_low_pass(pick: Pick) -> bool:
+def is_filter_delay(pick: Pick) -> bool:
     """Whether a delay is rather an accelerometer that a filter makes late."""
     return pick.name == "delay:imu" and pick.value > _SMOOTH_S
 
 
-def _sign(case: FindingInputs, pick: Pick) -> Symptom:
+def _symptom(inputs: FindingInputs, pick: Pick) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
-    names = _channels(case, channel)
-    setting, value = case.shifted(names, late_s)
+    names = _delayed_channels(inputs, channel)
+    setting, value = inputs.shifted(names, late_s)
     rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
@@ -83,7 +83,7 @@ def _sign(case: FindingInputs, pick: Pick) -> Symptom:
         change=None
         if smooth
         else lambda: refit_mended(
-            case,
+            inputs,
             lambda motion: delay_channel(motion, channel, late_s),
             min(std_s / abs(late_s), 1.0),
         ),
@@ -91,9 +91,9 @@ def _sign(case: FindingInputs, pick: Pick) -> Symptom:
     )
 
 
-def _of_long(case: FindingInputs, late: LongDelay) -> Symptom:
-    names = _channels(case, late.channel)
-    setting, value = case.shifted(names, late.late_s)
+def _long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
+    names = _delayed_channels(inputs, late.channel)
+    setting, value = inputs.shifted(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)
@@ -111,9 +111,11 @@ def _of_long(case: FindingInputs, late: LongDelay) -> Symptom:
     )
 
 
-def _channels(case: FindingInputs, name: str) -> tuple[str, ...]:
+def _delayed_channels(inputs: FindingInputs, name: str) -> tuple[str, ...]:
     if name == "force":
-        return case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+        return inputs.measured("force_x_N") or inputs.measured(
+            "torque_left_N_m", "torque_right_N_m"
+        )
     if name == "speed":
-        return case.speed_channels
-    return case.measured(ACC)
+        return inputs.speed_channels
+    return inputs.measured(ACC)

@@ -37,7 +37,7 @@ class FindingInputs:
     """A log as the causes see it.
 
     Attributes:
-        evidence: as the checks see it.
+        check_inputs: as the checks see it.
         aligned: the grid, before the moving mean.
         noise: of the columns.
         raw: stamps by topic.
@@ -47,7 +47,7 @@ class FindingInputs:
         kept: what one cause found and another one needs.
     """
 
-    evidence: CheckInputs
+    check_inputs: CheckInputs
     aligned: pl.DataFrame
     noise: pl.DataFrame
     raw: Mapping[str, pl.DataFrame]
@@ -59,12 +59,12 @@ class FindingInputs:
     @property
     def machine(self) -> Machine:
         """Channels and settings."""
-        return self.evidence.machine
+        return self.check_inputs.machine
 
     @property
     def fit(self) -> JointFit | None:
         """The joint fit, by what this log says itself; None where there is none."""
-        weighing = self.evidence.weighing
+        weighing = self.check_inputs.weighing
         return None if weighing is None else weighing.own
 
     @cached_property
@@ -87,7 +87,7 @@ class FindingInputs:
     @cached_property
     def stands(self) -> Bools:
         """Which grid samples stand, (n,)."""
-        return self.evidence.is_phase("standstill")
+        return self.check_inputs.is_phase("standstill")
 
     @cached_property
     def stands_still(self) -> Bools:
@@ -101,7 +101,7 @@ class FindingInputs:
     @property
     def series(self) -> Mapping[str, Series]:
         """By channel: unix stamps in ns and readings in SI units, not filtered."""
-        signals = self.evidence.signals
+        signals = self.check_inputs.signals
         return {} if signals is None else signals.channels
 
     def measured(self, *names: str) -> tuple[str, ...]:
@@ -130,15 +130,15 @@ class FindingInputs:
 
     def since_start(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
         """The same in ns since the first aligned sample."""
-        t0 = self.evidence.t0_unix_ns
+        t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
 
-    def moves_at(self, unix_ns: Ints) -> Bools:
+    def is_moving_at(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
-        t = self.aligned["t_ns"].to_numpy() + self.evidence.t0_unix_ns
+        t = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
         return ~self.stands[np.minimum(_places(t, unix_ns), t.size - 1)]
 
-    def force_per(self, channel: str) -> float:
+    def newtons_per_unit(self, channel: str) -> float:
         """The longitudinal force in N that one of a force channel stands for (17)."""
         body = self.machine.machine
         if channel == "force_x_N":
@@ -184,7 +184,7 @@ class FindingInputs:
         blocks = x[: count * size].reshape(count, size).mean(axis=1)
         return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
 
-    def mass_of_samples(self, motion: MotionSamples) -> Floats:
+    def sample_masses_kg(self, motion: MotionSamples) -> Floats:
         """(n,) the mass that the joint fit has for the load of each sample, in kg."""
         fit = self.fit
         assert fit is not None

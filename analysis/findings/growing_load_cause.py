@@ -31,7 +31,7 @@ _LONGEST_S: Final = 15.0
 _USUAL: Final = ("const", "direction")
 
 
-class _Growth(NamedTuple):
+class _LoadRate(NamedTuple):
     """A manoeuvre whose load grows.
 
     Attributes:
@@ -45,19 +45,19 @@ class _Growth(NamedTuple):
     deviations: float
 
 
-def load_changed(case: FindingInputs) -> list[Symptom]:
+def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
     """Manoeuvres whose load grows or falls while they drive."""
-    found = [*_left_out(case), *_fitted(case)]
+    found = [*_excluded_growths(inputs), *_fitted_growths(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _fitted(case: FindingInputs) -> list[Symptom]:
+def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
     """Those that are fitted although their load grows."""
-    found = _growths(case)
+    found = _significant_growths(inputs)
     if not found:
         return []
     worst = max(found, key=lambda each: each.deviations)
-    begin = int(case.aligned["t_ns"].to_numpy()[worst.first])
+    begin = int(inputs.aligned["t_ns"].to_numpy()[worst.first])
     return [
         Symptom(
             worst.deviations * len(found) ** 0.5,
@@ -68,13 +68,13 @@ def _fitted(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _left_out(case: FindingInputs) -> list[Symptom]:
+def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
     """Those that the answer leaves out."""
-    weighing = case.evidence.weighing
+    weighing = inputs.check_inputs.weighing
     if weighing is None or not weighing.growing:
         return []
     worst = max(weighing.growing, key=lambda each: abs(each.kg) / each.std_kg)
-    t = case.aligned["t_ns"].to_numpy()
+    t = inputs.aligned["t_ns"].to_numpy()
     begin = int(t[min(worst.first, t.size - 1)])
     return [
         Symptom(
@@ -86,16 +86,16 @@ def _left_out(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _growths(case: FindingInputs) -> list[_Growth]:
+def _significant_growths(inputs: FindingInputs) -> list[_LoadRate]:
     """The manoeuvres whose load grows, or falls, by more than chance."""
-    fit, noise, motion = case.fit, case.column_noise, constants(case).motion
+    fit, noise, motion = inputs.fit, inputs.column_noise, constants(inputs).motion
     if fit is None or noise is None or motion is None:
         return []
     parts = [part for part in group_rows(motion.group) if part.size >= _FEWEST * FORCE]
     if len(parts) < 3:  # then nothing says what is usual
         return []
     viscous = max(fit.viscous, 0.0)
-    system = force_system(motion, noise, case.mass_of_samples(motion), viscous)
+    system = force_system(motion, noise, inputs.sample_masses_kg(motion), viscous)
     taken = blocks(motion.group, FORCE).reshape(-1, FORCE)
     group = motion.group[taken[:, 0]]
     usual = [column for name, column in system.columns.items() if name in _USUAL]
@@ -103,7 +103,7 @@ def _growths(case: FindingInputs) -> list[_Growth]:
     q = np.linalg.qr(base / np.linalg.norm(base, axis=0))[0]
     left = system.y - q @ (q.T @ system.y)
     limit = -NormalDist().inv_cdf(_CHANCE / 2.0 / len(parts))
-    found: list[_Growth] = []
+    found: list[_LoadRate] = []
     for part in parts:
         loads = taken[:, 0] < part[0] + _LONGEST_S * motion.rate_hz
         rows = np.flatnonzero((group == motion.group[part[0]]) & loads)
@@ -122,5 +122,5 @@ def _growths(case: FindingInputs) -> list[_Growth]:
         deviations = abs(kg_s) * float(np.sqrt(rest / variance_of(others))) / limit
         deviations /= _FALLS if kg_s < 0.0 else 1.0
         if deviations > 1.0:
-            found.append(_Growth(int(part[0]), kg_s, deviations))
+            found.append(_LoadRate(int(part[0]), kg_s, deviations))
     return found if len(found) > 1 else [each for each in found if each.deviations > _ALONE]

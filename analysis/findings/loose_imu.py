@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
-from analysis.findings.accelerometer_share import share_of_accelerometer
+from analysis.findings.accelerometer_share import fit_accelerometer_gain
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import values
@@ -40,13 +40,13 @@ _ABOVE: Final = (1.35, 2.2)
 _OVER_STANDING: Final = 4.0
 
 
-def loose(case: FindingInputs) -> list[Symptom]:
+def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     """A peak in what the force leaves of the accelerometer, in the first second of starts."""
-    share = share_of_accelerometer(case)
+    share = fit_accelerometer_gain(inputs)
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
     if share is None or share[0] - _SURELY * share[1] < _READS_MORE:
         return []
-    spectra = _spectra(case)
+    spectra = _spectra(inputs)
     if spectra is None:
         return []
     hz, starts, standing, count = spectra
@@ -77,15 +77,15 @@ def loose(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _spectra(case: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
+def _spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
     """Frequencies, mean power after starts and at rest, (k,) each, and the number of starts."""
-    rate_hz = case.machine.settings.align.rate_hz
+    rate_hz = inputs.machine.settings.align.rate_hz
     size = rows_in(_LOOKED_S, rate_hz)
-    if not case.measured(ACC) or rate_hz <= 2.5 * _ROCKS_HZ[1]:
+    if not inputs.measured(ACC) or rate_hz <= 2.5 * _ROCKS_HZ[1]:
         return None
-    reads = values(case.aligned, ACC)
-    speed = values(case.aligned, "speed_x_m_s")
-    force = longitudinal_force(case.aligned, case.machine.machine)
+    reads = values(inputs.aligned, ACC)
+    speed = values(inputs.aligned, "speed_x_m_s")
+    force = longitudinal_force(inputs.aligned, inputs.machine.machine)
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)
 
@@ -101,8 +101,8 @@ def _spectra(case: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
         found = [each for first in places if (each := power(first)) is not None]
         return np.mean(found, axis=0) if len(found) >= _FEWEST else None
 
-    starts = _starts(case, force, size)
-    still = case.stands_still
+    starts = _start_windows(inputs, force, size)
+    still = inputs.stands_still
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
     driving, standing = mean(starts), mean(rests[:200])
     if driving is None or standing is None:
@@ -110,9 +110,9 @@ def _spectra(case: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
 
 
-def _starts(case: FindingInputs, force: Floats, size: int) -> list[int]:
+def _start_windows(inputs: FindingInputs, force: Floats, size: int) -> list[int]:
     """Where to look: behind the rise of a force after a standstill, that is then held."""
-    rate_hz = case.machine.settings.align.rate_hz
+    rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
         return []
     pushes = np.abs(force) > _PUSHES * float(np.nanquantile(np.abs(force), 0.98))
@@ -125,6 +125,6 @@ def _starts(case: FindingInputs, force: Floats, size: int) -> list[int]:
         for k in rises
         if k > stood + clear
         and k + behind + size < force.size
-        and case.stands[k - stood - clear : k - clear].all()
+        and inputs.stands[k - stood - clear : k - clear].all()
         and pushes[k + 2 * behind : k + size].mean() > _HELD
     ]

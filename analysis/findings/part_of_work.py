@@ -10,7 +10,7 @@ _PILE: Final = "external_force"
 _FEWEST_CYCLES: Final = 3
 
 
-def without_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
+def drop_work_findings(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
     """The findings without those that the cycles explain, ranked anew.
 
     Args:

@@ -42,21 +42,21 @@ class Spectra(NamedTuple):
     counts: tuple[int, int]
 
 
-def spectra(case: FindingInputs) -> Spectra | None:
+def spectra(inputs: FindingInputs) -> Spectra | None:
     """Of f - m a - b v; None where there is too little of either, or nothing fast on the grid."""
-    if "spectra" in case.kept:
-        return case.kept["spectra"]  # type: ignore[return-value]
-    case.kept["spectra"] = found = _spectra(case)
+    if "spectra" in inputs.kept:
+        return inputs.kept["spectra"]  # type: ignore[return-value]
+    inputs.kept["spectra"] = found = _spectra(inputs)
     return found
 
 
-def _spectra(case: FindingInputs) -> Spectra | None:
-    fit, aligned, machine = case.fit, case.aligned, case.machine
+def _spectra(inputs: FindingInputs) -> Spectra | None:
+    fit, aligned, machine = inputs.fit, inputs.aligned, inputs.machine
     rate_hz = machine.settings.align.rate_hz
     if rate_hz <= 2.0 * _FAST_HZ[0]:
         return None
-    straight = case.evidence.straight
-    mass_kg, viscous = _mass_and_friction(case)
+    straight = inputs.check_inputs.straight
+    mass_kg, viscous = _mass_and_friction(inputs)
     lag = fit.lag_s if fit is not None and fit.shifted else 0.0
     used = straight.moving if fit is None else fit.motion.used
     rows = np.arange(aligned.height, dtype=np.float64)
@@ -65,29 +65,29 @@ def _spectra(case: FindingInputs) -> Spectra | None:
     A = np.column_stack([regressor_acceleration(aligned, machine), values(aligned, "speed_x_m_s")])
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
-    driving = _powers(left, used & known, 2)
-    standing = _powers(left, case.stands_still & known, 1)
+    driving = _stretch_powers(left, used & known, 2)
+    standing = _stretch_powers(left, inputs.stands_still & known, 1)
     if min(len(driving), len(standing)) < _FEWEST:
         return None
     hz = np.arange(_LENGTH // 2 + 1) * rate_hz / _LENGTH
     counts = (len(driving), len(standing))
-    return Spectra(hz, _usual(driving), _usual(standing), counts)
+    return Spectra(hz, _typical_power(driving), _typical_power(standing), counts)
 
 
-def _mass_and_friction(case: FindingInputs) -> tuple[float, float]:
+def _mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
     """By the pooled estimate of moving means: shaking takes the mass of shorter ones away."""
-    totals = case.evidence.totals
+    totals = inputs.check_inputs.totals
     if totals is not None:
         pooled = totals.filter(totals["method"] == "pooled")
         both = [values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
         if pooled.height and np.isfinite(both).all():
             return float(both[0][0]), float(both[1][0])
-    if case.fit is not None:
-        return case.fit.mass_kg, case.fit.viscous
-    return case.evidence.straight.fit.value, 0.0
+    if inputs.fit is not None:
+        return inputs.fit.mass_kg, inputs.fit.viscous
+    return inputs.check_inputs.straight.fit.value, 0.0
 
 
-def _powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
+def _stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
     """Spectra of the stretches that are used, without their own polynomial."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
     window = np.hanning(_LENGTH)
@@ -104,19 +104,19 @@ def _powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
     return out
 
 
-def _usual(powers: list[Floats]) -> Floats:
+def _typical_power(powers: list[Floats]) -> Floats:
     """Their mean, without the largest: a stretch that holds a stop or a knock is no noise."""
     kept = max(round(_KEPT * len(powers)), 1)
     return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)
 
 
-def _level(hz: Floats, power: Floats, low: float, high: float) -> float:
+def _band_level(hz: Floats, power: Floats, low: float, high: float) -> float:
     return float(np.median(power[(hz >= low) & (hz <= high)]))
 
 
-def resonance(case: FindingInputs) -> list[Symptom]:
+def find_resonance(inputs: FindingInputs) -> list[Symptom]:
     """A peak of the driving spectrum over the standing one."""
-    found = spectra(case)
+    found = spectra(inputs)
     if found is None:
         return []
     hz = found.hz
@@ -139,13 +139,13 @@ def resonance(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def heteroscedastic(case: FindingInputs) -> list[Symptom]:
+def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
     """More noise while it drives than while it stands."""
-    found = spectra(case)
+    found = spectra(inputs)
     if found is None:
         return []
     driving, standing = (
-        _level(found.hz, power, *_FAST_HZ) for power in (found.driving, found.standing)
+        _band_level(found.hz, power, *_FAST_HZ) for power in (found.driving, found.standing)
     )
     ratio = driving / max(standing, 1e-12)
     return [
@@ -156,13 +156,13 @@ def heteroscedastic(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def coloured(case: FindingInputs) -> list[Symptom]:
+def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
     """Slow noise of the channels at standstill, beyond white noise."""
-    found = spectra(case)
+    found = spectra(inputs)
     if found is None:
         return []
-    slow = _level(found.hz, found.standing, 0.5, _SLOW_HZ)
-    fast = _level(found.hz, found.standing, *_FAST_HZ)
+    slow = _band_level(found.hz, found.standing, 0.5, _SLOW_HZ)
+    fast = _band_level(found.hz, found.standing, *_FAST_HZ)
     ratio = slow / max(fast, 1e-12)
     return [
         Symptom(

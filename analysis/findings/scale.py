@@ -9,9 +9,9 @@ from analysis.findings.finding_inputs import FindingInputs
 _SURELY_U: Final = 3.0
 
 
-def wrong_scale(case: FindingInputs) -> list[Symptom]:
+def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
     """The lightest load against the empty mass, in their standard uncertainty with the scale."""
-    found = case.evidence.empty_mass
+    found = inputs.check_inputs.empty_mass
     if found is None or not found.tells:
         return []
-    return [Symptom(abs(found.in_u) / _SURELY_U, found.text, channel=case.force_channel)]
+    return [Symptom(abs(found.in_u) / _SURELY_U, found.text, channel=inputs.force_channel)]

@@ -27,10 +27,10 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
 _AS_STRONG: Final = 1.0
 
 
-def unknown(case: FindingInputs) -> list[Symptom]:
+def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
     """The failed checks of the mass that no cause accounts for."""
-    kept = case.kept.get(SHOWN, ())
-    found = unaccounted(case.judged, kept if isinstance(kept, tuple) else ())
+    kept = inputs.kept.get(SHOWN, ())
+    found = unaccounted(inputs.judged, kept if isinstance(kept, tuple) else ())
     return [] if found is None else [found]
 
 
@@ -44,7 +44,7 @@ def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
     failed = [row for row in judged.iter_rows(named=True) if _is_open(row, set(shown))]
     if not failed:
         return None
-    said = "; ".join(f"{row['check']} {_number(row)}: {row['meaning']}" for row in failed)
+    said = "; ".join(f"{row['check']} {_check_value(row)}: {row['meaning']}" for row in failed)
     return Symptom(
         max(map(_strength, failed)), f"no known cause accounts for what disagrees: {said}"
     )
@@ -57,7 +57,7 @@ def _is_open(row: Mapping[str, Any], shown: set[str]) -> bool:
     return not accounts - set(_BEND_NOTHING)
 
 
-def _number(row: Mapping[str, Any]) -> str:
+def _check_value(row: Mapping[str, Any]) -> str:
     if row["value"] is None:
         return "has no number"
     low, high = row["minimum"], row["maximum"]

@@ -34,7 +34,7 @@ _RATE: Final = 9
 
 
 @dataclass(frozen=True)
-class System:
+class EquationRows:
     """Rows of an equation.
 
     Attributes:
@@ -64,7 +64,7 @@ def force_system(
     friction: float,
     *,
     brakes: bool = False,
-) -> System:
+) -> EquationRows:
     """Rows of the force.
 
     Args:
@@ -81,7 +81,7 @@ def force_system(
     std = max(std, np.finfo(np.float64).eps * motion.largest_force) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
-    rate = _rate(motion.force, motion.rate_hz)[taken]
+    rate = _force_rate(motion.force, motion.rate_hz)[taken]
     columns = {
         "delay:force": -rate,
         "delay:imu": rate,
@@ -105,7 +105,7 @@ def force_system(
     own = noise.covariance(FORCE) / std**2
     force = float(f.sum()) / FORCE
     along = float((np.sign(v) * f).sum()) / FORCE
-    return System(
+    return EquationRows(
         mean(f - (mass_kg[taken] - usual_kg) * a),
         np.column_stack([mean(a), mean(v)]),
         {name: mean(column) for name, column in columns.items()},
@@ -116,7 +116,7 @@ def force_system(
     )
 
 
-def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> System | None:
+def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows | None:
     """Rows of the wheels against the accelerometer; None without one."""
     reads = motion.specific_force if motion.without_gravity is None else motion.without_gravity
     if reads is None:
@@ -134,7 +134,7 @@ def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> System | Non
         part = part[: count * _WHEELS]
         a, v, f = reads[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        white, added = _whitener(count, of_speed, of_acc)
+        white, added = _whitening_matrix(count, of_speed, of_acc)
         of_gained += added
         means = sums(np.concatenate([v - gained, gained, np.abs(v) * f, a]), _WHEELS) / _WHEELS
         found.append(white @ means.reshape(4, count).T)
@@ -142,13 +142,13 @@ def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> System | Non
         return None
     y, gained, slips, reads = np.concatenate(found).T.copy()
     columns = {"wheel_radius": gained, "slip": slips, "delay:speed": -reads, "delay:imu": reads}
-    return System(
+    return EquationRows(
         y, np.zeros((y.size, 0)), columns, np.zeros((0, 0)), {}, {"wheel_radius": of_gained}
     )
 
 
 @lru_cache(maxsize=256)
-def _whitener(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
+def _whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
     """(count - 2, count) that makes the noise of a stretch white and takes its line off.
 
     Beside it the accelerometer's share of that noise, added up over the rows.
@@ -178,7 +178,7 @@ def sums(x: Floats, samples: int) -> Floats:
     return total
 
 
-def _rate(force: Floats, rate_hz: float) -> Floats:
+def _force_rate(force: Floats, rate_hz: float) -> Floats:
     """The derivative of the force in N/s."""
     half = _RATE // 2
     steps = (
@@ -188,7 +188,7 @@ def _rate(force: Floats, rate_hz: float) -> Floats:
 
 
 @dataclass(frozen=True)
-class Explained:
+class ProjectedEquation:
     """One equation without what its base and the causes that were taken explain.
 
     Attributes:
@@ -204,7 +204,7 @@ class Explained:
     variance: float
 
     @classmethod
-    def of(cls, system: System, taken: Sequence[str]) -> "Explained":
+    def of(cls, system: EquationRows, taken: Sequence[str]) -> "ProjectedEquation":
         """Take off what the base and these causes explain, noise of their columns aside."""
         own = [name for name in taken if name in system.columns]
         others = [name for name in system.columns if name not in own]
