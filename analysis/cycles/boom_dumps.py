@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.schema import values
 
 Floats = NDArray[np.float64]
@@ -23,22 +24,6 @@ Span = tuple[int, int]
 BOOM_MOVES_RAD: Final = 0.15
 #: A boom that is out again within so long, in ns, shakes its bucket.
 ONE_DUMP_NS: Final = 10 * 10**9
-#: A boom tells of dumps where it moves out in at least so many changes from loaded to empty,
-_FEWEST: Final = 3
-#: and in this share of them.
-_MOSTLY: Final = 0.7
-#: As far out as a boom gets, on either side: these quantiles of its angle.
-_FARTHEST: Final = (0.01, 0.99)
-#: It is out beyond this share of how far it is out in a middling dump.
-_OUT: Final = 0.5
-#: It is as far out as it gets from this share of that on,
-_UP: Final = 0.9
-#: and a bucket is half empty so long after that, in ns, however long the boom stays up.
-_EMPTIES_NS: Final = 2 * 10**9
-#: A machine that dumps creeps at most at this share of the speed that it reaches,
-_CREEPS: Final = 0.25
-#: which is this quantile of its speed.
-_REACHES: Final = 0.95
 
 
 class BoomDump(NamedTuple):
@@ -108,16 +93,21 @@ def find_boom_dumps(
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if known is None:
-        reached = np.quantile(away[slow & whole], _FARTHEST)
+        reached = np.quantile(away[slow & whole], LIMITS.boom_reach_quantiles)
         reached = reached[[np.argmax(np.abs(reached))]]
     else:
         reached = np.array([_farthest_reach(away, slow & whole, t_ns, span) for span in known])
     typical_rad = float(np.median(reached)) if reached.size else 0.0
-    if abs(typical_rad) < BOOM_MOVES_RAD or (known is not None and len(known) < _FEWEST):
+    if abs(typical_rad) < BOOM_MOVES_RAD or (
+        known is not None and len(known) < LIMITS.boom_min_changes
+    ):
         return NO_DUMPS
-    out = whole & (away / typical_rad > _OUT)
+    out = whole & (away / typical_rad > LIMITS.boom_out_fraction)
     spans = _join_dumps(t_ns, out & slow, t_ns[whole & ~out], t_ns[out & standing(excitation)])
-    if np.mean(reached / typical_rad > _OUT) < _MOSTLY or len(spans) < _FEWEST:
+    if (
+        np.mean(reached / typical_rad > LIMITS.boom_out_fraction) < LIMITS.boom_change_fraction
+        or len(spans) < LIMITS.boom_min_changes
+    ):
         return NO_DUMPS
     dumps = [BoomDump(*span, _emptying_time_ns(away / typical_rad, t_ns, span)) for span in spans]
     return BoomDumps(tells=True, dumps=tuple(dumps))
@@ -130,7 +120,10 @@ def is_creeping(excitation: pl.DataFrame) -> Bools:
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
         return stands
-    return stands | (speed < _CREEPS * float(np.quantile(moving, _REACHES)))
+    return stands | (
+        speed
+        < LIMITS.creeping_speed_fraction * float(np.quantile(moving, LIMITS.reached_speed_quantile))
+    )
 
 
 def standing(excitation: pl.DataFrame) -> Bools:
@@ -149,8 +142,8 @@ def _emptying_time_ns(out: Floats, t_ns: Ints, span: Span) -> int:
     """When a bucket is emptied: soon after the boom is as far out as it gets in a span."""
     first, end = np.searchsorted(t_ns, span[0]), np.searchsorted(t_ns, span[1], "right")
     angle, when = out[first:end], t_ns[first:end]
-    up_ns = when[angle > _UP * np.nanmax(angle)]
-    return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, _EMPTIES_NS)
+    up_ns = when[angle > LIMITS.boom_up_fraction * np.nanmax(angle)]
+    return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
 def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[Span]:

@@ -8,6 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.boom_dumps import standing
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import IDLE_S
 from analysis.model.schema import values
 from analysis.model.windows import runs_of
@@ -16,8 +17,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _NS: Final = 1e9
-#: No sample stands for more time than this, in s: a longer step is a hole.
-_LONGEST_STEP_S: Final = 1.0
 
 
 class DriveSummary(NamedTuple):
@@ -115,7 +114,7 @@ class _DriveSamples(NamedTuple):
         step_s = np.diff(t_ns, append=t_ns[-1:]) / _NS
         return cls(
             t_ns,
-            np.where(step_s > _LONGEST_STEP_S, 0.0, step_s),
+            np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s),
             np.abs(values(excitation, "speed_x_m_s")),
             standing(excitation),
             excitation["phase"].is_not_null().to_numpy(),

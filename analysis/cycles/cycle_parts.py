@@ -8,6 +8,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.boom_dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, is_creeping, standing
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.schema import values
 from analysis.model.windows import runs_of
@@ -18,8 +19,6 @@ Bools = NDArray[np.bool_]
 _NS: Final = 1e9
 #: A stand of so long is no part of the work.
 IDLE_S: Final = 30.0
-#: So long without a sample it may have dumped there as well.
-_HOLE_S: Final = 5.0
 
 
 @dataclass
@@ -178,7 +177,7 @@ def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple
 def _longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     """The longest time without a sample, where that is long."""
     steps = np.diff(t_ns)
-    if not steps.size or steps.max() < _HOLE_S * _NS:
+    if not steps.size or steps.max() < LIMITS.dump_hole_s * _NS:
         return None
     widest = int(np.argmax(steps))
     return int(t_ns[widest]), int(t_ns[widest + 1])

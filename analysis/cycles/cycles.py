@@ -16,6 +16,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.boom_cycles import add_boom_cycles, digging_contradicts
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts, add_dump_times, cycle_parts
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
@@ -39,8 +40,6 @@ from analysis.weighing.weigh import Weighing
 Floats = NDArray[np.float64]
 
 _NS: Final = 1e9
-#: A payload is doubted when its standard uncertainty is this share of it.
-_WEAK: Final = 0.25
 _UNSEEN: Final = "dumped while nothing was recorded"
 _CONTRADICTED: Final = "the boom dumps where no load is dumped by its mass"
 _HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
@@ -207,7 +206,7 @@ def _row_quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
         return "no mass", False
     if part.dump_ns is None:
         return "not dumped", False
-    return ("weak" if u_kg > _WEAK * abs(payload_kg) else "good"), True
+    return ("weak" if u_kg > LIMITS.doubtful_payload_u * abs(payload_kg) else "good"), True
 
 
 def _payload_row(

@@ -11,6 +11,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.axes import X, regressor
 from analysis.model.settings import Settings
 from analysis.weighing.load_states import means_by_state
@@ -18,13 +19,6 @@ from analysis.weighing.load_states import means_by_state
 Floats = NDArray[np.float64]
 
 _NS: Final = 1e9
-#: A shift has about so many parts,
-_PARTS: Final = 8
-#: none of them shorter or longer than this.
-_SHORTEST_S: Final = 300.0
-_LONGEST_S: Final = 3600.0
-#: Fewer manoeuvres do not show how they scatter.
-_FEWEST: Final = 4
 
 
 class FrictionPart(NamedTuple):
@@ -66,13 +60,19 @@ def friction_parts(
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     since_s = (middle - t_ns[0]) / _NS
     whole_s = float(t_ns[-1] - t_ns[0]) / _NS
-    length_s = float(np.clip(whole_s / _PARTS, _SHORTEST_S, _LONGEST_S))
+    length_s = float(
+        np.clip(
+            whole_s / LIMITS.friction_parts,
+            LIMITS.shortest_friction_part_s,
+            LIMITS.longest_friction_part_s,
+        )
+    )
     found: list[FrictionPart] = []
     for number in range(int(np.ceil(whole_s / length_s))):
         begin, end = number * length_s, min((number + 1) * length_s, whole_s)
         inside = (since_s >= begin) & (since_s < end) & (squared > 0.0)
         count = int(inside.sum())
-        if count < _FEWEST:
+        if count < LIMITS.friction_min_manoeuvres:
             continue
         friction = float(crossed[inside].sum() / squared[inside].sum())
         # samples of one manoeuvre are wrong together

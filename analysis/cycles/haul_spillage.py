@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.machine import Body
@@ -24,8 +25,6 @@ _IN_PROPORTION: Final = (
     *("payload_kg", "payload_u_random_kg", "payload_u_common_kg", "payload_u_shared_kg"),
     "scale_1",
 )
-#: Sums of squares of accelerations above this, in m²/s⁴, weigh something: below is rounding.
-_NOTHING: Final = 1e-12
 
 
 def subtract_spillage(
@@ -108,7 +107,9 @@ def _weighing_progress(
     )
     whole = sums[last] - sums[first]
     place = np.where(
-        whole > 0.0, (moments[last] - moments[first]) / np.maximum(whole, _NOTHING), driven[first]
+        whole > 0.0,
+        (moments[last] - moments[first]) / np.maximum(whole, LIMITS.min_acceleration_square),
+        driven[first],
     )
     progress = np.zeros(len(parts))
     for number, part in enumerate(parts):

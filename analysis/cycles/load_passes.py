@@ -12,22 +12,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, find_boom_dumps
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.empty_or_loaded import loaded_states
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-
-#: A load is spilled on the way when its last state is less than one before by so many deviations.
-_SPILLS: Final = 3.0
-#: Digging tells where loads are filled if this share of them is dug.
-_DIGGING_TELLS: Final = 0.5
-#: Fewer cycles do not tell how long one lasts.
-_FEWEST: Final = 4
-#: Starts that dig with nothing else between are one filling of the bucket, if no further apart in
-#: ns than the shorter of this and a share of the time from digging to digging over an empty pass.
-_ONE_FILLING_NS: Final = 25 * 10**9
-_OF_A_CYCLE: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -53,7 +43,7 @@ class Passes:
     u_kg: Floats
     start_ns: Ints
     end_ns: Ints
-    one_filling_ns: int = _ONE_FILLING_NS
+    one_filling_ns: int = LIMITS.one_filling_ns
     dumps: BoomDumps = NO_DUMPS
 
 
@@ -110,7 +100,7 @@ def passes(
     one_filling_ns = _one_filling_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
     parts[_refill_places(of_state, begin, end, digs, dumps, one_filling_ns)] = True
-    if digs.height < _DIGGING_TELLS * np.count_nonzero(parts & of_state[:-1]):
+    if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
         parts[_dump_places(of_state, begin, end, dumps)] = True
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
@@ -147,9 +137,9 @@ def _one_filling_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -
         for stop, start in zip(stops[:-1], starts[1:], strict=True)
         if (seen := loaded[(middle > stop) & (middle < start)]).any() and not seen.all()
     ]
-    if len(apart) < _FEWEST:
-        return _ONE_FILLING_NS
-    return min(_ONE_FILLING_NS, int(_OF_A_CYCLE * float(np.median(apart))))
+    if len(apart) < LIMITS.filling_min_cycles:
+        return LIMITS.one_filling_ns
+    return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
 
 
 def _refill_places(
@@ -239,6 +229,8 @@ def _carries_spilled_load(
         for each in np.unique(state[inside]):
             apart = float(np.hypot(u_kg[each], u_kg[last]))
             spilled |= (
-                inside & (state == each) & bool(mass_kg[each] - mass_kg[last] > _SPILLS * apart)
+                inside
+                & (state == each)
+                & bool(mass_kg[each] - mass_kg[last] > LIMITS.spilled_load_std * apart)
             )
     return spilled

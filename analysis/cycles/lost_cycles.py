@@ -6,15 +6,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
+
 Ints = NDArray[np.int64]
 
 _NS: Final = 1e9
 #: Shorter holes lose no cycle.
 HOLE_S: Final = 1.0
-#: Fewer dumps tell no period.
-_FEWEST: Final = 3
-#: A period longer than so many middling ones has idling in it.
-_IDLES: Final = 2.5
 
 
 class LostCycles(NamedTuple):
@@ -63,10 +61,10 @@ def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / _NS
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()
     hauls = cycles["haul_s"].drop_nulls().to_numpy()
-    if dumps.size < _FEWEST or not known.size or not hauls.size:
+    if dumps.size < LIMITS.period_min_dumps or not known.size or not hauls.size:
         return LostCycles(0.0, 0.0, 0.0, 0.0)
     periods = np.diff(dumps)
-    periods = periods[periods < _IDLES * np.median(periods)]
+    periods = periods[periods < LIMITS.idle_period_ratio * np.median(periods)]
     period, spread = float(np.mean(periods)), float(np.std(periods))
     expected = variance = 0.0
     for start, end in gaps:

@@ -11,30 +11,15 @@ do not. Where the pitch is measured, it shows by itself how it follows the accel
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.motion_samples import Floats, MotionSamples, begins, ends, rolling_fraction
 from analysis.weighing.pitch_squat import fit_instrumental_variables, squat_products
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import student_factor
-
-#: Samples of a mean, and the fewest means of a stretch that is compared.
-_MEAN: Final = 10
-_FEWEST_MEANS: Final = 10
-#: Stretches with a load that differs, and without, that tell a gain: fewer do not.
-_FEWEST_STRETCHES: Final = 6
-#: A body squats with its load in one log of ten, before anything is measured.
-_BEFORE: Final = 0.1
-#: It does in one of two where the wheels say that it squats at all.
-_BEFORE_IF_SQUATS: Final = 0.5
-#: Standard deviation of how a squat grows with the mass, over growing in proportion to it: springs
-#: stiffen, and the mass lies higher or lower with a load.
-_SPRINGS: Final = 0.5
-#: Odds beyond this, as a logarithm, are certain.
-_SURE: Final = 50.0
 
 
 @dataclass(frozen=True)
@@ -93,14 +78,14 @@ def find_squat(
     if found is None:
         return None
     value, variance = found
-    before = _BEFORE
+    before = LIMITS.squat_prior_probability
     if wheels.gain_counts and wheels.gain[0] < 0.0:
         # a body that squats without a load does so more with one
-        before = _BEFORE_IF_SQUATS
+        before = LIMITS.squat_by_load_prior_probability
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
     log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
-    odds = before / (1.0 - before) * float(np.exp(min(log_odds, _SURE)))
+    odds = before / (1.0 - before) * float(np.exp(min(log_odds, LIMITS.squat_certain_log_odds)))
     probability = odds / (1.0 + odds)
     value *= prior_std**2 / wide
     variance *= prior_std**2 / wide
@@ -119,7 +104,7 @@ def _scale_squat_with_load(share: float, seen: tuple[float, float] | None) -> tu
         share: of the acceleration, with the reference mass.
         seen: what the pitch shows of the change, and its variance.
     """
-    mean, variance = -share, (_SPRINGS * share) ** 2
+    mean, variance = -share, (LIMITS.squat_growth_std * share) ** 2
     if seen is None:
         return mean, variance
     both = variance + seen[1]
@@ -143,10 +128,10 @@ def _stretch_rows(
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
     found: list[_Stretch] = []
     for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
-        means = (end - begin) // _MEAN
-        if means < _FEWEST_MEANS:
+        means = (end - begin) // LIMITS.squat_mean_samples
+        if means < LIMITS.squat_min_means:
             continue
-        part = slice(begin, begin + means * _MEAN)
+        part = slice(begin, begin + means * LIMITS.squat_mean_samples)
         a = motion.specific_force[part]
         gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         load = float(relative[begin])
@@ -154,9 +139,11 @@ def _stretch_rows(
             [gained * load, gained, np.abs(ground[part]) * motion.force[part], -a]
         )
         y = ground[part] - gained
-        both = np.column_stack([columns, y]).reshape(means, _MEAN, -1).mean(axis=1)
+        both = (
+            np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)
+        )
         both = both - both.mean(axis=0)
-        time = np.linspace(-0.5, 0.5, means) * means * _MEAN / motion.rate_hz
+        time = np.linspace(-0.5, 0.5, means) * means * LIMITS.squat_mean_samples / motion.rate_hz
         found.append((both[:, :-1], both[:, -1], time, load))
     return found
 
@@ -168,7 +155,7 @@ def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[flo
     gravity = motion.specific_force - motion.without_gravity
     squats = squat_products(gravity, motion)
     relative = loads.at(motion.unit)[squats.first]
-    if relative.size < _FEWEST_STRETCHES or np.ptp(relative) == 0.0:
+    if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
     # beside the share and the rate, the share that grows with the load
     times = np.column_stack([relative, np.ones((relative.size, 2))])
@@ -188,7 +175,7 @@ def _estimate_by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
 
     None where it is undetermined.
     """
-    if len(rows) < _FEWEST_STRETCHES or len({load for *_, load in rows}) < 2:
+    if len(rows) < LIMITS.squat_min_stretches or len({load for *_, load in rows}) < 2:
         return None
     free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
     # each stretch a slope of its own: how slopes scatter, beyond their noise

@@ -21,9 +21,8 @@ from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combin
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
+from analysis.weighing.weighing_limits import LIMITS
 
-#: The two masses differ by so many standard uncertainties of their difference, at most.
-_AGREES: Final = 3.0
 #: Relative standard uncertainty of a scale of which the machine file says nothing, where it has to
 #: be told from another machine.
 UNKNOWN_SCALE: Final = 0.1
@@ -118,7 +117,9 @@ class EmptyMachine:
             return ""
         scale_kg = UNKNOWN_SCALE * self.rotating_kg if unknown_factors(self.sources) else 0.0
         u_kg = float(np.hypot(combined(self.sources), scale_kg))
-        allowed_kg = _AGREES * float(np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0))
+        allowed_kg = LIMITS.empty_mass_agreement_u * float(
+            np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0)
+        )
         if abs(self.rotating_kg - stated_kg) <= allowed_kg:
             return ""
         here_kg = self.rotating_kg - self._body.rotating_mass_kg

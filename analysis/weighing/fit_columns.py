@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 
@@ -19,29 +19,12 @@ from analysis.weighing.motion_samples import (
     rolling_fraction,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_mean import trailing_group_means
 from estimators.numerics.group_sums import NoiseMoments
 from estimators.threads import map_in_threads
-
-#: So many rows a length of the mean hold nearly all that its means hold.
-_ROWS_A_MEAN: Final = 2
-#: Stretches that last less tell nothing of their own.
-_SHORTEST_S: Final = 0.5
-#: A derivative of the force is noise below so many of its deviations.
-_RATE_COUNTS: Final = 4.0
-#: No transfer of load takes more of the force away.
-_LEAST_GAIN: Final = 0.5
-#: No load is more than this share of the mass that it is related to.
-_LARGEST_LOAD: Final = 0.9
-#: Between these quantiles of the manoeuvres' masses is the middle of empty and loaded ones.
-_EMPTY_AND_LOADED: Final = (0.1, 0.9)
-#: It is clear where its r.m.s. is so many, on a grid that has it of more than two rows: of jerks
-#: that are stick-slip or noise slip would come out too small (loaders have 4 to 10, cars 10 to 13).
-_RATE_IS_CLEAR: Final = 10.0
-#: To either side of a sample, in s, the parabola reaches that gives the derivative.
-_RATE_HALF_S: Final = 0.04
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +48,11 @@ class RelativeLoads:
         reference_kg = float(np.mean(mass_kg))
         if not reference_kg > 0.0:
             return None
-        value = np.clip(mass_kg / reference_kg - 1.0, -_LARGEST_LOAD, _LARGEST_LOAD)
+        value = np.clip(
+            mass_kg / reference_kg - 1.0,
+            -LIMITS.largest_relative_load,
+            LIMITS.largest_relative_load,
+        )
         return cls(unit, value, weight_shares)
 
     def contrast_at(self, unit: Ints) -> Floats:
@@ -74,7 +61,7 @@ class RelativeLoads:
 
     def loaded_at(self, unit: Ints) -> Bools:
         """Whether samples of these manoeuvres haul, (n,)."""
-        return self.at(unit) > float(np.quantile(self.value, _EMPTY_AND_LOADED).mean())
+        return self.at(unit) > float(np.quantile(self.value, LIMITS.load_contrast_quantiles).mean())
 
     def at(self, unit: Ints) -> Floats:
         """Of samples of these manoeuvres, (n,); one that is not known goes with the one before."""
@@ -114,7 +101,7 @@ class PreviousEstimates:
     def ground_force(self, motion: MotionSamples) -> Floats:
         """The force on the ground, (n,) in N, of a motion whose force is in time."""
         gain = 1.0 + self.transfer_s2_m * motion.acceleration
-        return (motion.force - self.offset_N) / np.maximum(gain, _LEAST_GAIN)
+        return (motion.force - self.offset_N) / np.maximum(gain, LIMITS.load_transfer_min_gain)
 
 
 @dataclass(frozen=True)
@@ -251,7 +238,7 @@ def _weigh_rows(
         group,
         np.concatenate([piece.raw.direction for piece in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
-        max(rows_in(_SHORTEST_S, rate_hz) // mean_stride(samples), 6),
+        max(rows_in(LIMITS.shortest_stretch_s, rate_hz) // mean_stride(samples), 6),
         terms,
     )
 
@@ -346,7 +333,7 @@ def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
 
 def mean_stride(samples: int) -> int:
     """Every so many-th mean of so many samples is fitted."""
-    return max(1, samples // _ROWS_A_MEAN)
+    return max(1, samples // LIMITS.rows_per_mean)
 
 
 def _samples_since_start(group: Ints) -> Ints:
@@ -402,16 +389,16 @@ def _force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -
             wheels' acceleration is all of it, and without small values masses were 0.3 % off where
             wheels slip by 2 %.
     """
-    half = rows_in(_RATE_HALF_S, rate_hz)
+    half = rows_in(LIMITS.force_rate_half_width_s, rate_hz)
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
     )
     rate = np.convolve(force, steps, "same")
     std = noise_N * float(np.sqrt(steps @ steps))
-    clear = _RATE_COUNTS if half == 1 else _RATE_IS_CLEAR
+    clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
     if whole and float(np.sqrt(np.mean(rate**2))) > clear * std:
         return rate
-    return np.where(np.abs(rate) > _RATE_COUNTS * std, rate, 0.0)
+    return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 
 
 def _noise_moments(

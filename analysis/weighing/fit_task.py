@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
@@ -27,24 +26,11 @@ from analysis.weighing.nuisances import (
     split_measured_offset,
 )
 from analysis.weighing.uneven_ground import BY_GROUND
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.joint import prior_fit
 from estimators.joint.group_effects import GroupEffects, group_effects
 from estimators.joint.prior_fit import Grouping
-
-#: A lag that changes by less is found.
-_LAG_FOUND_S: Final = 1e-4
-#: So many widths of its prior an offset is taken off the force, at most.
-_MOST_OFFSET: Final = 3.0
-#: A lag is looked for up to here.
-_LONGEST_LAG_S: Final = 0.3
-#: What the wheels say of slip is never trusted beyond this share of its prior.
-_LEAST_SLIP: Final = 0.05
-#: The wheels' own acceleration tells slip where it leaves so much of its prior: where it left a
-#: third, slip was up to two deviations from what it was.
-_SLIP_IS_TOLD: Final = 0.1
-#: Fewer drives with a stand or a hole between them do not tell a drift from a change of load.
-_FEWEST_OF_DRIFT: Final = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +129,7 @@ class FitTask:
             if cost.slip_1_N is not None and self._wheels_slip() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._update_estimates(known, solution.theta, shift=shift)
-            if number and moved < _LAG_FOUND_S:
+            if number and moved < LIMITS.lag_tolerance_s:
                 break
         assert solution is not None
         theta = solution.theta.copy()
@@ -194,7 +180,7 @@ class FitTask:
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
         late_s = by_name["lag"]
-        lag_s = float(np.clip(before.lag_s + late_s, -_LONGEST_LAG_S, _LONGEST_LAG_S))
+        lag_s = float(np.clip(before.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s))
         share, _ = split_measured_offset(self.motion, self.priors)
         width = const_prior_std(self.motion, self.priors)
         after = replace(
@@ -202,7 +188,11 @@ class FitTask:
             lag_s=lag_s if shift else 0.0,
             transfer_s2_m=by_name.get("load_transfer", 0.0),
             offset_N=float(
-                np.clip(share * by_name["const"], -_MOST_OFFSET * width, _MOST_OFFSET * width)
+                np.clip(
+                    share * by_name["const"],
+                    -LIMITS.max_offset_prior_std * width,
+                    LIMITS.max_offset_prior_std * width,
+                )
             ),
             slip_s_m=by_name["slip"],
             relative_loads=(loads := self._relative_loads(theta[:masses])),
@@ -213,7 +203,7 @@ class FitTask:
     def units(self, fit: JointFit, rows: FitRows) -> GroupEffects:
         """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
         mean, std = self._round_priors(self._slip_cost(fit.theta, fit.solution, fit.terms))
-        if 1 < self.motion.separate_drive_count < _FEWEST_OF_DRIFT:
+        if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
             std[term_index("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
         ground = [place for place, term in enumerate(self.terms) if term.source == BY_GROUND]
@@ -266,7 +256,7 @@ class FitTask:
             return _SlipCost(mass_kg, friction, None)
         place = term_index("slip_acceleration", terms)
         std = float(found.fit.std[count + 1 + place])
-        if not std < _SLIP_IS_TOLD * terms[place].width(self.motion, self.priors):
+        if not std < LIMITS.slip_posterior_fraction * terms[place].width(self.motion, self.priors):
             return _SlipCost(mass_kg, friction, None)
         return _SlipCost(
             mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
@@ -304,7 +294,10 @@ class FitTask:
         at = term_index("slip", self.terms)
         friction = cost.friction_N_s_m
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
-        std[at] = max(std[at], _LEAST_SLIP * self.priors.wheel_slip / self.motion.largest_speed)
+        std[at] = max(
+            std[at],
+            LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.largest_speed,
+        )
         self._take_slip(at, -friction, self._wheels_slip() or cost.slip_1_N, mean, std)
 
     def _wheels_slip(self) -> tuple[float, float] | None:
@@ -319,4 +312,4 @@ class FitTask:
         if slip is not None:
             slip_1_N, u_1_N = slip
             mean[at] = cost * slip_1_N
-            std[at] = np.hypot(cost * u_1_N, _LEAST_SLIP * std[at])
+            std[at] = np.hypot(cost * u_1_N, LIMITS.min_slip_std_fraction * std[at])

@@ -21,33 +21,17 @@ from analysis.weighing.joint_result import JointFit, term_index
 from analysis.weighing.load_states import sample_units, stretch_units
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.autocorrelation import student_factor
 from estimators.numerics.fit_loss import group_ids, group_rows
 
-#: A manoeuvre of fewer rows tells nothing of it.
-_FEWEST_ROWS: Final = 20
-#: What is left of a column is rounding below this share of its squares.
-_ROUNDING: Final = 1e-12
-#: Fewer manoeuvres do not tell what is usual.
-_FEWEST: Final = 4
 #: A standard deviation over the median distance from the median, of normal numbers.
 _OF_MEDIAN: Final = 1.4826
-#: A row that misses by more such deviations counts as missing by so many.
-_FAR: Final = 4.0
-#: Of all manoeuvres of a log, one is said to change by mistake with this probability.
-_BY_MISTAKE: Final = 0.01
-#: What changes is less than this share of the machine's mass: a bucket that goes on filling holds
-#: more than the rated third of it, and no loader carries its own mass.
-_CARRIED: Final = 1.0
 #: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
 #: share of it and in the constant by such a share of the largest force (one standard deviation).
 _OWN: Final = 3
-_FRICTION: Final = 0.1
-_CONSTANT: Final = 0.01
 #: Terms that brake and never drive.
 _RESISTANCES: Final = ("direction", "quadratic")
-#: Terms with less of their variance for themselves, as a share, cannot be told apart.
-_LEAST_APART: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +86,10 @@ def fit_filling(
     found, covariance = grown.theta[at], grown.fit.covariance[np.ix_(at, at)]
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
-    if not (np.isfinite(correlation).all() and np.linalg.eigvalsh(correlation)[0] > _LEAST_APART):
+    if not (
+        np.isfinite(correlation).all()
+        and np.linalg.eigvalsh(correlation)[0] > LIMITS.min_own_variance_fraction
+    ):
         return LoadFilling(0.0, float("nan"))
     whitened = np.linalg.inv(np.linalg.cholesky(correlation))
     best, missed = nnls(whitened, whitened @ (found / std))
@@ -130,18 +117,25 @@ def find_growing_loads(
     none = np.empty(0, np.int64)
     numbers = np.unique(stretch_units(motion))
     parts = [by_unit.get(each, none) for each in numbers.tolist()]
-    told = [part.size >= _FEWEST_ROWS for part in parts]
-    if sum(told) < _FEWEST:
+    told = [part.size >= LIMITS.growth_min_rows for part in parts]
+    if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
     left = _residual(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
-        most = _FAR * _OF_MEDIAN * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
+        most = (
+            LIMITS.row_clip_std
+            * _OF_MEDIAN
+            * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
+        )
         left[part] = left[part].clip(-most, most)
     variance = _row_variance(fit, noise)
     friction = float(np.hypot(fit.viscous, fit.fit.std[fit.count]))
-    own = _FRICTION * friction, _CONSTANT * fit.motion.largest_force
+    own = (
+        LIMITS.own_friction_fraction * friction,
+        LIMITS.own_constant_fraction * fit.motion.largest_force,
+    )
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
         return ()  # of a fit that determines nothing
@@ -149,15 +143,17 @@ def find_growing_loads(
         [_mass_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
     )
     number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
-    if number.size < _FEWEST:
+    if number.size < LIMITS.growth_min_manoeuvres:
         return ()
     kg, square = slopes.T
     kg = kg - np.median(kg)
     apart = _OF_MEDIAN * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
-    limit = -float(ndtri(_BY_MISTAKE / 2.0 / kg.size)) * student_factor(kg.size - 1)
+    limit = -float(ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)) * student_factor(
+        kg.size - 1
+    )
     # what no machine carries is no load, however surely the manoeuvre misses the model
-    carried = np.abs(kg) < _CARRIED * abs(fit.mass_kg)
+    carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
         LoadGrowth(
@@ -189,7 +185,7 @@ def _mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float
     own_part = np.linalg.lstsq(own, np.append(whole, np.zeros(_OWN)))[0]
     grows = whole - A[:, :_OWN] @ own_part
     square = float(grows @ whole)
-    if not square > _ROUNDING * float(whole @ whole):
+    if not square > LIMITS.column_rounding_fraction * float(whole @ whole):
         return 0.0, 0.0
     return float(grows @ residual) / square, square
 

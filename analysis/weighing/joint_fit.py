@@ -40,43 +40,15 @@ from analysis.weighing.nuisances import (
     Nuisance,
 )
 from analysis.weighing.uneven_ground import FEWEST, GROUND
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 
 #: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
 #: taken.
 MEANS_S: Final = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-#: Rounds of finding the lag, moving the force back by it, and fitting again.
-_ROUNDS: Final = 4
-#: Of the fits that choose the mean: a lag that is not made up for would choose.
-_PILOT_ROUNDS: Final = 2
-#: Of finding a squat under loads whose size it changes.
-_SQUAT_ROUNDS: Final = 4
-#: Likewise of load states and the fit that takes the nuisances off.
-_STATE_ROUNDS: Final = 4
-#: A mass of less, as a share of force over acceleration, is none.
-_LEAST: Final = 0.1
-#: With more noise than this in a direction of its columns a mean is too short.
-_MOST_NOISE: Final = 0.3
-_NEARLY: Final = 1.1
-#: The mass depends on the mean's length from so many deviations, and from this share of it, on.
-_DIFFER: Final = 2.5
-_DIFFER_SHARE: Final = 0.005
-#: On a slow grid, of which the shortest mean is a row: motion changes within its step, and what is
-#: a product (slip) is not that of means. Cars at 1 Hz whose wheels slip were 1 to 3 % off.
-_MEANS_OF_ROWS: Final = (1, 2, 4)
-_DIFFER_SHARE_OF_ROWS: Final = 0.002
-#: What no mean shows there, as a share of the mass a second of step: a bus at 1 Hz was 0.3 % off.
-_ROW_SHARE_1_S: Final = 0.003
-#: A stretch holds at least so many means that have no sample in common.
-_MEANS_A_STRETCH: Final = 6
 #: So many stretches tell which mean is best.
 _TRIED: Final = 24
-#: Up to here it does not matter whether a force is delayed or low-passed.
-_SHORT_LAG_S: Final = 0.003
-#: Errors of the motion that show what such ones do to the masses.
-_LATER_S: Final = 0.005
-_LARGER: Final = 0.01
 
 
 @dataclass(frozen=True)
@@ -116,32 +88,40 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
     part = whole.beginning(_TRIED)
     part = part if part.motion.drives else whole
-    longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
+    longest = (
+        int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
+    )
     means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S}
-    means = sorted(means | {*_MEANS_OF_ROWS} if 1 in means else means)
+    means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)
     first = [
-        part.fitted(samples, _PILOT_ROUNDS, rows=columns.averaged(of.noise, samples))
+        part.fitted(samples, LIMITS.pilot_rounds, rows=columns.averaged(of.noise, samples))
         for samples in lengths
     ]
     # a lag that is far from made up for may leave no mass at all
     first = [
-        found for found in first if found.mass_kg > _LEAST * motion.approximate_mass_kg
+        found
+        for found in first
+        if found.mass_kg > LIMITS.min_mass_fraction * motion.approximate_mass_kg
     ] or first
-    telling = [found for found in first if found.fit.noise_share <= _MOST_NOISE] or first[-1:]
+    telling = [
+        found for found in first if found.fit.noise_share <= LIMITS.max_noise_fraction
+    ] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
-    best = next(found for found in telling if not found.u_kg > _NEARLY * least_kg)
+    best = next(
+        found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
+    )
     samples = best.mean_samples
-    if abs(best.lag_s) > _SHORT_LAG_S or best.found.transfer_s2_m:
+    if abs(best.lag_s) > LIMITS.short_lag_s or best.found.transfer_s2_m:
         # slip is of the force on the ground at that moment
         in_time = motion.shift_force(best.lag_s)
         acting = replace(in_time, force=best.found.ground_force(in_time))
         whole = replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
-    moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
-    if abs(moved.lag_s) < _SHORT_LAG_S:
+    moved = replace(whole.fitted(samples, LIMITS.lag_rounds), averaging_share=share)
+    if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
     filtered = replace(whole.fitted(samples, 2, shift=False), averaging_share=share)
     filters = filtered.fit.residual_rms < moved.fit.residual_rms
@@ -171,7 +151,7 @@ def _averaging_share(by_length: list[JointFit], place: int) -> float:
     if not longer and place and _masses_differ(best, by_length[place - 1], rows=rows):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - by_length[place - 1].mass_kg / best.mass_kg
-    return _ROW_SHARE_1_S / best.motion.rate_hz if rows else 0.0
+    return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
 
 def _masses_differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
@@ -181,10 +161,12 @@ def _masses_differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
     """
     difference_kg = abs(one.mass_kg - other.mass_kg)
     if rows:
-        return difference_kg > _DIFFER_SHARE_OF_ROWS * abs(one.mass_kg)
+        return difference_kg > LIMITS.slow_grid_mean_length_fraction * abs(one.mass_kg)
     first, second = one.u_kg, other.u_kg
     expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
-    return difference_kg > max(_DIFFER * expected_kg, _DIFFER_SHARE * abs(one.mass_kg))
+    return difference_kg > max(
+        LIMITS.mean_length_std * expected_kg, LIMITS.mean_length_fraction * abs(one.mass_kg)
+    )
 
 
 def refit(
@@ -249,7 +231,7 @@ def add_squat(found: JointFit, priors: PriorSettings) -> JointFit:
     if not (found.motion.by_accelerometer and told):
         return found
     first = np.unique(states.membership, return_index=True)[1]
-    for _ in range(_SQUAT_ROUNDS):
+    for _ in range(LIMITS.squat_rounds):
         squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)
         found = replace(found, squat=squat)
         # a squat that is not taken off makes loads of another size
@@ -270,9 +252,11 @@ def add_motion_responses(
         other = refit(replace(found, found=changed), noise, priors)
         return (other.theta[:count] - found.theta[:count]) / by
 
-    later = replace(known, speed_late_s=known.speed_late_s + _LATER_S)
-    larger = replace(known, motion_gain=known.motion_gain + _LARGER)
-    responses = MotionResponses(moved(later, _LATER_S), moved(larger, _LARGER))
+    later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)
+    larger = replace(known, motion_gain=known.motion_gain + LIMITS.probe_gain_1)
+    responses = MotionResponses(
+        moved(later, LIMITS.probe_delay_s), moved(larger, LIMITS.probe_gain_1)
+    )
     return replace(found, by_motion=responses)
 
 
@@ -287,7 +271,7 @@ def add_load_states(
     if not np.isfinite(found.theta).all():
         return _withhold_masses(found)
     first, tried = found, list[JointFit]()
-    for _ in range(_STATE_ROUNDS):
+    for _ in range(LIMITS.state_rounds):
         task = FitTask(
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
         )

@@ -15,16 +15,9 @@ from analysis.weighing.load_states import LoadStates, sample_units
 from analysis.weighing.mass_budget import budget, relative_u
 from analysis.weighing.motion_samples import Floats, Ints
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
 
-#: The lightest state is empty when its mass is the machine's within so many uncertainties,
-_ALIKE: Final = 2.0
-#: and the heaviest is heavier by so many.
-_HEAVIER: Final = 3.0
-#: Others are as light within so many deviations of their difference.
-_AS_LIGHT: Final = 3.0
-#: So many manoeuvres are named, the others counted.
-_TOLD: Final = 3
 #: Unit and meaning of what the wheels say of slip, gain and delay.
 _OF_WHEELS: Final = (
     ("1/N", "what share of its speed a newton makes the wheels slip, by the wheels"),
@@ -119,7 +112,7 @@ def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Mach
     u_kg = combined(budget(weighing, machine, fit.weights(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
-    if difference_kg > _ALIKE * u_kg or carried_kg < _HEAVIER * u_kg:
+    if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
     return _equally_light_states(weighing, lightest, machine)
 
@@ -133,7 +126,7 @@ def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -
             continue
         weights = difference_weights(weighing, state, found)
         random_kg = combined(budget(weighing, machine, weights), "random")
-        if float(weights @ fit.masses_kg) > _AS_LIGHT * random_kg:
+        if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
         found.append(state)
     return sorted(found)
@@ -282,8 +275,12 @@ def _growing_notes(weighing: Weighing, excitation: pl.DataFrame) -> str:
         f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: it is left out"
         for each in weighing.growing
     ]
-    more = [f"so it does within {len(told) - _TOLD} more"] if len(told) > _TOLD else []
-    return "; ".join(told[:_TOLD] + more)
+    more = (
+        [f"so it does within {len(told) - LIMITS.max_named_manoeuvres} more"]
+        if len(told) > LIMITS.max_named_manoeuvres
+        else []
+    )
+    return "; ".join(told[: LIMITS.max_named_manoeuvres] + more)
 
 
 def manoeuvre_frame(

@@ -11,34 +11,15 @@ import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, begins, ends
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.partition_posterior import Partition
 from estimators.joint.random_intercepts import RandomIntercepts
 
-#: A load is anything up to this share of the machine's mass (rated loads of loaders are).
-_LARGEST_LOAD: Final = 1.0 / 3.0
-#: Manoeuvres of one load repeat to about so much of the machine's mass: those who sell scales for
-#: loaders state one or two percent.
-_REPEATS: Final = 0.02
 #: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
 FEWEST_FREEDOM: Final = 4
-#: One load is not ruled out when it is more probable than this.
-_DOUBTED: Final = 0.05
-#: Several are not when all ways of them together are: some of many always fit chance.
-_DOUBTED_SEVERAL: Final = 0.2
 _ROUNDS: Final = 60
-#: A load that turns so often from heavier to lighter or back comes back, if not to the kilogram:
-#: a bucket is never quite empty.
-_ALTERNATES: Final = 2
-#: A boom or a bucket that moves by so much between two manoeuvres may have loaded or dumped.
-_ARM_MOVES_RAD: Final = 0.15
-#: So long lasts a manoeuvre that tells a mass, and so many samples it has at least.
-_TELLS_S: Final = 0.5
-_TELLS_SAMPLES: Final = 10
-#: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations: more than
-#: of a fit's groups, since the deviations of manoeuvres are themselves found from few samples.
-_DISAGREE: Final = 5.0
 
 
 @dataclass(frozen=True)
@@ -111,7 +92,9 @@ class LoadStates:
         """Whether manoeuvres disagree by more than chance lets them."""
         if not 0 < self.freedom < np.inf:
             return self.scatter_kg > float(np.median(self.std_kg))
-        return self.birge_ratio**2 > 1.0 + _DISAGREE * float(np.sqrt(2.0 / self.freedom))
+        return self.birge_ratio**2 > 1.0 + LIMITS.excess_scatter_std * float(
+            np.sqrt(2.0 / self.freedom)
+        )
 
     @property
     def scatter_known(self) -> bool:
@@ -171,7 +154,12 @@ def stretch_units(motion: MotionSamples) -> Ints:
     unit = motion.unit[begins(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
-    tells = samples >= min(rows_in(_TELLS_S, motion.rate_hz, _TELLS_SAMPLES), samples.max())
+    tells = samples >= min(
+        rows_in(
+            LIMITS.informative_manoeuvre_s, motion.rate_hz, LIMITS.informative_manoeuvre_samples
+        ),
+        samples.max(),
+    )
     place = np.arange(number.size)
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
@@ -224,7 +212,7 @@ def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until:
         return NAMED
     if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
         return 0
-    moved = any(_range(arm[since : until + 1]) > _ARM_MOVES_RAD for arm in motion.arms)
+    moved = any(_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms)
     if moved:
         return HINTED
     silent = motion.silences is not None and motion.silences[end] != motion.silences[begin]
@@ -251,8 +239,8 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
     typical_kg = float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
     found = partitions(
         units,
-        _LARGEST_LOAD * typical_kg,
-        _REPEATS * typical_kg,
+        LIMITS.largest_load_fraction * typical_kg,
+        LIMITS.repeatability_fraction * typical_kg,
         repeatability_kg,
     )
     best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
@@ -272,7 +260,8 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
         ratio,
         found.single_probability,
         _alternative_partition(units, best, other, probability),
-        np.unique(best.level).size < best.states or _count_reversals(best) >= _ALTERNATES,
+        np.unique(best.level).size < best.states
+        or _count_reversals(best) >= LIMITS.load_return_reversals,
     )
 
 
@@ -286,7 +275,11 @@ def _alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
     """What the units may as well say; None where the log can tell."""
-    doubted = _DOUBTED_SEVERAL if best.states == 1 else _DOUBTED
+    doubted = (
+        LIMITS.several_loads_min_probability
+        if best.states == 1
+        else LIMITS.single_load_min_probability
+    )
     if other is None or probability < doubted:
         return None
     level_kg = units.y - units.x @ other.effects
@@ -304,7 +297,7 @@ def single_unknown_state(number: Ints) -> LoadStates:
 def _is_partition_credible(found: Partitions, repeatability_kg: float | None) -> bool:
     """Whether the most probable partition is taken, or one state where nothing can tell."""
     few = found.best.freedom < FEWEST_FREEDOM
-    doubted = found.single_probability > _DOUBTED
+    doubted = found.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
 
 

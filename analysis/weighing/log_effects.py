@@ -19,6 +19,7 @@ from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.uneven_ground import GROUND
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.prior_fit import MapFit
 
 #: The settings that are the widths of an effect's priors.
@@ -38,9 +39,9 @@ EFFECTS: Final = {
     **{term.name: BY_GEAR for term in LOW_GEARS},
     **{term.name: "ground" for term in GROUND},
 }
-#: A log has each effect with this probability, before anything is measured.
-_BEFORE: Final = 0.2
-_LOG_ODDS: Final = float(np.log(_BEFORE / (1.0 - _BEFORE)))
+_LOG_ODDS: Final = float(
+    np.log(LIMITS.effect_prior_probability / (1.0 - LIMITS.effect_prior_probability))
+)
 #: The width of the prior of an effect that is left out, over its own.
 NARROW: Final = 0.02
 

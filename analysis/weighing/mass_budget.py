@@ -13,16 +13,7 @@ from analysis.weighing.low_gears import BY_GEAR
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weigh import Weighing
-
-#: The answer leans on its priors when doubling them moves it by so many of its deviations.
-_LEANS: Final = 1.5
-#: Standard uncertainty of what the ground along the way is found to do to a difference of loads, as
-#: a share of it: its force is a line between a few places, and real ground is not. Set on 60 shifts
-#: of the independent bench (seeds 70000 to 70059), where small loads are moved by half of them.
-_GROUND_SHAPE_1: Final = 0.15
-#: Share of a gain's drift by which it differs at either end of the log from its mean, which the
-#: masses are of.
-_HALF_OF_DRIFT: Final = 0.5
+from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,15 +200,15 @@ def _widening_by_checks(
     found: dict[str, float] = {}
     if fit.effects is not None and BY_GROUND in fit.effects.removed_kg:
         moved_kg = float(weights @ fit.effects.removed_kg[BY_GROUND])
-        found["ground_shape"] = _GROUND_SHAPE_1 * abs(moved_kg)
+        found["ground_shape"] = LIMITS.ground_shape_u_1 * abs(moved_kg)
     if fit.effects is not None and "gain" not in fit.effects.left_out:
         drift_kg = fit.term_value("gain_drift") * float(weights @ fit.masses_kg)
-        found["drifted_gain"] = _HALF_OF_DRIFT * abs(drift_kg)
+        found["drifted_gain"] = LIMITS.half_gain_drift * abs(drift_kg)
     if weighing.curvature.shows:
         found["curvature"] = abs(weighing.curvature.kg) * share
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))
-    if leans_kg > _LEANS * root_sum_of_squares(parts_kg):
+    if leans_kg > LIMITS.prior_dependence_std * root_sum_of_squares(parts_kg):
         found["priors"] = leans_kg
     return found

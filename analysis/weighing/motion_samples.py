@@ -22,44 +22,18 @@ from analysis.stages.gating.segments import manoeuvres
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from analysis.stages.motion.phases import stopping
 from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.compiled import compiled
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: So far back the break-away is looked for: the moving mean and the phases see it late.
-_LOOK_BACK_S: Final = 0.3
-#: Speeds above so many deviations of their noise move.
-_MOVES: Final = 4.0
-_LEAST_SPEED_M_S: Final = 0.01
-#: So long after a break-away friction is not sure to be that of motion: noise shows where it is to
-#: a few samples, and resampling mixes them with the standstill.
-_MIXED_S: Final = 0.05
-#: Samples likewise, at least, where a zero-phase low-pass reached across it, and elsewhere.
-_MIXED_FILTERED: Final = 3
-_MIXED: Final = 1
-#: Driving without a stand is cut into manoeuvres of so long, in s: far longer than a loader drives
-#: between two stands, and of some dozen readings at 1 Hz.
-_DRIVES_S: Final = 60.0
-#: Silence of so long, in s, is that between two records: files that count from 0 follow one another
-#: after 10 s, a network that drops messages is back sooner.
-_SILENT_S: Final = 8.0
-#: So long beside a gap nothing is fitted.
-_CLEAR_S: Final = 0.1
 #: Wheels of which less rolls say nothing of the ground's speed.
 _LEAST_GROUND: Final = 0.5
-#: Moving both ways needs this share of the samples each way.
-_BOTH_WAYS: Final = 0.1
-#: A path on which a spring or gravity may push back is shorter than this, in m: that of a bench;
-_BENCH_M: Final = 6.0
-#: and is passed so often, at least.
-_PASSES: Final = 6.0
 _ARMS: Final = ("boom_rad", "bucket_rad")
 #: Samples that are worked on together, so that they stay in the processor's cache,
 _PIECE: Final = 32_768
-#: and so long before and after them, from where a lag or a derivative may take samples.
-_REACH_S: Final = 0.6
 
 
 class ColumnNoiseModel(Protocol):
@@ -191,7 +165,7 @@ class MotionSamples:
         first = np.flatnonzero(begins(self.group))
         last = np.flatnonzero(ends(self.group))
         whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
-        reach = math.ceil(_REACH_S * self.rate_hz)
+        reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
         for stretches in np.split(np.arange(first.size), whole):
             begin, end = int(first[stretches[0]]), int(last[stretches[-1]]) + 1
@@ -290,13 +264,15 @@ class MotionSamples:
     def is_on_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
-        return self.both_ways and 0.0 < self.path_m < min(_BENCH_M, driven_m / _PASSES)
+        return self.both_ways and 0.0 < self.path_m < min(
+            LIMITS.bench_path_m, driven_m / LIMITS.bench_min_passes
+        )
 
     @cached_property
     def both_ways(self) -> bool:
         """Whether it drives forwards and in reverse."""
         forwards = float((self.direction[self.used] > 0).mean())
-        return min(forwards, 1.0 - forwards) > _BOTH_WAYS
+        return min(forwards, 1.0 - forwards) > LIMITS.two_way_min_fraction
 
 
 def motion_samples(
@@ -325,20 +301,22 @@ def motion_samples(
     acceleration = regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
-    moves_m_s = max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S)
+    moves_m_s = max(
+        LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1])), LIMITS.moving_speed_m_s
+    )
     group = _fitted_manoeuvres(excitation, gated, machine, moves_m_s, braking=braking)
     filtered = any(channel.differentiates for channel in machine.channels.values())
-    mixed = _MIXED_FILTERED if filtered else _MIXED
-    settled = max(mixed, round(_MIXED_S * settings.align.rate_hz))
+    mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
+    settled = max(mixed, round(LIMITS.mixed_friction_s * settings.align.rate_hz))
     group = _trim_to_break_away(
         group,
         np.where(known, speed, 0.0),
         moves_m_s,
-        round(_LOOK_BACK_S * settings.align.rate_hz),
+        round(LIMITS.break_away_look_back_s * settings.align.rate_hz),
         settled,
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
-    clear = rows_in(_CLEAR_S, settings.align.rate_hz)
+    clear = rows_in(LIMITS.gap_margin_s, settings.align.rate_hz)
     silent = ~known | _missing_rows(aligned)
     near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
     group = _number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
@@ -348,8 +326,8 @@ def motion_samples(
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = _count_standstills(excitation)
-    unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
-    silences = _count_silences(known, rows_in(_SILENT_S, settings.align.rate_hz))
+    unit = _cut_drives(stood, rows_in(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
+    silences = _count_silences(known, rows_in(LIMITS.record_break_s, settings.align.rate_hz))
     group = _cut_stretches(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),

@@ -12,11 +12,7 @@ import numpy as np
 
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-
-#: Mean square of the progress, which goes from -1/2 to 1/2.
-_MEAN_SQUARE: Final = 1.0 / 12.0
-#: An offset of which nothing is left to find.
-_LEAST_OFFSET_N: Final = 1e-3
+from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True)
@@ -296,7 +292,7 @@ NUISANCES: Final = (
         "offset",
         "N",
         lambda m: -m.slip_s_m * np.abs(m.speed) - m.transfer_s2_m * m.acceleration,
-        lambda e, s: max(split_measured_offset(e, s)[1], _LEAST_OFFSET_N),
+        lambda e, s: max(split_measured_offset(e, s)[1], LIMITS.min_offset_std_N),
         "what the constant force has of an error of the measured force, beside what is expected "
         "of it: neither slip nor load transfer act on it",
         "a measured force that is zeroed",
@@ -316,11 +312,11 @@ NUISANCES: Final = (
     Nuisance(
         "viscous_bend",
         "N·s/m",
-        lambda m: m.speed * (m.progress**2 - _MEAN_SQUARE),
+        lambda m: m.speed * (m.progress**2 - LIMITS.progress_mean_square),
         lambda e, s: s.viscous_drift_share * e.largest_force / e.largest_speed,
         "how much of that change comes early or late: oil warms fast at first",
         "a machine that is warm",
-        by_speed=lambda m: m.progress**2 - _MEAN_SQUARE,
+        by_speed=lambda m: m.progress**2 - LIMITS.progress_mean_square,
         applies=lambda e: e.manoeuvres > 2,
     ),
     Nuisance(

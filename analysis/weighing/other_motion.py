@@ -5,7 +5,6 @@ wrong no log tells, but whether it matters: the fit once more with the other one
 """
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -13,11 +12,7 @@ from analysis.model.settings import PriorSettings
 from analysis.weighing.joint_fit import JointFitInputs, joint_fit
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
-
-#: One sample of a central difference has half of the variance of one sample of the speed, by the
-#: step squared; a longer mean is the difference of two samples.
-_OF_ONE: Final = 0.5
-_OF_MEAN: Final = 2.0
+from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +97,10 @@ class _OtherMotionNoise:
         found[0, :] = found[:, 0] = 0.0
         if self.by_wheels:
             speed = self.columns.covariance(1)[1, 1]
-            times = _OF_MEAN / samples**2 if samples > 1 else _OF_ONE
+            times = (
+                LIMITS.mean_difference_variance / samples**2
+                if samples > 1
+                else LIMITS.central_difference_variance
+            )
             found[0, 0] = times * speed * self.rate_hz**2
         return found

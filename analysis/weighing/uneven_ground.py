@@ -21,6 +21,7 @@ import numpy as np
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.compiled import compiled
 
 #: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
@@ -32,8 +33,6 @@ _CHANGES_OVER_M: Final = 10.0
 _ROUTE_PARTS: Final = 20
 #: Fewer manoeuvres do not tell the ground from the loads.
 FEWEST: Final = 24
-#: A direction has ground of its own that so much of the samples drive in.
-_LEAST_SHARE: Final = 0.05
 #: What all of it is in the budget.
 BY_GROUND: Final = "ground"
 
@@ -95,7 +94,7 @@ class _DrivingDirection:
 
     def _applies(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.used] == self.sign
-        return motion.manoeuvres >= FEWEST and float(ways.mean()) > _LEAST_SHARE
+        return motion.manoeuvres >= FEWEST and float(ways.mean()) > LIMITS.direction_min_fraction
 
 
 def _fraction_between(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:

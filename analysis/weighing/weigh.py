@@ -33,25 +33,9 @@ from analysis.weighing.other_motion import (
     refit_with_other_motion,
 )
 from analysis.weighing.record_places import align_records
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
 
-#: Braking is left out when it moves the mass by so many standard uncertainties.
-_DISAGREES: Final = 3.0
-#: It is doubted when it moves it by so many of the answer's.
-_DOUBTED: Final = 2.0
-#: And by this share of it.
-_MATTERS: Final = 0.005
-#: Fits of one log find one lag, within so many s: half of what its prior expects.
-_SAME_LAG_S: Final = 0.01
-#: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
-_CURVED: Final = 6.0
-_COUNTS: Final = 0.01
-#: Means of so many samples of a derivative are differences.
-_LONG: Final = 20
-#: Rounds of the fit that tells what a calibration's means have wrong: terms are products.
-_TOLD_ROUNDS: Final = 2
-#: Less is not fitted, in s; of a slow log nothing of fewer samples than a window has at least.
-_SHORTEST_S: Final = 1.0
 #: Why a log of which nothing is fitted has no answer.
 NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
@@ -73,7 +57,9 @@ class Curvature:
     @property
     def shows(self) -> bool:
         """Whether the force is not linear in the acceleration, and it matters."""
-        return abs(self.t) > _CURVED and abs(self.kg) > _COUNTS * abs(self.mass_kg)
+        return abs(self.t) > LIMITS.curvature_min_std and abs(
+            self.kg
+        ) > LIMITS.curvature_min_fraction * abs(self.mass_kg)
 
 
 @dataclass(frozen=True)
@@ -137,7 +123,7 @@ class _DerivativeNoise:
     def covariance(self, samples: int) -> Floats:
         """(3, 3) of the trailing mean of so many samples."""
         found = self.columns.covariance(samples)
-        if samples < _LONG:
+        if samples < LIMITS.derivative_mean_samples:
             return found
         found = found.copy()
         speed = self.columns.covariance(1)[1, 1]
@@ -218,14 +204,16 @@ def _weigh_with_priors(
             # driving that its own model does not fit is no witness against braking
             beyond = max(alone.prior_distances.values()) > settings.verdict.beyond_prior_max
             # nor driving that finds another delay of the same force
-            lags_apart = abs(alone.lag_s - fit.lag_s) > _SAME_LAG_S
+            lags_apart = abs(alone.lag_s - fit.lag_s) > LIMITS.same_lag_s
             if not (beyond or lags_apart) and not fit_curvature(alone, columns, priors).shows:
                 braking_kg = mean_difference_kg(fit, alone)
-                allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
-                left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
+                allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
+                left_out = abs(braking_kg) > max(
+                    allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
+                )
                 if left_out:
                     fit = add_load_states(alone, fitted, machine.machine.repeatability_kg)
-    doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
+    doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
     fit = drop_unlikely_effects(fit, columns, priors)
     fit = add_squat(fit, priors)
@@ -254,14 +242,14 @@ def _weigh_with_priors(
         alone,
         None
         if alone is None
-        else refit(fit, columns, widen_learnt_priors(priors), rounds=_TOLD_ROUNDS),
+        else refit(fit, columns, widen_learnt_priors(priors), rounds=LIMITS.learnt_mean_rounds),
         {**priors.learnt},
     )
 
 
 def _has_enough_samples(motion: MotionSamples) -> bool:
     """Whether there is enough to fit."""
-    fewest = rows_in(_SHORTEST_S, motion.rate_hz, FEWEST_READINGS)
+    fewest = rows_in(LIMITS.shortest_log_s, motion.rate_hz, FEWEST_READINGS)
     return int(motion.used.sum()) >= fewest and motion.drives
 
 

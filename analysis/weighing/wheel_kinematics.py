@@ -26,6 +26,7 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import const_prior_std
 from analysis.weighing.pitch_squat import estimate_pitch_squat
 from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means, subtract_line
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.compiled import compiled
 from estimators.joint import prior_fit
 from estimators.joint.prior_fit import Grouping
@@ -34,36 +35,8 @@ from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_sums import NoiseMoments
 from estimators.numerics.small_systems import NOTHING
 
-#: What the wheels say of an accelerometer without its gravity counts where it leaves less than this
-#: share of the mismatch.
-_BETTER: Final = 0.8
 #: What a calibration learns of them, in this order.
 TERMS: Final = ("wheel_slip", "gain", "speed_delay")
-#: Of so many samples the noise is what adds up.
-_ADDED_UP: Final = 100
-#: A gain is looked for without leaning on its prior: this wide.
-_WIDE_GAIN: Final = 0.3
-#: A gain counts from so many of its deviations, and from this size, on.
-_GAIN_COUNTS: Final = 3.5
-_LEAST_GAIN: Final = 0.01
-#: Largest squat, as a share of the acceleration: 0.46° a m/s².
-_MOST_SQUAT: Final = 0.08
-#: Standard uncertainty of how much of a squat the speed's own scale makes, as a share.
-_SPEED_SHARE_U: Final = 0.25
-#: Driven wheels turn farther than they roll: a slip below 0 by so many standard deviations is a
-#: gain, and is fitted again with a prior of slip that is narrower by this factor.
-_NEGATIVE_SLIP_STDS: Final = 2.0
-_NARROWER: Final = 0.02
-#: Slip and ground speed, found in turn.
-_PASSES: Final = 3
-#: A delay begun from earlier words that changes by less is found.
-_SETTLED_S: Final = 5e-4
-#: A delay is looked for up to here.
-_LONGEST_DELAY_S: Final = 0.15
-#: Of its speed, no wheel that weighs slips more.
-_MOST_SLIP: Final = 0.4
-#: Residuals of so many times the noise of the speed: the two do not go together.
-_MISMATCH: Final = 3.0
 
 _Rows = tuple[Floats, Floats, Ints, NoiseMoments]
 
@@ -110,12 +83,12 @@ class WheelKinematics:
     @property
     def is_consistent(self) -> bool:
         """Whether wheels and accelerometer go together at all."""
-        return self.mismatch <= _MISMATCH
+        return self.mismatch <= LIMITS.max_kinematic_mismatch
 
     @property
     def is_found(self) -> bool:
         """Whether another motion may begin from here."""
-        return self.is_consistent and abs(self.delay_s[0]) < _LONGEST_DELAY_S
+        return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
     def learnt(self, priors: PriorSettings) -> "WheelKinematics":
         """The same as a calibration says it, once for all its logs.
@@ -176,7 +149,7 @@ def compare_wheels(
         best = level if even is None or level.mismatch < even.mismatch else even
         if best.is_consistent or best.mismatch < found.mismatch:
             return replace(best, squat=squat)
-    if level.mismatch < _BETTER * found.mismatch:
+    if level.mismatch < LIMITS.gravity_mismatch_ratio * found.mismatch:
         return level
     return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
 
@@ -197,12 +170,12 @@ def _subtract_squat(
     share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
     if radius_u_1 is None or not found.gain_counts:
         return found
-    if not _GAIN_COUNTS * radius_u_1 < share < _MOST_SQUAT:
+    if not LIMITS.gain_min_std * radius_u_1 < share < LIMITS.max_squat_1:
         return found
     even = _fit_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
     if even is None or even.gain_counts:
         return found
-    u = float(np.linalg.norm([found.gain[1], radius_u_1, _SPEED_SHARE_U * share]))
+    u = float(np.linalg.norm([found.gain[1], radius_u_1, LIMITS.speed_scale_squat_u * share]))
     return replace(even, squat=(share, u))
 
 
@@ -226,7 +199,7 @@ def _fit_comparison(
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
         return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
-    largest = _MOST_SLIP / motion.largest_force
+    largest = LIMITS.max_slip_fraction / motion.largest_force
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
     if earlier is not None:
         delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
@@ -238,36 +211,38 @@ def _fit_comparison(
     if earlier is not None:
         lines = _line_columns(rows[2])
         loss = autocovariance_loss(rows[2], lines)
-    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
-    for number in range(_PASSES):
+    wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
+    for number in range(LIMITS.slip_passes):
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
         if not np.isfinite([late_s, slips_1_N]).all():
             break
-        if earlier is not None and abs(late_s) < _SETTLED_S:
+        if earlier is not None and abs(late_s) < LIMITS.delay_tolerance_s:
             break
         # the slip is of the ground's speed, and an offset matters by what slip there is
         slip_1_N = float(np.clip(slips_1_N, -largest, largest))
         about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
-        delay_s = float(np.clip(delay_s + late_s, -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
+        delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
         rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
         # only the last one's deviations count
-        if lines is None and number == _PASSES - 1:
+        if lines is None and number == LIMITS.slip_passes - 1:
             lines = _line_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
-        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
+        wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     free = wide.fit
-    if free.theta[1] < -_NEGATIVE_SLIP_STDS * free.std[1]:
-        slip_std *= _NARROWER
-        free = solved(rows, widths(_WIDE_GAIN, about, slip_std), delay_s, lines, loss).fit
+    if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
+        slip_std *= LIMITS.negative_slip_prior_ratio
+        free = solved(
+            rows, widths(LIMITS.gain_search_std_1, about, slip_std), delay_s, lines, loss
+        ).fit
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
     noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
     mismatch = free.residual_rms / noise_m_s
     # where the two do not go together, deviations say nothing
-    times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
-    counts = bool(abs(free.theta[0]) > max(_LEAST_GAIN, times * free.std[0]))
-    std = widths(_WIDE_GAIN if counts else priors.gain, about, slip_std)
+    times = LIMITS.gain_min_std if mismatch <= LIMITS.max_kinematic_mismatch else 0.0
+    counts = bool(abs(free.theta[0]) > max(LIMITS.gain_min_1, times * free.std[0]))
+    std = widths(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
     least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
@@ -297,7 +272,12 @@ def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: 
     manoeuvres' residuals show less of it.
     """
     X, _, group, _ = rows
-    of_mean = noise.covariance(_ADDED_UP)[0, 0] * _ADDED_UP * step_s**2 * EVERY
+    of_mean = (
+        noise.covariance(LIMITS.accumulated_noise_samples)[0, 0]
+        * LIMITS.accumulated_noise_samples
+        * step_s**2
+        * EVERY
+    )
     of_speed = noise.covariance(MEAN)[1, 1] * MEAN / EVERY
     squares = (X**2).sum(axis=0)
     # of a column of nothing its prior is all that is known
