@@ -183,7 +183,7 @@ def run(
                 *why,
             ],
         ),
-    ).fingerprinted()
+    ).with_fingerprint()
 
 
 def _run_stages(

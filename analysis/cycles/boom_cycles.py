@@ -51,7 +51,7 @@ def add_boom_cycles(
     """
     seen = find_boom_dumps(aligned, excitation)
     times = np.array([part.dumped_ns for part in parts if part.dumped_ns is not None], np.int64)
-    agree = [each.near(times, LIMITS.dump_match_ns) for each in seen.dumps]
+    agree = [each.is_near(times, LIMITS.dump_match_ns) for each in seen.dumps]
     told = any(part.loaded is not None for part in parts)
     contradicts = told and seen.tells and float(np.mean(agree)) < LIMITS.dump_match_fraction
     if contradicts or not told:
@@ -65,7 +65,7 @@ def add_boom_cycles(
     missed = [
         CycleParts(dump_ns=(each.start_ns, each.end_ns), dumped_ns=each.dumped_ns)
         for each in found.dumps.dumps
-        if not each.near(times, max(ONE_DUMP_NS, apart_ns))
+        if not each.is_near(times, max(ONE_DUMP_NS, apart_ns))
     ]
     return sorted([*parts, *missed], key=_first_seen_ns), False
 

@@ -39,7 +39,7 @@ class BoomDump(NamedTuple):
     end_ns: int
     dumped_ns: int
 
-    def near(self, times_ns: Ints, off_ns: int = ONE_DUMP_NS) -> bool:
+    def is_near(self, times_ns: Ints, off_ns: int = ONE_DUMP_NS) -> bool:
         """Whether one of these times may be its own, which may be off by so much."""
         after, before = self.start_ns - off_ns, self.end_ns + off_ns
         return bool(((after <= times_ns) & (times_ns <= before)).any())
@@ -57,17 +57,17 @@ class BoomDumps:
     tells: bool
     dumps: tuple[BoomDump, ...] = ()
 
-    def within(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+    def during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Those that lie in a stretch of time."""
         return [each for each in self.dumps if start_ns <= each.dumped_ns <= end_ns]
 
-    def beside(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+    def out_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Those whose boom is out in a stretch of time: one who creeps may dump before it."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
     def shows_no_dump(self, start_ns: int, end_ns: int) -> bool:
         """Whether the boom would show a dump in a stretch of time, and shows none."""
-        return self.tells and not self.beside(start_ns, end_ns)
+        return self.tells and not self.out_during(start_ns, end_ns)
 
 
 #: Of a log whose boom shows none.

@@ -69,9 +69,9 @@ def summarise_cycle_motion(
         haul_m = None
         if row["dig_t_ns"] is not None and row["load_s"] is not None and row["haul_s"] is not None:
             loaded_ns = row["dig_t_ns"] + int(row["load_s"] * _NS)
-            haul = samples.within(loaded_ns, loaded_ns + int(row["haul_s"] * _NS), ())
+            haul = samples.during(loaded_ns, loaded_ns + int(row["haul_s"] * _NS), ())
             haul_m = haul.distance_m
-        whole = samples.within(start_ns, end_ns, holes_ns)
+        whole = samples.during(start_ns, end_ns, holes_ns)
         found.append(CycleMotion(row["cycle"], haul_m, whole))
     return found
 
@@ -83,7 +83,7 @@ def summarise_shift_motion(
     t_ns = excitation["t_ns"].to_numpy()
     if not t_ns.size:
         return DriveSummary(None, None, 0.0, 0.0, 0.0)
-    return _DriveSamples.of(excitation).within(int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns)
+    return _DriveSamples.of(excitation).during(int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns)
 
 
 def idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
@@ -120,7 +120,7 @@ class _DriveSamples(NamedTuple):
             excitation["phase"].is_not_null().to_numpy(),
         )
 
-    def within(
+    def during(
         self, start_ns: int, end_ns: int, holes_ns: Sequence[tuple[int, int]]
     ) -> DriveSummary:
         """What they say of a stretch of time."""

@@ -68,7 +68,7 @@ def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
                 and now.loaded is None
                 and now.dig_ns is not None
                 and start_ns - now.dig_ns[1] < found.one_filling_ns
-                and not found.dumps.within(now.dig_ns[1], start_ns)
+                and not found.dumps.during(now.dig_ns[1], start_ns)
             )
             # a bucket that is not dumped since is full: what looks like digging fills none
             inside = (
@@ -131,7 +131,7 @@ def add_dump_times(
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
-        dumped = found.dumps.beside(ready, empty)
+        dumped = found.dumps.out_during(ready, empty)
         if not dumped and cycle.loaded is None and over and not found.dumps.tells:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)

@@ -163,7 +163,7 @@ def _refill_places(
             empties = np.flatnonzero(~loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(begin[first]), last_ns)
-            dumped = bool(dumps.within(int(end[after - 1]), start))
+            dumped = bool(dumps.during(int(end[after - 1]), start))
             # what drives while it is seen to dig is no haul
             if (start - since_ns > one_filling_ns or dumped) and end[after - 1] <= start:
                 found.append(after - 1)
@@ -183,7 +183,7 @@ def _reclassify_at_dumps(
     dug = np.unique(np.searchsorted(begin, digs["start_t_ns"].to_numpy()))
     moved = loaded.copy()
     for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:
-        if dumps.within(int(end[first - 1]), int(begin[first])):
+        if dumps.during(int(end[first - 1]), int(begin[first])):
             continue
         # from one filling to the next
         low = int(max(dug[dug < first], default=0))
@@ -200,7 +200,7 @@ def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> lis
     return [
         k
         for k in range(loaded.size - 1)
-        if loaded[k] and loaded[k + 1] and dumps.within(int(end[k]), int(begin[k + 1]))
+        if loaded[k] and loaded[k + 1] and dumps.during(int(end[k]), int(begin[k + 1]))
     ]
 
 

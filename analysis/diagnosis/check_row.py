@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from analysis.diagnosis.check_inputs import CheckInputs, Motion
 from analysis.diagnosis.excluded_stretches import MOVES_U
-from analysis.model.verdict import About, Consequence
+from analysis.model.verdict import Consequence, EvidenceSubject
 
 
 def _applies_always(_: CheckInputs, __: Motion) -> bool:
@@ -41,7 +41,7 @@ class CheckRow:
     """
 
     name: str
-    about: About
+    about: EvidenceSubject
     number: Callable[[CheckInputs, Motion], float]
     meaning: str
     minimum: str | None = None

@@ -17,7 +17,7 @@ from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.axes import X
 from analysis.model.schema import build, values
-from analysis.model.verdict import About
+from analysis.model.verdict import EvidenceSubject
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.motion.phases import beside_speed_rate, span_rows
@@ -160,7 +160,7 @@ class _AxisWords:
     moves: str
 
 
-def _model_checks(about: About, words: _AxisWords) -> tuple[CheckRow, ...]:
+def _model_checks(about: EvidenceSubject, words: _AxisWords) -> tuple[CheckRow, ...]:
     """The checks that every axis must pass: they ask whether its model fits what moved."""
     force, moves = words.force, words.moves
     return (

@@ -16,7 +16,7 @@ from analysis.diagnosis.measured_channels import Signals, Spans
 from analysis.model.machine import Machine
 from analysis.model.settings import VerdictLimits
 from analysis.model.windows import windows_with
-from analysis.stages.gating.gate import refused
+from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows
 from analysis.weighing.motion_samples import Bools
 from analysis.weighing.weigh import Weighing, mean_difference_kg
@@ -108,7 +108,7 @@ def refit_without_stretches(
             rows |= held
             # the moving mean and the phase look back
             seen = windows_with(held, _lookback_samples(machine))
-            gated = refused(gated, seen, why, machine.settings)
+            gated = refuse_windows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from analysis.explain.determined_parameters import Determined, determined
+from analysis.explain.determined_parameters import DeterminedParameters, determine_parameters
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
@@ -101,7 +101,7 @@ class Explanation:
     worst: tuple[ManoeuvreReport, ...]
     gate: tuple[GateStretch, ...]
     shares: Mapping[str, float]
-    determined: Determined | None
+    determined: DeterminedParameters | None
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values."""
@@ -141,7 +141,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
         worst=worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
         shares=reason_shares(gate),
-        determined=_determined(run, manoeuvre, at_s),
+        determined=_determined_at(run, manoeuvre, at_s),
     )
 
 
@@ -150,19 +150,19 @@ def _findings(frames: Mapping[str, pl.DataFrame], at_s: float | None) -> tuple[F
         return None
     found = [Finding.of(row) for row in frames["findings"].iter_rows(named=True)]
     if at_s is not None:
-        found = [each for each in found if _near(each, at_s)]
+        found = [each for each in found if _is_near(each, at_s)]
     return tuple(found)
 
 
-def _near(finding: Finding, at_s: float) -> bool:
+def _is_near(finding: Finding, at_s: float) -> bool:
     if finding.start_s is None or finding.end_s is None:
         return True
     return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S
 
 
-def _determined(
+def _determined_at(
     run: Run, manoeuvre: ManoeuvreReport | None, at_s: float | None
-) -> Determined | None:
+) -> DeterminedParameters | None:
     """Of the manoeuvre, or of the window that ends at the moment; else of all that is used."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     settings = run.provenance.settings
@@ -183,7 +183,7 @@ def _determined(
             rows = _moving(excitation)
     else:
         rows = _moving(excitation)
-    return determined(excitation, rows, run.frames.get("noise"), settings)
+    return determine_parameters(excitation, rows, run.frames.get("noise"), settings)
 
 
 def _moving(excitation: pl.DataFrame) -> np.ndarray:

@@ -12,8 +12,8 @@ from analysis.findings.constant_forces import (
     DEVIATIONS,
     INDEPENDENT_S,
     LEAST_M_S2,
-    constants,
-    gravity,
+    explain_constant_force,
+    gravity_by_pitch,
     has_pitch,
 )
 from analysis.findings.delay_causes import find_filter_delay
@@ -81,7 +81,7 @@ def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
     angle = "pitch_deg" if backwards else "roll_deg"
     whole = len(inputs.measured(*_ALL_AXES)) == len(_ALL_AXES)
     turned = (ACC, "roll_rate_rad_s") if backwards else (_Y, "pitch_rate_rad_s")
-    keys, scales = inputs.scaled(inputs.measured(_Z, *turned, "yaw_rate_rad_s"), -1.0)
+    keys, scales = inputs.scale_channels(inputs.measured(_Z, *turned, "yaw_rate_rad_s"), -1.0)
     stated = getattr(inputs.machine.machine.imu, angle)
     kind = "pitched" if backwards else "rolled"
     return [
@@ -103,7 +103,7 @@ def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
-    seen = constants(inputs)
+    seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or without_gravity(inputs):
         return []
@@ -186,7 +186,7 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
         value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
     else:
         # what drives straight is seen by its share alone
-        setting, value = inputs.scaled(inputs.measured(ACC), 1.0 / float(np.cos(angle)))
+        setting, value = inputs.scale_channels(inputs.measured(ACC), 1.0 / float(np.cos(angle)))
     return [
         Symptom(
             strength,
@@ -247,7 +247,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
         if of_channel is not None and of_channel not in (1.0, 0.0):
             keys.append(f"channels.acc_x_m_s2.{name}")
             new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
-    pull = gravity(inputs)
+    pull = gravity_by_pitch(inputs)
 
     def with_gravity(motion: MotionSamples) -> MotionSamples:
         return replace(

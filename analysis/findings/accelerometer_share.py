@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
-from analysis.findings.constant_forces import gravity
+from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import values
 
@@ -33,7 +33,7 @@ def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
     speed = means(values(inputs.aligned, "speed_x_m_s"))
-    reads = means(values(inputs.aligned, ACC) - gravity(inputs))
+    reads = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     moves = means((~inputs.stands).astype(float)) > 0.0
     x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]

@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.finding_inputs import ACC, FindingInputs
-from analysis.findings.whitened_rows import Explained, force_system
+from analysis.findings.whitened_rows import ProjectedEquation, force_system
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.weighing.motion_samples import MotionSamples
@@ -100,7 +100,7 @@ def _fit_explanation(inputs: FindingInputs) -> Constants:
         )
         if system.y.size < _FEWEST:
             return Constants(rest, error, None, None, None)
-        own = Explained.of(system, ())
+        own = ProjectedEquation.of(system, ())
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
         square = own.square(friction)

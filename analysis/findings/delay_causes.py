@@ -8,7 +8,7 @@ import numpy as np
 from analysis.findings.altered_motion import delay_channel
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
-from analysis.findings.likelihood_search import NO_FAULTS, Pick, search_likelihood
+from analysis.findings.likelihood_search import NO_FAULTS, PickedCause, search_likelihood
 from analysis.findings.long_delays import LongDelay, long_delay
 from analysis.findings.refit import refit_mended
 
@@ -53,16 +53,16 @@ def is_long(cause: str, strength: float | None) -> bool:
     return cause == "delay" and strength is not None and strength >= _LONG_STANDS_FIRST
 
 
-def is_filter_delay(pick: Pick) -> bool:
+def is_filter_delay(pick: PickedCause) -> bool:
     """Whether a delay is rather an accelerometer that a filter makes late."""
     return pick.name == "delay:imu" and pick.value > _SMOOTH_S
 
 
-def _symptom(inputs: FindingInputs, pick: Pick) -> Symptom:
+def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
     names = _delayed_channels(inputs, channel)
-    setting, value = inputs.shifted(names, late_s)
+    setting, value = inputs.shift_channels(names, late_s)
     rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
@@ -93,7 +93,7 @@ def _symptom(inputs: FindingInputs, pick: Pick) -> Symptom:
 
 def _long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     names = _delayed_channels(inputs, late.channel)
-    setting, value = inputs.shifted(names, late.late_s)
+    setting, value = inputs.shift_channels(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)

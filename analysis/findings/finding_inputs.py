@@ -145,7 +145,7 @@ class FindingInputs:
             return 1.0 / body.force_share
         return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
 
-    def scaled(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
+    def scale_channels(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
         """Keys and values that multiply channels.
 
         A speed that is read as it is gets its unit: a scale alone would pass for a wheel's radius.
@@ -159,7 +159,7 @@ class FindingInputs:
             ", ".join([*values, *('"m/s"' for _ in as_read)]),
         )
 
-    def shifted(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
+    def shift_channels(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
         """Keys and values that move channels back by how late they are."""
         channels = self.machine.channels
         return (

@@ -8,9 +8,9 @@ import polars as pl
 
 from analysis.findings.alternating_load import compare_share_with_loads
 from analysis.findings.cause import Change, Symptom
-from analysis.findings.constant_forces import DEVIATIONS, LEAST_SHARE, constants
+from analysis.findings.constant_forces import DEVIATIONS, LEAST_SHARE, explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.likelihood_search import APART, NO_FAULTS, Pick, search_likelihood
+from analysis.findings.likelihood_search import APART, NO_FAULTS, PickedCause, search_likelihood
 from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import CHANNEL_COLUMNS
@@ -59,7 +59,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     setting, value = [], []
     if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
-    keys, scales = inputs.scaled(inputs.speed_channels, 1.0 / (1.0 + gain))
+    keys, scales = inputs.scale_channels(inputs.speed_channels, 1.0 / (1.0 + gain))
 
     def larger(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
@@ -80,7 +80,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _rival_causes(pick: Pick) -> tuple[str, ...]:
+def _rival_causes(pick: PickedCause) -> tuple[str, ...]:
     """Keys of the causes that this log does not tell from one."""
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
@@ -90,7 +90,7 @@ def _rival_causes(pick: Pick) -> tuple[str, ...]:
 
 def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     """A force while the machine stands, which driving has as well."""
-    seen = constants(inputs)
+    seen = explain_constant_force(inputs)
     rest, std = seen.rest_N
     if not np.isfinite(rest):
         return _constant_force_symptom(inputs)
@@ -160,7 +160,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     prior = "direction_share" if motion.both_ways else "const_share"
     share = max(getattr(inputs.machine.settings.priors, prior), force / motion.largest_force)
     others = _rival_causes(pick)
-    seen = constants(inputs)
+    seen = explain_constant_force(inputs)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Symptom(
@@ -174,13 +174,13 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _fitted_term(inputs: FindingInputs, name: str) -> Pick | None:
+def _fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
     """A term as the joint fit has it, beyond what standing explains of it.
 
     Where all starts have one throttle, their samples hardly tell it from mass and friction; the
     fit does, by its priors.
     """
-    fit, seen = inputs.fit, constants(inputs)
+    fit, seen = inputs.fit, explain_constant_force(inputs)
     names = [] if fit is None else [term.name for term in fit.terms]
     if fit is None or name not in names or not np.isfinite(seen.rest_N[0]):
         return None
@@ -188,7 +188,7 @@ def _fitted_term(inputs: FindingInputs, name: str) -> Pick | None:
     if name == "const":
         error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
         value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
-    return Pick(name, value, std, (value / std) ** 2, ())
+    return PickedCause(name, value, std, (value / std) ** 2, ())
 
 
 def _without_friction(

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.findings.cause import Symptom
-from analysis.findings.constant_forces import constants
+from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.whitened_rows import FORCE, blocks, force_system, sums, variance_of
 from estimators.errors import counted
@@ -88,7 +88,7 @@ def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
 
 def _significant_growths(inputs: FindingInputs) -> list[_LoadRate]:
     """The manoeuvres whose load grows, or falls, by more than chance."""
-    fit, noise, motion = inputs.fit, inputs.column_noise, constants(inputs).motion
+    fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
     if fit is None or noise is None or motion is None:
         return []
     parts = [part for part in group_rows(motion.group) if part.size >= _FEWEST * FORCE]

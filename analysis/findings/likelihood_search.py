@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.findings.altered_motion import delay_channel
 from analysis.findings.channel_causes import is_beside_spike
-from analysis.findings.constant_forces import constants
+from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.refit import renumber_stretches
 from analysis.findings.whitened_rows import ProjectedEquation, force_system, wheel_system
@@ -77,9 +77,9 @@ def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
 
 def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
     fit, noise = inputs.fit, inputs.column_noise
-    if fit is None or noise is None or constants(inputs).motion is None:
+    if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
-    motion = constants(inputs).motion or fit.motion
+    motion = explain_constant_force(inputs).motion or fit.motion
     near = is_beside_spike(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
         motion = renumber_stretches(motion.without(near))

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
-from analysis.findings.constant_forces import gravity
+from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import values
 from analysis.model.windows import windows_with
@@ -150,7 +150,7 @@ def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floa
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
     if inputs.measured(ACC):
-        found["imu"] = means(values(inputs.aligned, ACC) - gravity(inputs))
+        found["imu"] = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     channels = {
         name: known(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
     }

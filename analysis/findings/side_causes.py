@@ -48,7 +48,7 @@ def _symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
             alternatives=("slip",),
         )
     wrong = _wrong_speed(inputs, seen)
-    setting, value = (None, None) if wrong is None else inputs.scaled((wrong[0],), wrong[1])
+    setting, value = (None, None) if wrong is None else inputs.scale_channels((wrong[0],), wrong[1])
     by_imu = (
         "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
     )

@@ -90,7 +90,7 @@ def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
         names = inputs.measured(ACC) if of_force < -_SIGN else inputs.speed_channels
     if not names:
         return []
-    setting, value = inputs.scaled(names, -1.0)
+    setting, value = inputs.scale_channels(names, -1.0)
     strength = max(abs(of_force if of_force < -_SIGN else gain) / _SIGN, 1.0)
     return [
         Symptom(
@@ -125,7 +125,7 @@ def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
     wrong = sides[
         int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
     ]
-    setting, value = inputs.scaled((wrong,), -1.0)
+    setting, value = inputs.scale_channels((wrong,), -1.0)
     return [
         Symptom(
             _STANDS_FIRST * abs(together),
@@ -227,7 +227,7 @@ def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     near = [r for r in _ACC_UNITS if share > 0.0 and abs(np.log(share / r)) < _NEAR]
     if not near or ACC not in names:
         return []
-    setting, value = inputs.scaled(names, 1.0 / near[0])
+    setting, value = inputs.scale_channels(names, 1.0 / near[0])
     return [
         Symptom(
             10.0 * abs(float(np.log(share))) / _SIGN,
@@ -281,7 +281,7 @@ def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     names = channels[ratio]
     # the accelerometer's scale from the wheels' side, or the other way round
     times = 1.0 / ratio if names[0] == ACC else ratio
-    setting, value = inputs.scaled(names, times)
+    setting, value = inputs.scale_channels(names, times)
     told = all(channels[each] == names for each in alike)
     what = " or ".join(
         {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
@@ -320,7 +320,7 @@ def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
         np.log(ratio / near)
     ):
         return []
-    setting, value = inputs.scaled(names, 1.0 / near)
+    setting, value = inputs.scale_channels(names, 1.0 / near)
     return [
         Symptom(
             10.0 * abs(float(np.log(ratio))) / _SIGN,

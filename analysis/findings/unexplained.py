@@ -30,11 +30,11 @@ _AS_STRONG: Final = 1.0
 def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
     """The failed checks of the mass that no cause accounts for."""
     kept = inputs.kept.get(SHOWN, ())
-    found = unaccounted(inputs.judged, kept if isinstance(kept, tuple) else ())
+    found = unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
     return [] if found is None else [found]
 
 
-def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
+def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
     """What fails and none of the causes accounts for; None where each does.
 
     Args:

@@ -151,7 +151,7 @@ class EmptyMachine:
             return None
         in_ratio = 1.0 / self.rotating_kg
 
-        def made(by_kg: float) -> Datum:
+        def datum_of_share(by_kg: float) -> Datum:
             return Datum(
                 self,
                 by_kg,
@@ -160,7 +160,7 @@ class EmptyMachine:
             )
 
         if unknown_factors(self.sources):
-            found = made(in_ratio)
+            found = datum_of_share(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance(payloads)
@@ -169,7 +169,7 @@ class EmptyMachine:
         together_kg2 = own_kg2 + (in_ratio * sum_kg) ** 2 * self._variance(self.weights) - ratio_kg2
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
-        found = made(float(np.clip(by_kg, 0.0, in_ratio)))
+        found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
         if found.scale_1 <= 0.0 or combined(found.sources(payloads)) ** 2 >= own_kg2:
             return None
         return found

@@ -167,7 +167,7 @@ class FitColumns:
         )
         return cls(pieces, terms, found, motion.rate_hz)
 
-    def averaged(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
+    def average(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
         """Average them over so many samples."""
         pieces = map_in_threads(lambda piece: _average_piece(piece, samples), self.pieces)
         return _weigh_rows(pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz)

@@ -1,9 +1,9 @@
-"""A load that changes while the machine drives: what each manoeuvre says of it, and what all do.
+"""A load that changes while the machine drives, by manoeuvre and for all of them alike.
 
-What the joint fit leaves of a manoeuvre is compared with a mass that grows over it evenly, and that
-with the other manoeuvres (`growing`). What all do alike is in the terms that they share, and takes
-a term of its own (`filling`): beside it Coulomb friction that drives, or a resistance that falls
-with the square of the speed, is what a growing load leaves in their place.
+`find_growing_loads` compares the residual of a manoeuvre with a mass that grows evenly over it, and
+with the other manoeuvres. A change that all share is hidden in their common terms; `fit_filling`
+gives it a term of its own. Beside that term, friction that drives or a resistance that falls with
+the square of the speed is what a growing load leaves in the others.
 """
 
 from dataclasses import dataclass

@@ -96,7 +96,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)
     first = [
-        part.fitted(samples, LIMITS.pilot_rounds, rows=columns.averaged(of.noise, samples))
+        part.fitted(samples, LIMITS.pilot_rounds, rows=columns.average(of.noise, samples))
         for samples in lengths
     ]
     # a lag that is far from made up for may leave no mass at all
@@ -190,7 +190,7 @@ def refit(
         rows: `fit_rows` what was found, with these terms and maybe more, where they are at hand.
     """
     if found.effects is not None:
-        priors = found.effects.narrowed(priors)
+        priors = found.effects.narrow_left_out(priors)
     terms = (*found.terms, *extra)
     task = FitTask(found.motion, noise, priors, terms, found.kinematics, found.states)
     rows = rows and rows.of(terms)

@@ -173,12 +173,12 @@ class PriorSolution:
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
         doubt = uncertain_noise_share(kept) * gain @ turned.taken
-        scale = shape.widened(self._scale)
+        scale = shape.widen(self._scale)
         units = np.outer(scale, scale)
         return MapFit(
             self.theta,
             covariance / units,
-            (bread * np.sqrt(shape.widened(self._precision))).T / scale,
+            (bread * np.sqrt(shape.widen(self._precision))).T / scale,
             scatter / units,
             misfit / units,
             doubt / scale,
@@ -245,7 +245,7 @@ def solve(
         solved = solve_with_priors(A, f, group, sums, shape, (precision, believed), (taken, loss))
     except np.linalg.LinAlgError:
         return nothing
-    theta = solved.theta / shape.widened(scale)
+    theta = solved.theta / shape.widen(scale)
     return PriorSolution(theta, A, group, sums, shape, precision, scale, grouping, solved)
 
 

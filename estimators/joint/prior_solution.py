@@ -199,8 +199,8 @@ def solve_with_priors(
     first = np.linalg.lstsq(gram, cross, rcond=None)[0]
     left = f - A @ first
     variance = float(left @ left) / n
-    theta = shape.widened(np.asarray(first, np.float64))
-    wide_precision, wide_believed = shape.widened(precision), shape.widened(believed)
+    theta = shape.widen(np.asarray(first, np.float64))
+    wide_precision, wide_believed = shape.widen(precision), shape.widen(believed)
     solved: SolutionParts | None = None
     units, of_units, level_of_unit = (
         sums.by(shape.levels.unit),

@@ -38,7 +38,7 @@ class InterceptShape:
     p: int
     scale: float
 
-    def widened(self, values: Floats) -> Floats:
+    def widen(self, values: Floats) -> Floats:
         """(p,) of a group as (wide,), the first for every level."""
         return np.concatenate([np.full(self.levels.count, values[0]), values[1:]])
 

@@ -111,8 +111,8 @@ def _manoeuvres(replayed: Run) -> list[dict[str, Any]]:
     for row in replayed.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
-        common_kg = _without(load["u_common_kg"], own_kg.get(row["load_id"]))
-        found.append(_said(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
+        common_kg = _subtract_u(load["u_common_kg"], own_kg.get(row["load_id"]))
+        found.append(_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
     return found
 
 
@@ -129,7 +129,7 @@ def _no_common_causes(replayed: Run) -> list[str]:
     return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
 
 
-def _without(u_kg: float | None, part_kg: float | None) -> float | None:
+def _subtract_u(u_kg: float | None, part_kg: float | None) -> float | None:
     """A standard uncertainty less a part of it."""
     if u_kg is None or not part_kg:
         return u_kg
@@ -160,11 +160,11 @@ def _of_method(replayed: Run, method: str) -> list[dict[str, Any]]:
         inside = stated.filter(pl.col("t_ns").is_between(row["start_t_ns"], row["end_t_ns"]))
         # windows overlap: together they say no more than one of them
         std_kg = inside["mass_std_kg"].mean() if inside.height else None
-        found.append(_said(row, mass_kg, std_kg, 0.0, withheld))
+        found.append(_reading_row(row, mass_kg, std_kg, 0.0, withheld))
     return found
 
 
-def _said(
+def _reading_row(
     row: dict[str, Any],
     mass_kg: float | None,
     std_kg: Any,

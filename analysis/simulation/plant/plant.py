@@ -55,7 +55,7 @@ def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
 
 
 @inlined
-def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
+def _demand(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
     """The commanded drive force; of a pedal, the speed that its wave wants."""
     since_s = t - stage.begin_s
     if wave.size:
@@ -69,7 +69,7 @@ def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> flo
 
 
 @inlined
-def _pedalled(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
+def _pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
     """Drive force and force of the brakes that a pedal asks for."""
     ahead_N = stage.way * stage.pedal_N_s_m * (wanted_m_s - speed_m_s)
     if ahead_N >= 0.0:
@@ -168,9 +168,9 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
     out[WHEEL] = wheel_acc
     out[BODY] = body_acc
     out[STRETCH] = wheel - body if soft else 0.0
-    asked, braking = _asked(t, stage, wave, wave_step_s), stage.brake_N
+    asked, braking = _demand(t, stage, wave, wave_step_s), stage.brake_N
     if stage.pedal_N_s_m > 0.0:
-        asked, braking = _pedalled(asked, wheel, stage)
+        asked, braking = _pedal_force(asked, wheel, stage)
     out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
     out[BRAKE] = (braking - y[BRAKE]) / plant.lag_s
     out[PITCH] = y[PITCH_RATE]
