@@ -39,7 +39,7 @@ from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.noise.channel_noise import notes as noise_notes
 from analysis.stages.signals.align import align
 from analysis.stages.signals.align import notes as grid_notes
-from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.grid_rate import at_own_rate
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
@@ -81,7 +81,7 @@ class _Placed:
     def of(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_Placed":
         """Place every sample by its stamp, and take what the channels name."""
         placed, stamps, doubts = assign_timestamps(raw)
-        read, missing = measured(placed, machine)
+        read, missing = read_measured(placed, machine)
         return cls(read, stamps, [*doubts, *missing])
 
 

@@ -122,10 +122,10 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
 def _zeroing_change(inputs: FindingInputs, name: str, reads: float) -> str:
     channel = inputs.machine.channels[name]
     if channel.unit is None:
-        return f"{channel.find_force_offset - reads:.6g}"
+        return f"{channel.offset - reads:.6g}"
     unit = next(column.unit for column in CHANNEL_COLUMNS if column.name == name)
     gain, _ = to_si(channel.unit, unit)
-    return f"{channel.find_force_offset - reads / gain:.6g}"
+    return f"{channel.offset - reads / gain:.6g}"
 
 
 def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:

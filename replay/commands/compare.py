@@ -11,7 +11,7 @@ from replay.commands.common_options import Calibration, RequireSigned, SignerKey
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from analysis.compare.run_comparison import Comparison, EstimateChange
+    from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
     from analysis.compare.stage_change import ColumnChange
 
 #: Tables as wide as this run over on a narrower screen, since a name that is cut is no name.

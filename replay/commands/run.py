@@ -12,6 +12,7 @@ from replay.commands.common_options import Calibration, RequireSigned, SignerKey
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from analysis.compare.run_comparison import ValueChange
     from analysis.model.answer import Answer
     from replay.runs.run_logs import RecordTo
 

@@ -141,8 +141,8 @@ class ReducedRegressor:
         """What a reader of the answer should know of it."""
         return (
             f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_list_names(self.names)} "
-            f"are taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow channel "
-            "among faster ones biases the estimate"
+            f"are taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow "
+            "channel among faster ones biases the estimate"
         )
 
 
