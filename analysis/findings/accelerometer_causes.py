@@ -9,15 +9,13 @@ from analysis.findings.accelerometer_share import fit_accelerometer_gain
 from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
-    DEVIATIONS,
-    INDEPENDENT_S,
-    LEAST_M_S2,
     explain_constant_force,
     gravity_by_pitch,
     has_pitch,
 )
 from analysis.findings.delay_causes import find_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import values
@@ -119,7 +117,9 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
     said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
     return [
         Symptom(
-            float(abs(error) / max(DEVIATIONS * std, LEAST_M_S2)),
+            float(
+                abs(error) / max(LIMITS.standing_reading_std * std, LIMITS.standing_reading_m_s2)
+            ),
             f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
             f"{degrees:+.2f}° {said}",
             channel=ACC,
@@ -167,7 +167,7 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
     if used.sum() < 200:
         return []
-    step = rows_in(INDEPENDENT_S, settings.align.rate_hz)
+    step = rows_in(LIMITS.independent_rows_s, settings.align.rate_hz)
     x, a, y = (each[used][::step] for each in (rate, ahead, left))
     x, a, y = x - x.mean(), a - a.mean(), y - y.mean()
     power = float(x @ x)
@@ -180,7 +180,7 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     angle = float(np.arctan2(across, along))
     # noise of the wheels' rate makes both components small, and the angle no surer
     std /= float(np.hypot(along, across))
-    strength = abs(angle) / max(DEVIATIONS * std, _LEAST_YAW_RAD)
+    strength = abs(angle) / max(LIMITS.standing_reading_std * std, _LEAST_YAW_RAD)
     if len(inputs.measured(*_ALL_AXES)) == len(_ALL_AXES):
         setting = "machine.imu.yaw_deg"
         value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
@@ -238,7 +238,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     pitch, std = inputs.level(_PITCH)
     if not np.isfinite(pitch):
         return []
-    strength = abs(pitch) / max(DEVIATIONS * std, _LEAST_PITCH_RAD)
+    strength = abs(pitch) / max(LIMITS.standing_reading_std * std, _LEAST_PITCH_RAD)
     channel = inputs.machine.channels[ACC]
     keys = ["settings.forces.acceleration"]
     new = ['"kinematic"']

@@ -11,7 +11,8 @@ import numpy as np
 from analysis.diagnosis.check_inputs import Bools, CheckInputs
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.fit_causes import POOR, relative_mass_u
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.fit_causes import relative_mass_u
 from analysis.stages.estimation import fit_quality
 
 #: Braking takes a large part of the windows from this share on.
@@ -25,7 +26,10 @@ _KNOWN: Final = 0.02
 
 def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     """Braking that takes most windows, of a log that tells little, and that the force sees."""
-    if not inputs.machine.settings.gate.exclude_braking or relative_mass_u(inputs) < POOR:
+    if (
+        not inputs.machine.settings.gate.exclude_braking
+        or relative_mass_u(inputs) < LIMITS.poor_answer_u
+    ):
         return []
     reasons = inputs.check_inputs.gated["reason_x"].cast(str)
     told = int((reasons != "warming_up").sum())

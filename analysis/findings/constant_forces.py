@@ -13,21 +13,12 @@ import numpy as np
 
 from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import ProjectedEquation, force_system
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.weighing.motion_samples import MotionSamples
 
-#: Each cause more must explain so much (squared deviations) to be there.
-_A_CAUSE: Final = 9.0
-#: Rows so far apart, in s, are taken for independent where motions are compared.
-INDEPENDENT_S: Final = 0.2
-#: So many deviations a standing reading must be, and this size, to be one.
-DEVIATIONS: Final = 5.0
-LEAST_M_S2: Final = 0.004
-LEAST_SHARE: Final = 0.002
-#: Fewer rows tell nothing.
-_FEWEST: Final = 30
 #: One that pitch vouches for is there whether driving sees it or not.
 _PITCH: Final = "pitch_rad"
 
@@ -84,8 +75,14 @@ def _fit_explanation(inputs: FindingInputs) -> Constants:
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
         return Constants(rest, error, None, None, None)
     motion = fit.motion
-    offset = abs(rest[0]) > max(DEVIATIONS * rest[1], LEAST_SHARE * motion.largest_force)
-    tilt = abs(error[0]) > max(DEVIATIONS * error[1], LEAST_M_S2) and motion.by_accelerometer
+    offset = abs(rest[0]) > max(
+        LIMITS.standing_reading_std * rest[1],
+        LIMITS.standing_reading_fraction * motion.largest_force,
+    )
+    tilt = (
+        abs(error[0]) > max(LIMITS.standing_reading_std * error[1], LIMITS.standing_reading_m_s2)
+        and motion.by_accelerometer
+    )
     # with a pitch an error of the accelerometer is one, and acts
     tilts = (False, True) if tilt and not has_pitch(inputs) else (bool(tilt),)
     offsets = (False, True) if offset else (False,)
@@ -98,7 +95,7 @@ def _fit_explanation(inputs: FindingInputs) -> Constants:
         system = force_system(
             _subtract_constants(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
-        if system.y.size < _FEWEST:
+        if system.y.size < LIMITS.constant_min_rows:
             return Constants(rest, error, None, None, None)
         own = ProjectedEquation.of(system, ())
         variances.append(own.variance)
@@ -107,7 +104,7 @@ def _fit_explanation(inputs: FindingInputs) -> Constants:
         if square > 0.0 and own.product(friction) * way > 0.0:
             gain = own.product(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
-    cost = {of: each / min(variances) + _A_CAUSE * sum(of) for of, each in left.items()}
+    cost = {of: each / min(variances) + LIMITS.cause_cost * sum(of) for of, each in left.items()}
     best = min(cost, key=lambda each: cost[each])
     of_rest, of_error = (rest[0] if best[0] else 0.0), (error[0] if best[1] else 0.0)
     return Constants(
@@ -130,6 +127,6 @@ def _is_in_explanation(
 ) -> bool | None:
     """Whether a cause is in the best explanation; None where one without it is nearly as good."""
     others = [each for of, each in cost.items() if of[place] != best[place]]
-    if others and min(others) - cost[best] < _A_CAUSE / 2.0:
+    if others and min(others) - cost[best] < LIMITS.cause_cost / 2.0:
         return None
     return best[place]

@@ -8,18 +8,11 @@ import numpy as np
 from analysis.findings.altered_motion import delay_channel
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import NO_FAULTS, PickedCause, search_likelihood
 from analysis.findings.long_delays import LongDelay, long_delay
 from analysis.findings.refit import refit_mended
 
-#: Likelihood gains are this times the square root's limit.
-_LIMIT: Final = 3.45
-#: No stamps are trusted to less.
-_LEAST_S: Final = 0.002
-#: An accelerometer that is later has been filtered.
-_SMOOTH_S: Final = 0.06
-#: A delay of the whole motion stands before what it makes of everything else,
-_LONG_STANDS_FIRST: Final = 100.0
 #: which is this.
 EXPLAINED_BY_LONG: Final = (
     *("sign_flipped", "unsigned", "wrong_unit", "wrong_scale", "unlike_sides", "frozen"),
@@ -50,12 +43,12 @@ def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
 
 def is_long(cause: str, strength: float | None) -> bool:
     """Whether a finding is a delay that hides all else."""
-    return cause == "delay" and strength is not None and strength >= _LONG_STANDS_FIRST
+    return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
 
 def is_filter_delay(pick: PickedCause) -> bool:
     """Whether a delay is rather an accelerometer that a filter makes late."""
-    return pick.name == "delay:imu" and pick.value > _SMOOTH_S
+    return pick.name == "delay:imu" and pick.value > LIMITS.filter_delay_s
 
 
 def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
@@ -74,7 +67,10 @@ def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     # what is early against an accelerometer may be in time, and the accelerometer filtered
     filtered = smooth or (late_s < 0.0 and "imu" in rivals)
     return Symptom(
-        min(float(np.sqrt(pick.gain)) / _LIMIT, abs(late_s) / _LEAST_S),
+        min(
+            float(np.sqrt(pick.gain)) / LIMITS.likelihood_gain_root,
+            abs(late_s) / LIMITS.trusted_stamp_s,
+        ),
         said,
         channel=next(iter(names), None),
         setting=setting if names else None,
@@ -99,7 +95,7 @@ def _long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
     against = " and ".join(_SHOWN[each] for each in rest)
     others = f"; as likely the {_SHOWN[late.rival]} is off" if late.rival else ""
     return Symptom(
-        _LONG_STANDS_FIRST,
+        LIMITS.long_delay_rank,
         f"{abs(late.late_s):.2f} s {words} against {against}: so they correlate by "
         f"{late.correlation[0]:.2f}, as they are by {late.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),

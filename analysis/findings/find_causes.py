@@ -2,7 +2,6 @@
 
 from collections import Counter
 from itertools import permutations
-from typing import Final
 
 import numpy as np
 import polars as pl
@@ -10,11 +9,9 @@ import polars as pl
 from analysis.findings.cause import Cause, Change, Symptom
 from analysis.findings.cause_table import CAUSES, UNKNOWN
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.unexplained import SHOWN
 from analysis.model.schema import build, frame_schema
-
-#: A change of so many of the answer's standard uncertainties widens it.
-_MATTERS: Final = 1.0
 
 
 def findings(inputs: FindingInputs) -> pl.DataFrame:
@@ -88,4 +85,4 @@ def _severity(cause: Cause, sign: Symptom, change: Change | None, inputs: Findin
         return "withhold"
     if change is None or inputs.fit is None:
         return "tell"
-    return "widen" if abs(change.kg) > _MATTERS * inputs.fit.u_kg else "tell"
+    return "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.fit.u_kg else "tell"

@@ -10,6 +10,7 @@ import polars as pl
 
 from analysis.diagnosis.check_inputs import Bools, CheckInputs, Floats
 from analysis.diagnosis.measured_channels import Ints, Series
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
 from analysis.model.machine import Channel, Machine
 from analysis.model.schema import values
@@ -24,12 +25,6 @@ from estimators.compiled import compiled
 FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 ACC: Final = "specific_force_x_m_s2"
-#: Standing is judged so long after motion, and before it,
-_AFTER_S: Final = 1.2
-_BEFORE_S: Final = 0.2
-#: by means of so long, and not fewer of them.
-_BLOCK_S: Final = 0.5
-_FEWEST_BLOCKS: Final = 6
 
 
 @dataclass(frozen=True)
@@ -94,7 +89,8 @@ class FindingInputs:
         """Those of them with no motion near, (n,): a machine swings after it has stopped."""
         near = ~self.stands
         after, before = (
-            round(s * self.machine.settings.align.rate_hz) for s in (_AFTER_S, _BEFORE_S)
+            round(s * self.machine.settings.align.rate_hz)
+            for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
         return ~(windows_with(near, after) | windows_with(near[::-1], before)[::-1])
 
@@ -177,9 +173,9 @@ class FindingInputs:
         """Likewise of (n,) values: of means of half a second, which hardly know of each other."""
         x = x[self.stands_still]
         x = x[np.isfinite(x)]
-        size = max(round(_BLOCK_S * self.machine.settings.align.rate_hz), 1)
+        size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)
         count = x.size // size
-        if count < _FEWEST_BLOCKS:
+        if count < LIMITS.stand_min_blocks:
             return float("nan"), float("nan")
         blocks = x[: count * size].reshape(count, size).mean(axis=1)
         return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))

@@ -1,49 +1,22 @@
 """What the joint fit finds besides mass and friction, each against what chance gives."""
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 import polars as pl
 
 from analysis.findings.alternating_load import compare_share_with_loads
 from analysis.findings.cause import Change, Symptom
-from analysis.findings.constant_forces import DEVIATIONS, LEAST_SHARE, explain_constant_force
+from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.likelihood_search import APART, NO_FAULTS, PickedCause, search_likelihood
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.likelihood_search import NO_FAULTS, PickedCause, search_likelihood
 from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.gating.digging import SURELY
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.errors import counted
-
-#: So many deviations a term of the fit must be from 0.
-_TERM: Final = 3.45
-#: So many of the wheels' radius: a boom that moves is in the accelerometer alone.
-_WHEELS: Final = 4.0
-#: Of the acceleration, an IMU that rocks on its mount adds this and more.
-_ROCKS: Final = 0.03
-#: No accelerometer's scale is trusted to less.
-_LEAST_GAIN: Final = 0.003
-#: Nor Coulomb friction to a smaller share of the largest force.
-_LEAST_SHARE: Final = 0.002
-#: Nor the share of the force that is measured to less, by m/s².
-_LEAST_CHANGE: Final = 0.01
-#: Nor a gain to drift by less over a log: friction that warms looks like 0.02.
-_LEAST_DRIFT: Final = 0.03
-#: An answer whose standard uncertainty is this share of it has too little to go by.
-POOR: Final = 0.06
-#: Share of the mass that priors alone leave open where regressors go together.
-_OPEN: Final = 0.06
-#: Of the empty machine's weight: what resists by less is no pile.
-_PILE: Final = 0.01
-#: Braking moves the mass by so many of the answer's standard uncertainties.
-_BRAKING: Final = 1.5
-#: Brakes of which the force does not see a smaller share are seen.
-_UNSEEN: Final = 0.002
-#: Of the answer's uncertainty with braking: less motion says less.
-_OF_BRAKING: Final = 4.0
 
 
 def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
@@ -67,7 +40,10 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
 
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / _WHEELS, abs(gain) / _LEAST_GAIN),
+            min(
+                float(np.sqrt(pick.gain)) / LIMITS.wheel_radius_min_std,
+                abs(gain) / LIMITS.trusted_gain_1,
+            ),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
             "says: their radius, or the accelerometer's scale",
             channel=next(iter(inputs.speed_channels), None),
@@ -75,7 +51,10 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             value=", ".join([*value, *([scales] if keys else [])]) or None,
             change=lambda: refit_mended(inputs, larger, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
-            alternatives=(*_rival_causes(pick), *(("imu_loose",) if gain < -_ROCKS else ())),
+            alternatives=(
+                *_rival_causes(pick),
+                *(("imu_loose",) if gain < -LIMITS.rocking_imu_fraction else ()),
+            ),
         )
     ]
 
@@ -96,7 +75,10 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
         return _constant_force_symptom(inputs)
     if seen.offset is False or inputs.fit is None:
         return []
-    strength = abs(rest) / max(DEVIATIONS * std, LEAST_SHARE * inputs.fit.motion.largest_force)
+    strength = abs(rest) / max(
+        LIMITS.standing_reading_std * std,
+        LIMITS.standing_reading_fraction * inputs.fit.motion.largest_force,
+    )
     names = inputs.measured("force_x_N") or inputs.measured("torque_left_N_m", "torque_right_N_m")
     at_rest = [inputs.level(name)[0] for name in names]
     return [
@@ -137,7 +119,7 @@ def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
     const, std = (float(each[place]) for each in fit.posterior)
     return [
         Symptom(
-            abs(const) / (_TERM * std),
+            abs(const) / (LIMITS.term_min_std * std),
             f"driving has {const:+.0f} ± {std:.0f} N besides mass and friction",
             channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
@@ -164,7 +146,10 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / _TERM, force / (_LEAST_SHARE * motion.largest_force)),
+            min(
+                float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+                force / (LIMITS.trusted_coulomb_fraction * motion.largest_force),
+            ),
             f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
@@ -219,7 +204,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     at = pick.value * fit.motion.largest_force
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / _TERM, at / 0.005),
+            min(float(np.sqrt(pick.gain)) / LIMITS.term_min_std, at / 0.005),
             f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
             "full force",
             channel=next(iter(inputs.speed_channels), None),
@@ -236,7 +221,10 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     if pick is not None:
         found.append(
             Symptom(
-                min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_CHANGE),
+                min(
+                    float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+                    abs(pick.value) / LIMITS.trusted_share_change_s2_m,
+                ),
                 _share_changes(pick.value, pick.std),
                 channel=inputs.force_channel,
                 change=lambda: refit_mended(
@@ -259,7 +247,10 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
         return []
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_DRIFT),
+            min(
+                float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+                abs(pick.value) / LIMITS.trusted_gain_drift_1,
+            ),
             f"force over acceleration changes by {pick.value:+.1%} ± {pick.std:.1%} from the "
             "beginning of the log to its end: the force's gain, or the load",
             channel=inputs.force_channel,
@@ -281,11 +272,14 @@ def _share_changes(value: float, std: float) -> str:
 def _is_one_load(inputs: FindingInputs) -> list[Symptom]:
     """The same where the answer has loads that take turns with the direction."""
     found = compare_share_with_loads(inputs)
-    if found is None or found.worse > APART:
+    if found is None or found.worse > LIMITS.indistinguishable_gain:
         return []
     return [
         Symptom(
-            min(float(np.sqrt(found.gain)) / _TERM, abs(found.value) / _LEAST_CHANGE),
+            min(
+                float(np.sqrt(found.gain)) / LIMITS.term_min_std,
+                abs(found.value) / LIMITS.trusted_share_change_s2_m,
+            ),
             f"{_share_changes(found.value, found.std)}, and there is one load, or there are "
             f"{found.loads} that go with the direction: this log does not tell",
             channel=inputs.force_channel,
@@ -310,7 +304,11 @@ def find_too_little_excitation(inputs: FindingInputs) -> list[Symptom]:
         stretches = inputs.checks.get("accepted_stretches", 0.0)
         return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
     share = relative_mass_u(inputs)
-    return [Symptom(share / POOR, f"the answer's standard uncertainty is {share:.1%} of it")]
+    return [
+        Symptom(
+            share / LIMITS.poor_answer_u, f"the answer's standard uncertainty is {share:.1%} of it"
+        )
+    ]
 
 
 def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
@@ -324,7 +322,7 @@ def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
     return [
         Symptom(
-            share / _OPEN,
+            share / LIMITS.open_mass_fraction,
             f"the motion leaves {share:.1%} of the mass to priors, most of it to {worst}",
         )
     ]
@@ -338,10 +336,13 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
     pick = None if weighing.braking_left_out else search_likelihood(inputs).get("braking")
     if pick is None:  # what driving says is all there is
-        strength = float(abs(weighing.braking_kg) / (_BRAKING * weighing.fit.u_kg))
+        strength = float(abs(weighing.braking_kg) / (LIMITS.braking_change_u * weighing.fit.u_kg))
         share, others = "", ()
     else:
-        strength = min(float(np.sqrt(pick.gain)) / _TERM, pick.value / _UNSEEN)
+        strength = min(
+            float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+            pick.value / LIMITS.seen_braking_fraction,
+        )
         share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", _rival_causes(pick)
     return [
         Symptom(
@@ -350,7 +351,7 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
             f"of the brakes{share}",
             setting="settings.gate.exclude_braking",
             value="true",
-            change=lambda: Change(left, _OF_BRAKING * weighing.fit.u_kg),
+            change=lambda: Change(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),
             alternatives=others,
         )
     ]
@@ -361,7 +362,7 @@ def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     if not inputs.digs.height:
         return []
     body = inputs.machine.machine
-    least_N = _PILE * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
+    least_N = LIMITS.pile_weight_fraction * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
     digs = inputs.digs.filter(pl.col("growth_N") > least_N)
     if digs.is_empty():
         return []

@@ -1,7 +1,6 @@
 """Recursions that forget: an estimate that leaves the mass where nothing tells of it."""
 
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 
@@ -9,15 +8,10 @@ from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.diagnosis.measured_channels import Ints
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.methods import METHODS, Feed
 from analysis.model.schema import values
 from analysis.weighing.load_frames import changes
-
-#: So many times may an estimate's own deviation grow while the machine keeps its speed:
-#: three quarters of what it knew are then forgotten.
-_GROWS: Final = 2.0
-#: Fewer estimates at steady speed tell nothing.
-_FEWEST: Final = 100
 
 
 def find_wind_up(inputs: FindingInputs) -> list[Symptom]:
@@ -55,12 +49,12 @@ def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
     steady = _apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)
     grown = np.minimum(np.log(std_kg / least_kg), -0.5 * steady * np.log(trace.forgetting))
     grown[~cruises | ~np.isfinite(grown)] = -np.inf
-    if np.count_nonzero(np.isfinite(grown)) < _FEWEST:
+    if np.count_nonzero(np.isfinite(grown)) < LIMITS.wind_up_min_estimates:
         return None
     worst = int(np.argmax(grown))
     mends = name == "rls"  # no other one can
     return Symptom(
-        float(grown[worst] / np.log(_GROWS)),
+        float(grown[worst] / np.log(LIMITS.wind_up_growth)),
         f"{name}'s own deviation grows from {least_kg[worst]:.3g} to {std_kg[worst]:.3g} kg in "
         f"{steady[worst]:.0f} samples at a speed that is kept: it forgets faster than it learns "
         f"(forgetting {trace.forgetting:g})",

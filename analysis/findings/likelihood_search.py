@@ -15,14 +15,13 @@ from analysis.findings.altered_motion import delay_channel
 from analysis.findings.channel_causes import is_beside_spike
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import renumber_stretches
 from analysis.findings.whitened_rows import ProjectedEquation, force_system, wheel_system
 from analysis.weighing.motion_samples import MotionSamples
 
 #: Columns that sound machines have, and no cause.
 NO_FAULTS: Final = ("viscous_drift", "viscous_bend")
-#: Gains (twice the log likelihood) that differ by less are not told apart.
-APART: Final = 6.0
 #: Parameters below these are no causes.
 _LEAST: Final = {
     **{f"delay:{channel}": 0.002 for channel in ("force", "speed", "imu")},
@@ -31,22 +30,8 @@ _LEAST: Final = {
     "braking": 0.002,
     "gain_drift": 0.03,
 }
-#: So are those of brakes and of what looks alike by less than this share.
-_OF_BRAKES: Final = 0.5
-#: A cause is taken from this gain on, and so many of them.
-_TAKEN: Final = 11.0
-_MOST: Final = 4
-#: A delay from here on is tried whole, and taken when it leaves so much less.
-_LONG_S: Final = 0.03
-_MUCH: Final = 0.5
-#: Wheels of which whatever is left has so many times the variance of noise are not listened to.
-_MISSES: Final = 8.0
 #: Delays that the wheels do not tell apart.
 _BESIDE: Final = {"delay:speed": "delay:imu", "delay:imu": "delay:speed"}
-#: A delay is looked for again where it was found, until it moves by less.
-_FOUND_S: Final = 3e-4
-_ROUNDS: Final = 5
-_LONGEST_S: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -92,12 +77,12 @@ def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         motion, found = _converge_delay(inputs, motion, taken, late)
         out[late.name] = replace(found, gain=late.gain)
         taken.append(late.name)
-    for _ in range(_MOST):
+    for _ in range(LIMITS.max_picked_causes):
         tried = _try_causes(inputs, motion, taken)
         if not tried:
             break
         best = _best_candidate(tried)
-        if best.gain < _TAKEN:
+        if best.gain < LIMITS.picked_gain:
             out.update({name: pick for name, pick in tried.items() if name not in out})
             break
         found = best
@@ -128,7 +113,11 @@ def _gain_tolerance(best: PickedCause, name: str) -> float:
     # one that is not linear in the acceleration
     pair = {best.name, name}
     alike = "braking" in pair and pair & {"const", "direction", "driveline"}
-    return max(APART, _OF_BRAKES * best.gain) if alike else APART
+    return (
+        max(LIMITS.indistinguishable_gain, LIMITS.indistinguishable_brake_fraction * best.gain)
+        if alike
+        else LIMITS.indistinguishable_gain
+    )
 
 
 def _best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
@@ -142,7 +131,7 @@ def _best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
         if best.gain - pick.gain < _gain_tolerance(best, pick.name)
         and _is_physical(pick)
         and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
-        and pick.gain >= _TAKEN
+        and pick.gain >= LIMITS.picked_gain
     ]
     return max(others, key=lambda pick: pick.gain, default=best)
 
@@ -155,11 +144,14 @@ def _is_physical(pick: PickedCause) -> bool:
 def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause | None:
     """A delay so long that no derivative makes up for it: the joint fit's, tried whole."""
     fit = inputs.fit
-    if fit is None or abs(fit.lag_s) < _LONG_S:
+    if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
     late = delay_channel(motion, "force", fit.lag_s)
     before, after = (_remaining_motion(inputs, of)[0] for of in (motion, late))
-    if before.square_left * before.variance < (1.0 + _MUCH) * after.square_left * after.variance:
+    if (
+        before.square_left * before.variance
+        < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
+    ):
         return None
     # the wheels tell whether it is the accelerometer that is early or late
     turned = delay_channel(motion, "imu", -fit.lag_s)
@@ -181,14 +173,18 @@ def _converge_delay(
     """Move the channel back by what was found, until nothing is left of its delay."""
     channel, total, std = pick.name.partition(":")[2], 0.0, pick.std
     begun, step = motion, pick.value
-    for _ in range(_ROUNDS):
-        total = float(np.clip(total + step, -_LONGEST_S, _LONGEST_S))
+    for _ in range(LIMITS.delay_rounds):
+        total = float(
+            np.clip(
+                total + step, -LIMITS.longest_likelihood_delay_s, LIMITS.longest_likelihood_delay_s
+            )
+        )
         motion = delay_channel(begun, channel, total)
         again = _try_causes(inputs, motion, taken).get(pick.name)
         if again is None:
             break
         step, std = again.value, again.std
-        if abs(step) < _FOUND_S:
+        if abs(step) < LIMITS.delay_tolerance_s:
             break
     return motion, replace(pick, value=total, std=std)
 
@@ -218,7 +214,7 @@ def _attribute_delay(
     left, left_other = (_remaining_motion(inputs, each, taken)[0] for each in (motion, other))
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
     apart /= min(left.variance, left_other.variance)
-    near = abs(apart) < APART
+    near = abs(apart) < LIMITS.indistinguishable_gain
     if apart > 0.0:
         return other, turned, (own.name,) if near else ()
     return motion, own, (turned.name,) if near else ()
@@ -248,7 +244,7 @@ def _build_systems(
     """Both equations without what was taken; the wheels' where it can be listened to."""
     force, wheels = _remaining_motion(inputs, motion, taken)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
-    together = wheels is not None and wheels.variance < _MISSES
+    together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
     return [force, wheels] if wheels is not None and together else [force]
 
 

@@ -13,12 +13,9 @@ import polars as pl
 
 from analysis.findings.cause_table import CAUSES
 from analysis.findings.delay_causes import is_long
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.machine import Machine
 
-#: Of a longer log its beginning is looked at once more.
-_LONGEST_S: Final = 3600.0
-#: A log is looked at so many times more.
-_MOST: Final = 3
 _HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
 #: Keys of a channel that mend one.
 _OF_CHANNEL: Final = ("scale", "unit", "delay_s")
@@ -30,7 +27,9 @@ def first_findings(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     Args:
         raw: by topic: log_time_ns and more, in its order.
     """
-    end_ns = max(int(frame["log_time_ns"][0]) for frame in raw.values()) + int(_LONGEST_S * 1e9)
+    end_ns = max(int(frame["log_time_ns"][0]) for frame in raw.values()) + int(
+        LIMITS.masked_searched_s * 1e9
+    )
     return {topic: frame.filter(pl.col("log_time_ns") < end_ns) for topic, frame in raw.items()}
 
 
@@ -55,7 +54,7 @@ def add_masked_findings(
     """
     hiding: list[pl.DataFrame] = []
     seen = found
-    for _ in range(_MOST):
+    for _ in range(LIMITS.masked_rounds):
         first = seen.head(1)
         changed = _mend_machine(machine, first)
         others = None if changed is None else look(changed)

@@ -6,42 +6,18 @@ another mean) is in the uncertainty.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.findings.cause import Change
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.settings import PriorSettings
 from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples, begins
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
-
-#: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
-_OF_REPLAY: Final = 0.5
-#: Of the change itself: what is mended is not all that the cause did.
-_OF_SIZE: Final = 0.05
-#: Rounds of a refit; of many stretches the first ones alone find lag and slip, in one round more
-#: where the lag moves by so much, and all of them are fitted once.
-_ROUNDS: Final = 3
-_PILOT: Final = 24
-_LAG_MOVES_S: Final = 1e-3
-#: So far samples are looked for by what moves force and speed in time.
-_REACH_S: Final = 0.4
-
-#: What is left of starts that were cut is not what they were, to this share of the change.
-_CUT: Final = 0.5
-
-#: An accelerometer whose zero alone changes is none to the wheels.
-_SAME_M_S2: Final = 1e-9
-
-#: Stretches of a log that are fitted once more.
-_TRIED: Final = 48
-#: Fewer samples are not fitted.
-_FEWEST: Final = 200
-_SHORTEST: Final = 20
 
 Mend = Callable[[MotionSamples], MotionSamples]
 
@@ -53,7 +29,7 @@ def left_out(inputs: FindingInputs, rows: Bools) -> Change | None:
         inputs: the log.
         rows: (n,) grid samples that say nothing.
     """
-    return refit_from_scratch(inputs, lambda motion: motion.without(rows), _CUT)
+    return refit_from_scratch(inputs, lambda motion: motion.without(rows), LIMITS.cut_start_u)
 
 
 def refit_from_scratch(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
@@ -86,13 +62,18 @@ def refit_mended(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> 
         return None
     kg = after - before
     of_noise = fit.parts_kg(fit.weights(fit.main_state))["noise"]
-    return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
+    return Change(
+        kg,
+        float(
+            np.hypot(max(relative_u, LIMITS.change_u) * kg, LIMITS.replay_std_fraction * of_noise)
+        ),
+    )
 
 
 def _unmended_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
     """The mass of the motion as it is: the fit's own, or that of the same part of a long log."""
     if "refitted" not in inputs.kept:
-        whole = np.unique(fit.motion.group[fit.motion.used]).size <= _TRIED
+        whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
         if whole and fit.states is not None:
             inputs.kept["states"] = fit.states.count
         if whole:
@@ -108,10 +89,10 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     priors = inputs.machine.settings.priors
     known = _wheels_agree(fit.motion, motion)
     # of a long log a part says as much of what a cause does
-    motion = renumber_stretches(motion.beginning(_TRIED))
-    if motion.used.sum() < _FEWEST or not motion.drives:
+    motion = renumber_stretches(motion.beginning(LIMITS.refit_max_stretches))
+    if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
         return None
-    motion = motion.near_fitted(_REACH_S)
+    motion = motion.near_fitted(LIMITS.refit_reach_s)
     states = None if fit.states is None else fit.states.among(motion)
     if states is not None and states.count != inputs.kept.setdefault("states", states.count):
         return None
@@ -147,7 +128,7 @@ def _wheels_agree(before: MotionSamples, after: MotionSamples) -> bool:
 
 
 def _differ_by_constant(old: Floats, new: Floats) -> bool:
-    return float(np.ptp(new - old)) < _SAME_M_S2
+    return float(np.ptp(new - old)) < LIMITS.zero_shift_m_s2
 
 
 def _refit_from(
@@ -161,14 +142,14 @@ def _refit_from(
         priors: of the nuisances.
         known: whether neither force nor speed changes, and with them no lag.
     """
-    part = begun.motion.beginning(_PILOT)
+    part = begun.motion.beginning(LIMITS.refit_pilot_stretches)
     if part is begun.motion or not part.drives:
-        return refit(begun, noise, priors, rounds=_ROUNDS - known)
+        return refit(begun, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
         return refit(begun, noise, priors)
     states = None if begun.states is None else begun.states.among(part)
     pilot = refit(replace(begun, motion=part, states=states), noise, priors)
-    if abs(pilot.found.lag_s - begun.found.lag_s) > _LAG_MOVES_S:
+    if abs(pilot.found.lag_s - begun.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit(pilot, noise, priors)
     theta = begun.theta.copy()
     theta[begun.count] = pilot.viscous
@@ -179,5 +160,5 @@ def renumber_stretches(motion: MotionSamples) -> MotionSamples:
     """The motion with its stretches numbered anew: what was left out may have cut some in two."""
     parts = np.where(motion.used, np.cumsum(begins(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
-    short = (parts >= 0) & (size[np.maximum(parts, 0)] < _SHORTEST)
+    short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
     return replace(motion, group=parts.astype(np.int64)).without(short)

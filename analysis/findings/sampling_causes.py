@@ -1,38 +1,14 @@
 """Stamps: gaps, uneven sampling, a clock that jumps and clocks that run apart."""
 
-from typing import Final
-
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools
 from analysis.diagnosis.measured_channels import Floats, Ints
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
-
-#: Share of a topic's steps that are missing before it counts.
-_MISSING: Final = 0.002
-#: Holes of all topics that are longer are pauses between two logs, but for their edges.
-_PAUSE_NS: Final = 2_000_000_000
-_EDGE_NS: Final = 100_000_000
-#: Scatter of a topic's steps, as a share of its period, that matters where the stamps are wrong,
-#: where the readings do not tell whether they are, and where they show that the stamps are right.
-_UNEVEN_WRONG: Final = 0.15
-_UNEVEN: Final = 0.3
-_UNEVEN_RIGHT: Final = 1.0
-#: Deviations from which readings tell whether they were taken when their stamps say.
-_TELLS: Final = 4.0
-#: Readings in each of the two means of a slope: steady beside noise, and short beside a start.
-_SLOPE_ROWS: Final = 8
-#: A jump is at least so long, and so many deviations of the latency.
-_JUMP_S: Final = 0.003
-_JUMP_DEVIATIONS: Final = 8.0
-#: Latencies are compared in so many parts.
-_PARTS: Final = 40
-#: A drift at least so clear, and so long over the log.
-_DRIFT_DEVIATIONS: Final = 6.0
-_DRIFT_S: Final = 0.003
 
 
 def find_gaps(inputs: FindingInputs) -> list[Symptom]:
@@ -52,7 +28,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
         longest = int(holes[np.argmax(steps[holes])])
         found.append(
             Symptom(
-                1.0 + missing / _MISSING,
+                1.0 + missing / LIMITS.missing_step_fraction,
                 f"{holes.size} gaps, the longest {steps[longest] / 1e9:.2f} s, together "
                 f"{missing:.1%} of the log",
                 channel=name,
@@ -66,9 +42,11 @@ def _recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
     """Which holes are pauses of the recorder: seconds in which no topic has a sample."""
     alone = np.zeros(begin.size, np.bool_)
     for t in others:
-        inside = np.searchsorted(t, end - _EDGE_NS) - np.searchsorted(t, begin + _EDGE_NS)
+        inside = np.searchsorted(t, end - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
+            t, begin + LIMITS.recorder_pause_edge_ns
+        )
         alone |= inside > 0
-    return ~alone & (end - begin > _PAUSE_NS) & bool(others)
+    return ~alone & (end - begin > LIMITS.recorder_pause_ns) & bool(others)
 
 
 def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
@@ -79,7 +57,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
         if uneven is not None:
             found.append(
                 Symptom(
-                    uneven[0] / _UNEVEN_WRONG,
+                    uneven[0] / LIMITS.uneven_steps_wrong_stamps,
                     f"the steps of its header stamps scatter by {uneven[0]:.0%} of the period, "
                     f"those of log time by {uneven[1]:.0%}: log time places it",
                     channel=name,
@@ -113,13 +91,16 @@ def _least_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
             if np.isfinite([share, std]).all() and std > 0.0:
                 weight, weighted = weight + std**-2, weighted + share * std**-2
     if not weight:
-        return _UNEVEN, ""
+        return LIMITS.uneven_steps, ""
     share, std = weighted / weight, weight**-0.5
-    if share - _TELLS * std > 0.5:
-        return _UNEVEN_RIGHT, "; its readings were taken when their stamps say"
-    if share + _TELLS * std < 0.5:
-        return _UNEVEN_WRONG, "; its readings were taken evenly: the stamps are wrong"
-    return _UNEVEN, ""
+    if share - LIMITS.stamp_fidelity_std * std > 0.5:
+        return LIMITS.uneven_steps_right_stamps, "; its readings were taken when their stamps say"
+    if share + LIMITS.stamp_fidelity_std * std < 0.5:
+        return (
+            LIMITS.uneven_steps_wrong_stamps,
+            "; its readings were taken evenly: the stamps are wrong",
+        )
+    return LIMITS.uneven_steps, ""
 
 
 def _stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
@@ -129,7 +110,7 @@ def _stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
     times how far its stamp is off their middle. Slopes before and after it are instruments of one
     another: the noise of one slope alone would pull the share to 0.
     """
-    n = _SLOPE_ROWS
+    n = LIMITS.slope_rows
     if x.size < 10 * n:
         return np.nan, np.nan
     t_s = (t - t[0]) * 1e-9
@@ -147,7 +128,7 @@ def _stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
     left = before * (beside - share * after)
     std = float(np.sqrt(left @ left) / abs(power.sum()))
     # where the slopes do not agree with each other there is nothing to tell it by
-    agree = power.sum() > _TELLS * float(np.sqrt(power @ power))
+    agree = power.sum() > LIMITS.stamp_fidelity_std * float(np.sqrt(power @ power))
     return (share, std) if agree else (np.nan, np.nan)
 
 
@@ -162,8 +143,8 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
         # a clock that drifts has no one step
         if left_s > _residual_of_line(level):
             continue
-        strength = abs(jump_s) / max(_JUMP_DEVIATIONS * std_s, _JUMP_S)
-        place = at * log.size // _PARTS
+        strength = abs(jump_s) / max(LIMITS.clock_jump_std * std_s, LIMITS.clock_jump_s)
+        place = at * log.size // LIMITS.latency_parts
         when = int(log[min(place, log.size - 1)])
         found.append(
             Symptom(
@@ -184,7 +165,10 @@ def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
         return []
     drift, span_s = signals.drift, signals.span_s
     apart_s = drift.drift_ppm * 1e-6 * span_s
-    strength = min(drift.drift_ppm / (_DRIFT_DEVIATIONS * drift.drift_std_ppm), apart_s / _DRIFT_S)
+    strength = min(
+        drift.drift_ppm / (LIMITS.clock_drift_std * drift.drift_std_ppm),
+        apart_s / LIMITS.clock_drift_s,
+    )
     fit = inputs.fit
     # which of the two is wrong the force tells: it becomes late, or does not
     wrong = _drifting_channel(inputs, drift.faster, drift.slower)
@@ -218,7 +202,7 @@ def _latencies(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """By topic: log times in ns, and log time less header stamp in s, from its least on."""
     out: dict[str, tuple[Ints, Floats]] = {}
     for topic, frame in inputs.raw.items():
-        if "header_stamp_ns" not in frame.columns or frame.height < 10 * _PARTS:
+        if "header_stamp_ns" not in frame.columns or frame.height < 10 * LIMITS.latency_parts:
             continue
         stamps, log = frame["header_stamp_ns"], frame["log_time_ns"].to_numpy()
         if stamps.null_count() or int(stamps.min() or 0) < FIRST_DATE_NS:  # type: ignore[arg-type]
@@ -230,7 +214,7 @@ def _latencies(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
 
 def _latency_levels(latency_s: Floats) -> tuple[Floats | None, float]:
     """(parts,) the usual latency of each part, and the deviation of one."""
-    parts = np.array_split(latency_s, _PARTS)
+    parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
     changes = np.abs(np.diff(level))
     return level, max(float(np.median(changes)) * 1.4826, 1e-5)

@@ -1,12 +1,8 @@
 """A scale that is wrong: the machine's empty mass is all that tells it."""
 
-from typing import Final
-
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
-
-#: Standard uncertainties, with the scale's, that chance stays below.
-_SURELY_U: Final = 3.0
+from analysis.findings.finding_limits import LIMITS
 
 
 def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
@@ -14,4 +10,6 @@ def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
     found = inputs.check_inputs.empty_mass
     if found is None or not found.tells:
         return []
-    return [Symptom(abs(found.in_u) / _SURELY_U, found.text, channel=inputs.force_channel)]
+    return [
+        Symptom(abs(found.in_u) / LIMITS.wrong_scale_u, found.text, channel=inputs.force_channel)
+    ]

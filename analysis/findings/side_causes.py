@@ -7,14 +7,8 @@ import numpy as np
 from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
 from analysis.findings.cause import Change, Symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 
-#: Sides of sound machines are unlike by up to 5 %; a difference is so large at least;
-_LEAST_1: Final = 0.07
-#: one of hard starts beyond soft ones so large, where sound machines have none.
-_LEAST_SLIP_1: Final = 0.03
-#: A side whose speed is as near the accelerometer's is right, where the other is so much farther.
-_RIGHT_1: Final = 0.02
-_WRONG_1: Final = 0.04
 _CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
 
@@ -25,7 +19,7 @@ def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
 
 
 def _symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
-    least = _LEAST_SLIP_1 if seen.kind == "slip" else _LEAST_1
+    least = LIMITS.unlike_slip_1 if seen.kind == "slip" else LIMITS.unlike_sides_1
     strength = abs(seen.value_1) / max(least + seen.resistance_1, SURELY * seen.std_1)
     left, right = _CHANNELS[seen.kind]
     smaller, larger = (left, right) if seen.smaller == "left" else (right, left)
@@ -77,7 +71,7 @@ def _wrong_speed(inputs: FindingInputs, seen: SideDifference) -> tuple[str, floa
         return None
     off = np.abs(np.log(gains))
     right = int(np.argmin(off))
-    if off[right] > _RIGHT_1 or off[1 - right] < off[right] + _WRONG_1:
+    if off[right] > LIMITS.right_side_1 or off[1 - right] < off[right] + LIMITS.wrong_side_1:
         return None
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 

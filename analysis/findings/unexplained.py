@@ -7,6 +7,7 @@ import polars as pl
 
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 
 #: Kept of the case: keys of the causes that it shows.
 SHOWN: Final = "shown causes"
@@ -23,8 +24,6 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
     "one_sided": ("unlike_sides", "sign_flipped", "unsigned", "frozen", "saturated"),
     "filling": ("load_changed_inside", "external_force", "delay", "gain_drift", "driveline"),
 }
-#: A check without a number, or without a limit to compare it with, counts like this.
-_AS_STRONG: Final = 1.0
 
 
 def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
@@ -69,5 +68,5 @@ def _check_value(row: Mapping[str, Any]) -> str:
 def _strength(row: Mapping[str, Any]) -> float:
     value, limit = row["value"], row["maximum"]
     if value is None or not limit or limit < 0.0:
-        return _AS_STRONG
-    return max(abs(value / limit), _AS_STRONG)
+        return LIMITS.numberless_check_strength
+    return max(abs(value / limit), LIMITS.numberless_check_strength)
