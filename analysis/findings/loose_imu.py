@@ -44,8 +44,8 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
             best,
             f"it reads {share[0]:.2f} of the wheels' acceleration, and in the first second of "
             f"{count} starts it rings at {hz[at]:.1f} Hz, with "
-            f"{np.sqrt(LIMITS.rocking_peak_ratio * best):.1f} times the size of what is beside that, "
-            "and the force does not",
+            f"{np.sqrt(LIMITS.rocking_peak_ratio * best):.1f} times the size of what is beside "
+            "that, and the force does not",
             channel=ACC,
             # slowly, it is an accelerometer of another scale
             alternatives=("resonance",),

@@ -13,7 +13,6 @@ from analysis.online.growing_log import GrowingLog, causal_machine
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
 from analysis.online.online_report import VALID_S, Event, LastMass, OnlineReport, judge
 from estimators.estimate import Estimate
-from estimators.threads import one_blas_thread
 
 
 class FollowedRow(NamedTuple):
@@ -120,7 +119,6 @@ class Follower:
         """
         return [report for row in self.rows(is_whole=is_whole) for report in row.reports]
 
-    @one_blas_thread()  # or the last bits depend on the number of cores
     def rows(self, *, is_whole: bool = False) -> list[FollowedRow]:
         """The same row by row, with decisions and estimates."""
         table = self.log.rows(is_whole=is_whole)

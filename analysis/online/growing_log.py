@@ -96,6 +96,11 @@ class GrowingLog:
         read = (channel for channel in self.machine.channels.values() if channel.fields)
         return list(dict.fromkeys(channel.topic or "table" for channel in read))
 
+    @property
+    def samples_kept(self) -> int:
+        """Samples of all topics that are kept for rows to come."""
+        return sum(frame.height for frame in self._raw.values())
+
     def take(self, topic: str, samples: pl.DataFrame) -> None:
         """Take samples of a topic: log_time_ns, header_stamp_ns (or null) and its fields."""
         if samples.height:
@@ -126,13 +131,13 @@ class GrowingLog:
     def _merge(self) -> None:
         """Put the new samples behind those that are kept."""
         for topic, parts in self._new.items():
-            frame = pl.concat(parts, how="vertical_relaxed")
+            frame = _joined(parts)
             if self.basis is not None:
                 frame = self._place_samples(topic, frame)
                 self._count_late(frame)
             parts.clear()
             before = self._raw.get(topic)
-            kept = frame if before is None else pl.concat([before, frame], how="vertical_relaxed")
+            kept = frame if before is None else _joined([before, frame])
             self._raw[topic] = _in_order(kept, "unix_ns" if self.basis else "log_time_ns")
         self._new.clear()
 
@@ -209,6 +214,15 @@ class GrowingLog:
             first = int(np.searchsorted(frame["unix_ns"].to_numpy(), oldest))
             first = max(0, min(first, frame.height - _FEWEST_KEPT))
             self._raw[topic] = frame[first:]
+
+
+def _joined(frames: list[pl.DataFrame]) -> pl.DataFrame:
+    """Frames one below the other; a column may be of integers in one and of floats in another."""
+    if len(frames) == 1:
+        return frames[0]
+    # where nothing is to be cast, no query is made of it
+    alike = all(frame.schema == frames[0].schema for frame in frames)
+    return pl.concat(frames, how="vertical" if alike else "vertical_relaxed")
 
 
 def _in_order(frame: pl.DataFrame, key: str) -> pl.DataFrame:

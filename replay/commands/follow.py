@@ -82,8 +82,8 @@ def command(
         typer.echo(f"payscope: {loss}", err=True)
     follower = following.follower
     typer.echo(
-        f"{following.ended}: {follower.rows_stepped:,} rows, {follower.manoeuvres:,} manoeuvres "
-        "with a mass",
+        f"{following.ended}: {follower.rows_stepped:,} rows, masses of {follower.manoeuvres:,} "
+        "manoeuvre" + "s" * (follower.manoeuvres != 1),
         err=True,
     )
     if output is not None:
@@ -97,6 +97,8 @@ def command(
 def _agreement_text(each: "Agreement") -> str:
     if each.differs_from_s is None:
         return f"{each.name}: {each.rows:,} rows, as in the replay bit for bit"
+    if each.is_rounding:
+        return f"{each.name}: {each.rows:,} rows, as in the replay to nine digits"
     return (
         f"{each.name}: {each.rows:,} rows, {each.replayed:,} in the replay; they differ from "
         f"{each.differs_from_s:,.0f} s on"

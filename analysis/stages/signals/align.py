@@ -144,7 +144,7 @@ def _rows(
         if each is not raw[name]:
             # between two stamps of the slowest channel, a faster one may have a gap
             stale = stale | np.isnan(raw[name].at(instants))
-        columns[name] = np.where(stale, np.nan, rates.wrapped(name, x))
+        columns[name] = np.where(stale, np.nan, rates.wrap_angle(name, x))
         if name not in HINTS:
             gap |= np.isnan(columns[name])
     columns = mounting.at_origin(columns, machine.machine.imu)
@@ -154,7 +154,7 @@ def _rows(
 def notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Say what `align` does to these channels that a reader of the answer should know."""
     raw = {n: rates.series_of(n, frame, machine.settings.align) for n, frame in channels.items()}
-    said = [str(each) for each in rates.reduced(raw, machine)]
+    said = [str(each) for each in rates.find_reduced_regressors(raw, machine)]
     if machine.settings.filter.causal:
         late_s = _latency_ns(_reduce_channels(raw, machine), machine) / 1e9
         said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
@@ -165,7 +165,7 @@ def _reduce_channels(
     raw: Mapping[str, ChannelSeries], machine: Machine
 ) -> dict[str, ChannelSeries]:
     series = dict(raw)
-    for each in rates.reduced(raw, machine):
+    for each in rates.find_reduced_regressors(raw, machine):
         series |= rates.reduce(raw, each)
     return series
 

@@ -303,7 +303,7 @@ def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mo
     """
     if filters.period_ns(b[0]) > filters.OTHER_RATE * filters.period_ns(a[0]):
         a, b = b, a
-    t, other = filters.interpolated(*b, a[0], filters.longest_step_ns(b[0], settings))
+    t, other = filters.interpolate_line(*b, a[0], filters.longest_step_ns(b[0], settings))
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 

@@ -1,8 +1,14 @@
 """The example of docs/on-board.md runs as it is written, and reports say what they are worth."""
 
 import json
+import os
+import pty
 import re
 import shutil
+import subprocess
+import sys
+import threading
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -123,3 +129,31 @@ def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> N
     again = payscope("follow", bag, "-m", "demo/cat262c.toml", "-o", "followed.rrd")
     assert again.status == 2
     assert "followed.rrd" in again.err
+
+
+@pytest.mark.usefixtures("demo")
+def test_json_lines_go_to_stdout_also_where_a_panel_is_drawn() -> None:
+    """On a terminal, `follow --json > FILE` draws on stderr and writes lines into the file."""
+    master, terminal = pty.openpty()
+    words = ["follow", "demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json"]
+    with subprocess.Popen(
+        [sys.executable, "-P", str(REPO / "payscope.py"), *words],
+        stdout=subprocess.PIPE,
+        stderr=terminal,
+        text=True,
+    ) as following:
+        os.close(terminal)
+        drawn = threading.Thread(target=_drain, args=(master,))
+        drawn.start()
+        out, _ = following.communicate()
+        drawn.join()
+    os.close(master)
+    assert following.returncode == 0
+    assert [json.loads(line)["event"] for line in out.splitlines()].count("manoeuvre") == 2
+
+
+def _drain(terminal: int) -> None:
+    """Read what is drawn, or the terminal fills up."""
+    with suppress(OSError):  # nobody draws any more
+        while os.read(terminal, 65_536):
+            pass
