@@ -54,7 +54,7 @@ def calibrate_cycles(
     scale_1 = _column_values(cycles, "scale_1")
     payload_kg = _column_values(cycles, "payload_kg") / scale_1
     on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
-    common, shared = (on_line.out_during(_column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON)
+    common, shared = (on_line.beside(_column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON)
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
     common_kg = np.maximum(common_kg, shared_kg)

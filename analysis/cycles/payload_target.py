@@ -25,7 +25,7 @@ class TargetCheck(NamedTuple):
     mean_kg: float
     above: int
     never: int
-    is_near: int
+    near: int
     keeps: bool
 
 

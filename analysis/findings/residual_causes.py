@@ -40,7 +40,7 @@ def _spectra(inputs: FindingInputs) -> Spectra | None:
         return None
     straight = inputs.check_inputs.straight
     mass_kg, viscous = _mass_and_friction(inputs)
-    lag = fit.lag_s if fit is not None and fit.shift_channels else 0.0
+    lag = fit.lag_s if fit is not None and fit.shifted else 0.0
     used = straight.moving if fit is None else fit.motion.used
     rows = np.arange(aligned.height, dtype=np.float64)
     force = longitudinal_force(aligned, machine.machine)
