@@ -1,7 +1,7 @@
 """How far and how fast each cycle drives, how long it stands, and the long stands of a shift."""
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from analysis.cycles.boom_dumps import standing
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import IDLE_S
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
 from analysis.model.windows import runs_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-_NS: Final = 1e9
 
 
 class DriveSummary(NamedTuple):
@@ -68,8 +67,8 @@ def summarise_cycle_motion(
         start_ns, end_ns = row["start_t_ns"], row["end_t_ns"]
         haul_m = None
         if row["dig_t_ns"] is not None and row["load_s"] is not None and row["haul_s"] is not None:
-            loaded_ns = row["dig_t_ns"] + int(row["load_s"] * _NS)
-            haul = samples.during(loaded_ns, loaded_ns + int(row["haul_s"] * _NS), ())
+            loaded_ns = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
+            haul = samples.during(loaded_ns, loaded_ns + int(row["haul_s"] * NS_PER_S), ())
             haul_m = haul.distance_m
         whole = samples.during(start_ns, end_ns, holes_ns)
         found.append(CycleMotion(row["cycle"], haul_m, whole))
@@ -95,7 +94,7 @@ def idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     return [
         (int(t_ns[b]), int(t_ns[e]))
         for b, e in zip(begins, ends, strict=True)
-        if (t_ns[e] - t_ns[b]) / _NS > IDLE_S
+        if (t_ns[e] - t_ns[b]) / NS_PER_S > IDLE_S
     ]
 
 
@@ -111,7 +110,7 @@ class _DriveSamples(NamedTuple):
     @classmethod
     def of(cls, excitation: pl.DataFrame) -> "_DriveSamples":
         t_ns = excitation["t_ns"].to_numpy()
-        step_s = np.diff(t_ns, append=t_ns[-1:]) / _NS
+        step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
         return cls(
             t_ns,
             np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s),
@@ -133,5 +132,5 @@ class _DriveSamples(NamedTuple):
             float(speed[known].max()) if known.any() else None,
             float(step_s[moves].sum()),
             float(step_s[self.stands[part]].sum()),
-            sum(max(min(e, end_ns) - max(s, start_ns), 0) for s, e in holes_ns) / _NS,
+            sum(max(min(e, end_ns) - max(s, start_ns), 0) for s, e in holes_ns) / NS_PER_S,
         )

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from analysis.cycles.boom_dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, is_creeping, standing
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
 from analysis.model.windows import runs_of
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_NS: Final = 1e9
 #: A stand of so long is no part of the work.
 IDLE_S: Final = 30.0
 
@@ -177,7 +177,7 @@ def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple
 def _longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     """The longest time without a sample, where that is long."""
     steps = np.diff(t_ns)
-    if not steps.size or steps.max() < LIMITS.dump_hole_s * _NS:
+    if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
         return None
     widest = int(np.argmax(steps))
     return int(t_ns[widest]), int(t_ns[widest + 1])
@@ -187,7 +187,7 @@ def _longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """The longest time that a machine stands or creeps, no idling; None where it does not."""
     begins, ends = runs_of(stops)
     length = t_ns[ends] - t_ns[begins]
-    length[length > IDLE_S * _NS] = 0
+    length[length > IDLE_S * NS_PER_S] = 0
     if not length.any():
         return None
     best = int(np.argmax(length))

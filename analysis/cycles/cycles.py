@@ -30,6 +30,7 @@ from analysis.cycles.empty_machine import (
 from analysis.cycles.haul_spillage import subtract_spillage
 from analysis.cycles.load_passes import NO_PASSES, Passes, passes
 from analysis.model.machine import Machine
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
 from analysis.model.uncertainty_sources import combined, unknown_scale
 from analysis.model.verdict import Verdict
@@ -39,7 +40,6 @@ from analysis.weighing.weigh import Weighing
 
 Floats = NDArray[np.float64]
 
-_NS: Final = 1e9
 _UNSEEN: Final = "dumped while nothing was recorded"
 _CONTRADICTED: Final = "the boom dumps where no load is dumped by its mass"
 _HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
@@ -171,10 +171,10 @@ def _cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
         "end_t_ns": seen[-1][1] if dump is None else part.dumped_ns,
         "dig_t_ns": dig and dig[0],
         "dump_t_ns": part.dumped_ns,
-        "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / _NS,
-        "load_s": (haul[0] - dig[0]) / _NS if dig and haul else None,
-        "haul_s": (dump[0] - haul[0]) / _NS if haul and dump and not part.unseen else None,
-        "dump_s": (dump[1] - dump[0]) / _NS if dump and not part.unseen else None,
+        "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / NS_PER_S,
+        "load_s": (haul[0] - dig[0]) / NS_PER_S if dig and haul else None,
+        "haul_s": (dump[0] - haul[0]) / NS_PER_S if haul and dump and not part.unseen else None,
+        "dump_s": (dump[1] - dump[0]) / NS_PER_S if dump and not part.unseen else None,
     }
 
 

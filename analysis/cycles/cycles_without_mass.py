@@ -6,7 +6,7 @@ has one that is silent. Where neither tells, the rhythm does: work that goes on 
 between two dumps hides one.
 """
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -16,11 +16,10 @@ from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, find_boom_dumps, 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.lost_cycles import HOLE_S
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import runs_of
 
 Ints = NDArray[np.int64]
-
-_NS: Final = 1e9
 
 
 class UncountedCycles(NamedTuple):
@@ -124,11 +123,11 @@ def _rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[
     if dumps_ns.size < LIMITS.rhythm_min_dumps:
         return []
     t_ns, stands = excitation["t_ns"].to_numpy(), standing(excitation)
-    step_s = np.diff(t_ns, prepend=t_ns[0]) / _NS
+    step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
     # cycles of a hole are priced apart
     step_s[step_s > HOLE_S] = 0.0
     for begin, end in zip(*runs_of(stands), strict=True):
-        if t_ns[end] - t_ns[begin] > IDLE_S * _NS:
+        if t_ns[end] - t_ns[begin] > IDLE_S * NS_PER_S:
             step_s[begin : end + 1] = 0.0
     worked_s = np.diff(np.interp(dumps_ns, t_ns, np.cumsum(step_s)))
     cycle_s = float(np.median(worked_s))

@@ -5,7 +5,7 @@ it the viscous friction is what is left. So the parts compare with each other; w
 lag, slip) is in none of their deviations.
 """
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.axes import X, regressor
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
 from analysis.weighing.load_states import means_by_state
 
 Floats = NDArray[np.float64]
-
-_NS: Final = 1e9
 
 
 class FrictionPart(NamedTuple):
@@ -58,8 +57,8 @@ def friction_parts(
     crossed, squared = _manoeuvre_sums(excitation, manoeuvres, nuisances, settings)
     t_ns = excitation["t_ns"].to_numpy()
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
-    since_s = (middle - t_ns[0]) / _NS
-    whole_s = float(t_ns[-1] - t_ns[0]) / _NS
+    since_s = (middle - t_ns[0]) / NS_PER_S
+    whole_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S
     length_s = float(
         np.clip(
             whole_s / LIMITS.friction_parts,

@@ -15,10 +15,10 @@ from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.cycles_without_mass import price_kg, uncounted_cycles
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.cycles.lost_cycles import holes, lost_cycles
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
 from analysis.model.windows import runs_of
 
-_NS: Final = 1e9
 _NO_SCALE: Final = ShiftScale()
 
 
@@ -39,8 +39,8 @@ def shift(
     gaps = holes(excitation, aligned)
     lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
     t_ns = excitation["t_ns"].to_numpy()
-    duration_s = float(t_ns[-1] - t_ns[0]) / _NS if t_ns.size else 0.0
-    gap_s = sum(end - start for start, end in gaps) / _NS
+    duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
+    gap_s = sum(end - start for start, end in gaps) / NS_PER_S
     idle_s = _idle_s(excitation)
     row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
@@ -185,5 +185,5 @@ def _idle_s(excitation: pl.DataFrame) -> float:
     stands = standing(excitation)
     t_ns = excitation["t_ns"].to_numpy()
     begins, ends = runs_of(stands)
-    lengths = (t_ns[ends] - t_ns[begins]) / _NS
+    lengths = (t_ns[ends] - t_ns[begins]) / NS_PER_S
     return float(lengths[lengths > IDLE_S].sum())

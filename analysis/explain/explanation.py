@@ -17,10 +17,10 @@ from analysis.explain.worst_manoeuvres import (
     worst_manoeuvres,
 )
 from analysis.model.answer import Answer, answer
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from analysis.model.windows import samples_of
 
-_NS: Final = 1e9
 #: How far around a moment the gate is told, in s either way.
 AROUND_S: Final = 15.0
 #: Columns that an explanation looks at, by frame; all of a frame that is not here.
@@ -67,8 +67,8 @@ class Finding:
         kept: dict[str, Any] = {n: row[n] for n in cls.__dataclass_fields__ if n in row}
         start, end = (row[name] for name in ("start_t_ns", "end_t_ns"))
         kept["says"] = says.get(row["cause"], row["cause"].replace("_", " "))
-        kept["start_s"] = None if start is None else start / _NS
-        kept["end_s"] = None if end is None else end / _NS
+        kept["start_s"] = None if start is None else start / NS_PER_S
+        kept["end_s"] = None if end is None else end / NS_PER_S
         kept["alternatives"] = tuple(filter(None, (row["alternatives"] or "").split(", ")))
         return cls(**kept)
 
@@ -130,7 +130,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     gate = frames.get("gate", pl.DataFrame())
     stretches: tuple[GateStretch, ...] = ()
     if at_s is not None and gate.height:
-        begin, end = (round((at_s + way * AROUND_S) * _NS) for way in (-1, 1))
+        begin, end = (round((at_s + way * AROUND_S) * NS_PER_S) for way in (-1, 1))
         stretches = gate_along(gate, settings, begin, end)
     manoeuvre = None if at_s is None else manoeuvre_at(frames, at_s)
     return Explanation(
@@ -173,7 +173,7 @@ def _determined_at(
         start, end = (
             (at_s - window, at_s) if manoeuvre is None else (manoeuvre.start_s, manoeuvre.end_s)
         )
-        inside = pl.col("t_ns").is_between(round(start * _NS), round(end * _NS))
+        inside = pl.col("t_ns").is_between(round(start * NS_PER_S), round(end * NS_PER_S))
         excitation = excitation.filter(inside)
         rows = np.ones(excitation.height, np.bool_)
     elif gate is not None and "accepted_x" in gate.columns and gate.height == excitation.height:

@@ -35,6 +35,7 @@ _MOST_DEVIATIONS: Final = 1000.0
 _BLOCK: Final = 200
 #: Force and acceleration, which a stop or a knock moves at once: by so many deviations,
 _FELT: Final = (*FORCES, ACC, "acc_x_m_s2")
+#: Standard deviations from which both are moved at once,
 _JOLT: Final = 5.0
 #: within so many periods, from the median of what is around.
 _BESIDE_PERIODS: Final = 1.5

@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 
 #: The paper's, and total least squares on raw units.
 METHODS: Final = (*printed_numbers.METHODS, "tls_raw")
+#: Time in s from which recursive least squares starts.
 _RLS_START_S: Final = 0.2
 #: Samples to hold at once.
 _BLOCK: Final = 400_000

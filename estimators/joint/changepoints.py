@@ -29,6 +29,7 @@ _WINDOWS: Final = (1.0, 0.1)
 _ROUNDS: Final = 10
 #: A change is said where it is at least so much likelier than none, as a logarithm.
 _SURE: Final = float(np.log(20.0))
+#: Changes that are tried for removal: so many, the smallest first.
 _LEAST_CHANGES: Final = 20
 #: No change is ruled out for good, but for this much it takes evidence.
 _NEVER: Final = 1e9

@@ -14,6 +14,7 @@ from analysis.calibration.campaign.campaign_plan import (
 )
 from analysis.calibration.campaign.campaign_trials import run_estimates
 from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 
 #: A row a manoeuvre; a run of which nothing could be read has one row without a mass.
@@ -31,7 +32,6 @@ READINGS: Final[dict[str, type[pl.DataType]]] = {
     "used": pl.Boolean,
     "reason": pl.String,
 }
-_NS: Final = 1e9
 _NOTHING: Final = "no manoeuvre of this stretch was informative enough"
 _IS_ZERO: Final = "without load: the zero that payloads are counted from"
 _NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
@@ -90,7 +90,11 @@ def run_responses(
         run.id: np.mean([shared.moved_kg["mass", each["load_id"]] for each in inside], axis=0)
         for run in runs
         if not run.excluded
-        and (inside := [e for e in said if run.holds(e["start_t_ns"] / _NS, e["end_t_ns"] / _NS)])
+        and (
+            inside := [
+                e for e in said if run.holds(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
+            ]
+        )
     }
     if estimator == "joint_payload":
         zero = [moved[run.id] for run in runs if run.id in moved and run.load_id == EMPTY]
@@ -174,8 +178,8 @@ def _reading_row(
     known = mass_kg is not None and bool(np.isfinite(mass_kg))
     reason = withheld or ("" if known else _NOTHING)
     return {
-        "start_s": row["start_t_ns"] / _NS,
-        "end_s": row["end_t_ns"] / _NS,
+        "start_s": row["start_t_ns"] / NS_PER_S,
+        "end_s": row["end_t_ns"] / NS_PER_S,
         "mass_kg": mass_kg if known else None,
         "std_kg": std_kg if known else None,
         "common_u_kg": common_u_kg if known else None,

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+#: Scoring steps at most.
 _ITERATIONS: Final = 60
 #: A change of every variance below this share of their sum ends the iteration.
 _SMALL: Final = 1e-7

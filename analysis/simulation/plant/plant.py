@@ -27,12 +27,15 @@ from estimators.compiled import compiled, inlined
 
 #: The state: position, speed of wheels and body, stretch between them, forces, pitch.
 POSITION, WHEEL, BODY, STRETCH, DRIVE, BRAKE, PITCH, PITCH_RATE = range(8)
+#: Length of the state.
 STATES: Final = 8
 #: Beside the derivatives of the state: forces and mass of the instant, and the ground's slope.
 _PULL, _CAPACITY, _FORCE, _GROUND, _BRAKED, _MASS, _YAW_RATE = range(8, 15)
+#: Length of what a derivative gives.
 _OUT: Final = 15
 #: Columns of what is kept: time, the state, and so on.
 TIME, ACCELERATION, FORCE, GROUND, BRAKED, MASS, YAW_RATE, STANDS = (0, *range(9, 16))
+#: Their number.
 COLUMNS: Final = 16
 #: Less friction, in N, is lost in rounding before it holds anything.
 _LEAST_GRIP: Final = 1e-6

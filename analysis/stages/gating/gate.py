@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+#: Standard gravity, in m/s² (ISO 80000-3).
 _STANDARD_GRAVITY_M_S2 = 9.80665
 
 
