@@ -29,7 +29,7 @@ def left_out(inputs: FindingInputs, rows: Bools) -> Change | None:
         inputs: the log.
         rows: (n,) grid samples that say nothing.
     """
-    return refit_from_scratch(inputs, lambda motion: motion.without(rows), LIMITS.cut_start_u)
+    return refit_from_scratch(inputs, lambda motion: motion.exclude(rows), LIMITS.cut_start_u)
 
 
 def refit_from_scratch(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
@@ -89,7 +89,7 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     priors = inputs.machine.settings.priors
     known = _wheels_agree(fit.motion, motion)
     # of a long log a part says as much of what a cause does
-    motion = renumber_stretches(motion.beginning(LIMITS.refit_max_stretches))
+    motion = renumber_stretches(motion.first_stretches(LIMITS.refit_max_stretches))
     if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
         return None
     motion = motion.near_fitted(LIMITS.refit_reach_s)
@@ -142,7 +142,7 @@ def _refit_from(
         priors: of the nuisances.
         known: whether neither force nor speed changes, and with them no lag.
     """
-    part = begun.motion.beginning(LIMITS.refit_pilot_stretches)
+    part = begun.motion.first_stretches(LIMITS.refit_pilot_stretches)
     if part is begun.motion or not part.drives:
         return refit(begun, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
@@ -161,4 +161,4 @@ def renumber_stretches(motion: MotionSamples) -> MotionSamples:
     parts = np.where(motion.used, np.cumsum(begins(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
-    return replace(motion, group=parts.astype(np.int64)).without(short)
+    return replace(motion, group=parts.astype(np.int64)).exclude(short)

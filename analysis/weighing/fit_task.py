@@ -61,9 +61,9 @@ class FitTask:
     states: LoadStates | None
     uneven_1_s: float = 0.0
 
-    def beginning(self, stretches: int) -> "FitTask":
+    def first_stretches(self, stretches: int) -> "FitTask":
         """The same up to the end of so many stretches."""
-        motion = self.motion.beginning(stretches)
+        motion = self.motion.first_stretches(stretches)
         states = None if self.states is None else self.states.among(motion)
         return replace(self, motion=motion, states=states)
 
@@ -79,7 +79,7 @@ class FitTask:
             uneven_1_s=self.uneven_1_s,
         )
 
-    def fitted(
+    def fit_means(
         self,
         samples: int,
         rounds: int,

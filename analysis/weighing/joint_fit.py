@@ -86,7 +86,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
         if term.applies(motion) and (several or not term.by_load)
     )
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
-    part = whole.beginning(_TRIED)
+    part = whole.first_stretches(_TRIED)
     part = part if part.motion.drives else whole
     longest = (
         int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
@@ -96,7 +96,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)
     first = [
-        part.fitted(samples, LIMITS.pilot_rounds, rows=columns.average(of.noise, samples))
+        part.fit_means(samples, LIMITS.pilot_rounds, rows=columns.average(of.noise, samples))
         for samples in lengths
     ]
     # a lag that is far from made up for may leave no mass at all
@@ -120,10 +120,10 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
         acting = replace(in_time, force=best.found.ground_force(in_time))
         whole = replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
-    moved = replace(whole.fitted(samples, LIMITS.lag_rounds), averaging_share=share)
+    moved = replace(whole.fit_means(samples, LIMITS.lag_rounds), averaging_share=share)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
-    filtered = replace(whole.fitted(samples, 2, shift=False), averaging_share=share)
+    filtered = replace(whole.fit_means(samples, 2, shift=False), averaging_share=share)
     filters = filtered.fit.residual_rms < moved.fit.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():
@@ -194,7 +194,7 @@ def refit(
     terms = (*found.terms, *extra)
     task = FitTask(found.motion, noise, priors, terms, found.kinematics, found.states)
     rows = rows and rows.of(terms)
-    fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found, rows=rows)
+    fitted = task.fit_means(found.mean_samples, rounds, shift=found.shifted, begin=found, rows=rows)
     if fitted.count != found.count:
         # of other loads
         return fitted

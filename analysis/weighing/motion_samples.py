@@ -118,7 +118,7 @@ class MotionSamples:
     silences: Ints | None = None
     wheel_radius_u_1: float | None = None
 
-    def beginning(self, stretches: int) -> "MotionSamples":
+    def first_stretches(self, stretches: int) -> "MotionSamples":
         """The same up to the end of so many stretches."""
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
@@ -174,7 +174,7 @@ class MotionSamples:
             found.append(replace(piece, group=np.where(own, piece.group, -1)))
         return tuple(found)
 
-    def without(self, samples: Bools) -> "MotionSamples":
+    def exclude(self, samples: Bools) -> "MotionSamples":
         """The same without some of the samples, stretches numbered anew."""
         group = np.where(samples, -1, self.group)
         left = group >= 0

@@ -255,7 +255,7 @@ def _has_enough_samples(motion: MotionSamples) -> bool:
 
 def _exclude_growing(motion: MotionSamples, grown: tuple[LoadGrowth, ...]) -> MotionSamples:
     """The same without the manoeuvres whose load changes."""
-    return motion.without(np.isin(motion.unit, [each.unit for each in grown]))
+    return motion.exclude(np.isin(motion.unit, [each.unit for each in grown]))
 
 
 def _fit_without_learnt(
