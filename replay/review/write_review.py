@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.cycles.label_totals import LabelTotal, label_totals
 from analysis.cycles.payload_target import TargetCheck, check_target
-from analysis.cycles.shift_totals import recounted
+from analysis.cycles.shift_totals import recount_shift
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
 from recordings.review.review_state import STATE, ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, VerdictFile, matched
@@ -120,7 +120,7 @@ class CountedShift:
         totals = {name: label_totals(cycles, rows[name].to_list(), rejected) for name in LABELS}
         return cls(
             rows,
-            recounted(summary, cycles, rejected).row(0, named=True),
+            recount_shift(summary, cycles, rejected).row(0, named=True),
             verdicts,
             by_row,
             {name: sums for name, sums in totals.items() if sums},
