@@ -61,7 +61,7 @@ class LogCycles(NamedTuple):
 
 @dataclass(frozen=True)
 class _CommonUncertainty:
-    """What is common to payloads: it does not average out.
+    """Uncertainty common to payloads, which does not average out.
 
     Attributes:
         shared_1: of all payloads together, as a share of them: it adds up over a shift.
@@ -316,7 +316,7 @@ def _sum_weights(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats
 
 @dataclass(frozen=True)
 class _SharedUncertainty:
-    """What payloads have in common.
+    """Uncertainty that payloads share.
 
     Attributes:
         own: by the log alone, over payloads of the log alone.

@@ -76,7 +76,7 @@ def uncounted_cycles(
 def price_kg(
     number: float, number_u: float, mean_kg: float | None, std_kg: float | None
 ) -> tuple[float, float]:
-    """What so many cycles carried, and its standard uncertainty, by the loads that have a mass.
+    """Estimate the load of so many cycles, with its uncertainty, by the loads that have a mass.
 
     Args:
         number: of cycles.

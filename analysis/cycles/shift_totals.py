@@ -121,7 +121,7 @@ def _total_payload(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
-    """What cycles add up to.
+    """Sum up cycles.
 
     Random parts of the passes add up in squares, each with its whole weight in the sum: an empty
     pass is in the payload before it and in the one after. Common parts add up as they are.

@@ -150,7 +150,7 @@ def _spin_centre(inputs: CheckInputs, motion: Motion) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _AxisWords:
-    """What an axis calls its quantities."""
+    """Names of the quantities of an axis."""
 
     prefix: str
     acceleration: str

@@ -29,7 +29,7 @@ _SMEARS: Final = 1.0
 
 @dataclass(frozen=True)
 class ExcludedStretches:
-    """What a check names, and the answer without it.
+    """Stretches that a check names, and the answer without them.
 
     Attributes:
         fitted_s: how much of it the fit had.
@@ -47,7 +47,7 @@ class ExcludedStretches:
 
     @property
     def text(self) -> str:
-        """What became of it, in words."""
+        """The outcome in words."""
         if not self.fitted_s:
             return "none of it is in what is weighed"
         part = f"{self.fitted_s:.1f} s of it in what is weighed"
@@ -80,7 +80,7 @@ def refit_without_stretches(
     machine: Machine,
     weighed: Callable[[pl.DataFrame], Weighing | None],
 ) -> RefitWithoutStretches:
-    """Weigh, and once more without what each check of the readings names, if it names anything.
+    """Weigh, and weigh again without the stretches that checks of the readings name.
 
     Args:
         signals: the channels as measured.

@@ -49,7 +49,7 @@ def _mass_shift_u(check: str) -> Callable[[CheckInputs, Motion], float | None]:
 
 
 def _refit_outcome(check: str) -> Callable[[CheckInputs, Motion], str]:
-    """What became of what this check names."""
+    """Outcome of refitting without the stretches of this check."""
 
     def of(inputs: CheckInputs, _: Motion) -> str:
         found = inputs.left_out.get(check)

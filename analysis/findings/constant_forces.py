@@ -25,7 +25,7 @@ _PITCH: Final = "pitch_rad"
 
 @dataclass(frozen=True)
 class Constants:
-    """What stands and what drives.
+    """Constant forces at rest and in motion.
 
     Attributes:
         rest_N: force at rest, and its deviation; NaN where it never stands.

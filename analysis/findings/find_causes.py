@@ -50,7 +50,7 @@ def _explains(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) -> bool:
 
 
 def find_symptoms(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
-    """What the log shows of every cause, whether chance does as much or not."""
+    """Symptoms of every cause, below the limit of chance as well."""
     with np.errstate(divide="ignore", invalid="ignore"):
         found = [(cause, sign) for cause in CAUSES for sign in cause.find(inputs)]
     return [(cause, sign) for cause, sign in found if np.isfinite(sign.strength)]

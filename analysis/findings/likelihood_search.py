@@ -54,7 +54,7 @@ class PickedCause:
 
 
 def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
-    """What each cause raises the likelihood by, those first that were taken."""
+    """Rank causes by their gain of likelihood, picked ones first."""
     if "picks" not in inputs.kept:
         inputs.kept["picks"] = _pick_in_turn(inputs)
     return inputs.kept["picks"]  # type: ignore[return-value]
@@ -223,7 +223,7 @@ def _attribute_delay(
 def _try_causes(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str]
 ) -> dict[str, PickedCause]:
-    """Every cause beside those that were taken."""
+    """Try every cause beside those that were picked."""
     parts = _build_systems(inputs, motion, taken)
     names = list(dict.fromkeys(name for part in parts for name in part.information))
     out: dict[str, PickedCause] = {}

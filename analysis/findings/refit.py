@@ -33,7 +33,7 @@ def left_out(inputs: FindingInputs, rows: Bools) -> Change | None:
 
 
 def refit_from_scratch(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
-    """Fit once more where the answer as it is says little of what a replay will say.
+    """Refit from scratch if the present answer predicts a replay badly.
 
     Args:
         inputs: the log.

@@ -39,7 +39,7 @@ class Squat:
 
     @property
     def factor(self) -> Floats:
-        """(masses,) what each mass is too large by."""
+        """(masses,) factor by which each mass is too large."""
         return 1.0 + self.gain * self.relative_load
 
     def u_kg(self, weights: Floats, masses_kg: Floats) -> float:
@@ -59,7 +59,7 @@ def find_squat(
     relative_load: Floats,
     prior_std: float,
 ) -> Squat | None:
-    """Compare wheels and accelerometer load by load; None where nothing tells.
+    """Compare wheels and accelerometer load by load; None if that is undetermined.
 
     Args:
         motion: the samples, the speed as it was measured.

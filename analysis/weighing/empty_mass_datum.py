@@ -68,13 +68,13 @@ def ticket_notes(body: Body, begin_ns: int) -> list[str]:
 
 
 def unknown_factors(sources: Sequence[UncertaintySource]) -> list[str]:
-    """The unknown factors that an empty machine tells."""
+    """The unknown factors that an empty machine determines."""
     return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
 
 
 @dataclass(frozen=True)
 class EmptyMachine:
-    """What a log says of the empty machine.
+    """The empty machine as a log weighs it.
 
     Attributes:
         weighing: the joint fit.
@@ -140,7 +140,7 @@ class EmptyMachine:
         return self.rotating_kg / stated_kg, u_1
 
     def datum(self, payloads: Floats) -> "Datum | None":
-        """What it makes of payloads; None where it adds nothing.
+        """Relate payloads to the empty machine; None if that adds nothing.
 
         Args:
             payloads: (masses,) weights of the sum of payloads, for whose variance it is made.
@@ -180,7 +180,7 @@ class EmptyMachine:
 
 @dataclass(frozen=True)
 class Datum:
-    """What the empty machine makes of a log's payloads.
+    """Payloads related to the empty machine of their log.
 
     Attributes:
         empty: the machine.

@@ -71,7 +71,7 @@ class RelativeLoads:
 
 @dataclass(frozen=True, slots=True)
 class PreviousEstimates:
-    """What earlier rounds found, on which columns that are products depend.
+    """Estimates of earlier rounds, on which columns that are products depend.
 
     Attributes:
         lag_s: how late the force is.
@@ -106,7 +106,7 @@ class PreviousEstimates:
 
 @dataclass(frozen=True)
 class FitRows:
-    """What is fitted, weighted by how many samples each mean is of.
+    """Rows of the fit, weighted by the number of samples of each mean.
 
     Attributes:
         A: (rows, 2 + terms) columns: acceleration, speed, terms.
@@ -139,7 +139,7 @@ class FitRows:
 
 @dataclass(frozen=True)
 class FitColumns:
-    """What is averaged, whatever the length of the mean.
+    """Columns before averaging, for means of any length.
 
     Attributes:
         pieces: of the log.

@@ -35,7 +35,7 @@ from estimators.joint.prior_fit import Grouping
 
 @dataclass(frozen=True, slots=True)
 class _SlipCost:
-    """What a share of slip costs, by an earlier round.
+    """Cost of a share of slip, by an earlier round.
 
     Attributes:
         mass_kg: that is accelerated, mean of the loads.
@@ -51,7 +51,7 @@ class _SlipCost:
 
 @dataclass(frozen=True)
 class FitTask:
-    """What is to be fitted, and what is known."""
+    """Samples to fit, and prior knowledge of them."""
 
     motion: MotionSamples
     noise: ColumnNoiseModel
@@ -69,7 +69,7 @@ class FitTask:
 
     @cached_property
     def initial_estimates(self) -> PreviousEstimates:
-        """What is known before anything was fitted."""
+        """Estimates before the first round."""
         return PreviousEstimates(
             slip_1_N=(self._wheels_slip() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
@@ -233,7 +233,7 @@ class FitTask:
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
     def _round_priors(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
-        """Means and widths; those of slip once it is known what it costs."""
+        """Prior means and widths; those of slip once its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
         if cost is not None:
@@ -248,7 +248,7 @@ class FitTask:
     def _slip_cost(
         self, theta: Floats, found: LazyEstimates, terms: tuple[Nuisance, ...]
     ) -> _SlipCost:
-        """What slip costs by what a round found of these terms."""
+        """Compute the cost of slip from the estimates of a round."""
         count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))
         friction = max(resistance_slope(theta, terms, self.motion), 0.0)

@@ -53,7 +53,7 @@ _TRIED: Final = 24
 
 @dataclass(frozen=True)
 class JointFitInputs:
-    """What is fitted, and what is known of it.
+    """Samples of a log with their noise, priors and wheel comparison.
 
     Attributes:
         motion: the samples.
@@ -134,7 +134,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
 def _wheel_kinematics(
     motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings
 ) -> WheelKinematics | None:
-    """What the wheels say, or what a calibration says of them."""
+    """Compare the wheels, or take the comparison of a calibration."""
     found = compare_wheels(motion, noise, priors)
     return None if found is None else found.learnt(priors)
 

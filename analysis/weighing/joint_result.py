@@ -59,7 +59,7 @@ class MotionResponses:
 
 @dataclass(frozen=True)
 class JointFit:
-    """The fit, and how it came about.
+    """A joint fit with its terms, priors, load states and motion.
 
     Attributes:
         terms: the nuisances, in the order of the parameters behind masses and friction.

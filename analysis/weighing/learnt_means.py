@@ -23,7 +23,7 @@ from analysis.weighing.wheel_kinematics import TERMS
 
 @dataclass(frozen=True)
 class LearntErrors:
-    """What a log says of the errors of learnt means, in their standard uncertainties.
+    """Errors of learnt means as a log estimates them, in their standard uncertainties.
 
     Attributes:
         terms: whose means they are.

@@ -24,7 +24,7 @@ _ROUNDS: Final = 60
 
 @dataclass(frozen=True)
 class AlternativePartition:
-    """What the manoeuvres may as well say, where the log cannot tell.
+    """The next likely partition of the manoeuvres, if the log does not decide.
 
     Attributes:
         membership: (units,) the load state of each.
@@ -41,7 +41,7 @@ class AlternativePartition:
 
 @dataclass(frozen=True)
 class LoadStates:
-    """Which load each manoeuvre carries.
+    """The load state of each manoeuvre.
 
     Attributes:
         unit: (units,) numbers of the manoeuvres, as the samples have them, ascending.

@@ -37,7 +37,7 @@ _PIECE: Final = 32_768
 
 
 class ColumnNoiseModel(Protocol):
-    """What is known of the noise of acceleration, speed and force."""
+    """Noise model of acceleration, speed and force."""
 
     def covariance(self, samples: int) -> Floats:
         """(3, 3) of the trailing mean of so many samples."""
@@ -356,7 +356,7 @@ def motion_samples(
 
 
 def _missing_rows(aligned: pl.DataFrame) -> Bools:
-    """Which rows of the grid say nothing, (n,)."""
+    """Rows of the grid without information, (n,)."""
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
     return aligned["left_out"].to_numpy()

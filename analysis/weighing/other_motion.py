@@ -17,7 +17,7 @@ from analysis.weighing.weighing_limits import LIMITS
 
 @dataclass(frozen=True, slots=True)
 class AlternativeMotion:
-    """What the other motion would do to the answer.
+    """The change of the answer by the other motion.
 
     Attributes:
         kg: mass by the other motion less the mass.

@@ -42,7 +42,7 @@ NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 @dataclass(frozen=True, slots=True)
 class Curvature:
-    """What a term in a·|a| finds in a fit.
+    """The estimate of a term in a·|a| beside a fit.
 
     Attributes:
         t: how many deviations it is from 0.
@@ -64,7 +64,7 @@ class Curvature:
 
 @dataclass(frozen=True)
 class Weighing:
-    """What the joint fit says of a log.
+    """The weighing of a log by its joint fit.
 
     Attributes:
         fit: of the answer.
@@ -248,7 +248,7 @@ def _weigh_with_priors(
 
 
 def _has_enough_samples(motion: MotionSamples) -> bool:
-    """Whether there is enough to fit."""
+    """Whether enough samples may be fitted."""
     fewest = rows_in(LIMITS.shortest_log_s, motion.rate_hz, FEWEST_READINGS)
     return int(motion.used.sum()) >= fewest and motion.drives
 

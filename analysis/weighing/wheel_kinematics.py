@@ -43,7 +43,7 @@ _Rows = tuple[Floats, Floats, Ints, NoiseMoments]
 
 @dataclass(frozen=True, slots=True)
 class WheelKinematics:
-    """What the wheels say of the accelerometer and of themselves, value and deviation each.
+    """Comparison of wheels and accelerometer, value and standard deviation each.
 
     Attributes:
         gain: how much the wheels' speed changes beyond what the accelerometer says, as a share.
@@ -82,7 +82,7 @@ class WheelKinematics:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether wheels and accelerometer go together at all."""
+        """Whether wheels and accelerometer are consistent."""
         return self.mismatch <= LIMITS.max_kinematic_mismatch
 
     @property

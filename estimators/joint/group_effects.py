@@ -28,7 +28,7 @@ _LEAST_OWN: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class GroupEffects:
-    """What each unit says of its level, and all of what they share.
+    """Normal equations of units: a level of each, and shared effects.
 
     Attributes:
         y: (n,) level where β is 0.
@@ -58,7 +58,7 @@ def group_effects(
     prior_std: Floats,
     unit: Ints,
 ) -> GroupEffects:
-    """What each unit says of the first parameter of A θ = f, all others shared.
+    """Reduce A θ = f to the first parameter of each unit, all others shared.
 
     Every unit has a level of its own here, so that what changes between units is in no residual.
 

@@ -45,7 +45,7 @@ _HINT: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """A partition and what it says.
+    """A partition with its levels, effects and posterior.
 
     Attributes:
         state: (n,) number of the stretch of each unit, from 0.

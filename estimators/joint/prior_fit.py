@@ -38,7 +38,7 @@ _FEW_GROUPS: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class Grouping:
-    """What is known of the groups of samples.
+    """Grouping of the samples.
 
     Attributes:
         direction: (n,) sign by which what a group misses is compared with the others; None: 1.
@@ -277,7 +277,7 @@ def fit(
 
 @dataclass(frozen=True)
 class _InformativeGroups:
-    """The groups that tell something of their own.
+    """Groups that determine something of their own.
 
     Attributes:
         rows: of each, its samples.
@@ -321,7 +321,7 @@ def _floor_meats(meats: Floats, gram: Floats) -> Floats:
 def _between_group_covariance(
     gain: Floats, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
-    """What groups that disagree add, (p, p), and Birge's ratio of the first parameter."""
+    """Covariance by groups that disagree, (p, p), and Birge's ratio of the first parameter."""
     count = len(scores)
     freedom = count - levels
     if freedom < 1:
