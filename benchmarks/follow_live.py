@@ -10,7 +10,9 @@ that completes it was written; the latency is from then to the return of its ste
 import json
 import multiprocessing
 import resource
+import struct
 import time
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -30,6 +32,7 @@ from replay.follow.follow_logs import Following, follow_logs
 from replay.simulation.simulate_logs import simulate
 
 TICK_NS = 10_000_000
+HEADER_STAMP = struct.Struct("<iI")
 NOISE = [
     "settings.noise.force_N=60.0",
     "settings.noise.acc_m_s2=0.01",
@@ -38,20 +41,25 @@ NOISE = [
 
 
 def record(source: Path, target: Path, times: Path, seconds: float, speed: float) -> None:
-    """Write the messages when they are due; `times` gets log time and wall time of each tick."""
+    """Write the messages when they are due.
+
+    `times` gets of each tick the header stamp that every topic has reached, and its wall time.
+    """
     written_at: list[tuple[int, float]] = []
-    with source.open("rb") as read, target.open("wb", buffering=0) as file:
+    with source.open("rb") as read, target.open("wb") as file:
         writer = Writer(file, compression=CompressionType.NONE, use_chunking=False)
         writer.start("ros2", "benchmark")
         channels: dict[int, int] = {}
-        first, last, began, tick = None, 0, time.monotonic(), 0
+        first, began, tick = None, time.monotonic(), 0
+        reached: dict[int, int] = {}
         for schema, channel, message in make_reader(read).iter_messages():
             first = message.log_time if first is None else first
             due = message.log_time - first
             if due > seconds * 1e9:
                 break
             if due // TICK_NS > tick:
-                written_at.append((last, time.monotonic()))
+                file.flush()
+                written_at.append((min(reached.values()), time.monotonic()))
                 tick = due // TICK_NS
                 time.sleep(max(0.0, began + tick * TICK_NS / 1e9 / speed - time.monotonic()))
             if channel.id not in channels:
@@ -63,7 +71,9 @@ def record(source: Path, target: Path, times: Path, seconds: float, speed: float
             writer.add_message(
                 channels[channel.id], message.log_time, message.data, message.publish_time
             )
-            last = message.log_time
+            # behind the four bytes that say how it is encoded, a message begins with its header
+            seconds_1970, rest_ns = HEADER_STAMP.unpack_from(message.data, 4)
+            reached[channel.id] = seconds_1970 * 10**9 + rest_ns
         writer.finish()
     times.write_text(json.dumps(written_at))
 
@@ -112,7 +122,7 @@ def followed(folder: Path, seconds: float, speed: float) -> list[str]:
 
 def _warm(source: Path, machine: Any) -> None:
     """Compile, and import what is imported late."""
-    follow_logs([source], machine, lambda *_: None, idle_s=0.1)
+    follow_logs([source], machine, lambda _following, _rows: None, idle_s=0.1)
 
 
 def steps(machine: Any) -> str:
@@ -128,10 +138,10 @@ def steps(machine: Any) -> str:
     settings = machine.settings.changed({"trace.methods": ("ls",)})
     ls_method = METHODS["ls"]
     options = ls_method.options(settings.trace, on_board.start(settings).noise)
-    calls = {
-        "sums of the window (index (11) and OLS)": lambda s: incremental.step_window(window, s),
-        "OLS from them": lambda _: ls_method.step(window, 10, options),
-        "RLS, a sample (12)-(15)": lambda s: rls.step(state, s[:2], float(s[2])),
+    calls: dict[str, Callable[[Any], object]] = {
+        "sums of the window: index (11), OLS": lambda row: incremental.step_window(window, row),
+        "OLS from them, with its deviation": lambda _row: ls_method.step(window, 10, options),
+        "RLS, one sample, (12) to (15)": lambda row: rls.step(state, row[:2], float(row[2])),
     }
     rows: list[list[str]] = []
     for name, call in calls.items():

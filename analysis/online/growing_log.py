@@ -18,7 +18,7 @@ from analysis.stages.motion.forces import forces
 from analysis.stages.motion.phases import span_rows
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import Origin, align_on, find_origin
-from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.grid_rate import at_own_rate
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
@@ -96,6 +96,11 @@ class GrowingLog:
         read = (channel for channel in self.machine.channels.values() if channel.fields)
         return list(dict.fromkeys(channel.topic or "table" for channel in read))
 
+    @property
+    def samples_kept(self) -> int:
+        """Samples of all topics that are kept for rows to come."""
+        return sum(frame.height for frame in self._raw.values())
+
     def take(self, topic: str, samples: pl.DataFrame) -> None:
         """Take samples of a topic: log_time_ns, header_stamp_ns (or null) and its fields."""
         if samples.height:
@@ -126,13 +131,13 @@ class GrowingLog:
     def _merge(self) -> None:
         """Put the new samples behind those that are kept."""
         for topic, parts in self._new.items():
-            frame = pl.concat(parts, how="vertical_relaxed")
+            frame = _joined(parts)
             if self.basis is not None:
-                frame = self._placed(topic, frame)
+                frame = self._place_samples(topic, frame)
                 self._count_late(frame)
             parts.clear()
             before = self._raw.get(topic)
-            kept = frame if before is None else pl.concat([before, frame], how="vertical_relaxed")
+            kept = frame if before is None else _joined([before, frame])
             self._raw[topic] = _in_order(kept, "unix_ns" if self.basis else "log_time_ns")
         self._new.clear()
 
@@ -142,7 +147,7 @@ class GrowingLog:
             known = self._last_t_ns + self.basis.t0_unix_ns
             self.late_samples += int((frame["unix_ns"] <= known).sum())
 
-    def _placed(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
+    def _place_samples(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
         assert self.basis is not None
         behind = self.basis.stamps[topic]
         stamps = frame["header_stamp_ns"] if behind is None else frame["log_time_ns"] - behind
@@ -163,7 +168,7 @@ class GrowingLog:
         if min(spans) < HEAD_S and not is_whole:
             return False
         placed, labels, _ = assign_timestamps(self._raw)
-        read, _ = measured(placed, self.machine)
+        read, _ = read_measured(placed, self.machine)
         machine, notes = at_own_rate(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
@@ -173,14 +178,16 @@ class GrowingLog:
             find_origin(channels, machine),
             tuple(notes),
         )
-        self._raw = {t: _in_order(self._placed(t, f), "unix_ns") for t, f in self._raw.items()}
+        self._raw = {
+            t: _in_order(self._place_samples(t, f), "unix_ns") for t, f in self._raw.items()
+        }
         return True
 
     def _next_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
         assert self.basis is not None
         machine = self.basis.machine
         settings = machine.settings
-        read, _ = measured(self._raw, machine)
+        read, _ = read_measured(self._raw, machine)
         channels, _ = derive(read, machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
         looks_back = settings.smooth.samples + 2 * span_rows(settings) + 2
@@ -207,6 +214,17 @@ class GrowingLog:
             first = int(np.searchsorted(frame["unix_ns"].to_numpy(), oldest))
             first = max(0, min(first, frame.height - _FEWEST_KEPT))
             self._raw[topic] = frame[first:]
+
+
+def _joined(frames: list[pl.DataFrame]) -> pl.DataFrame:
+    """Frames one below the other; a column may be of integers in one and of floats in another."""
+    if any(frame.schema != frames[0].schema for frame in frames):
+        return pl.concat(frames, how="vertical_relaxed")
+    # not copied into one piece each time: that takes longer than all that is done with them
+    joined = frames[0]
+    for frame in frames[1:]:
+        joined = joined.vstack(frame)
+    return joined
 
 
 def _in_order(frame: pl.DataFrame, key: str) -> pl.DataFrame:

@@ -4,8 +4,9 @@ A number is given only with its validity: what is not valid or merely old is nul
 """
 
 import math
-from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias
+from dataclasses import dataclass, fields
+from types import NoneType
+from typing import Any, Final, Literal, TypeAlias, get_args, get_origin
 
 from analysis.model.machine import Body
 from estimators.estimate import Estimate
@@ -23,6 +24,9 @@ LEAST_OF_EMPTY_1: Final = 0.5
 MOST_OF_EMPTY_1: Final = 4.0
 #: Seconds for which a mass counts as that of the machine now, unless the caller says otherwise.
 VALID_S: Final = 120.0
+
+
+_JSON_TYPES: Final = {float: "number", int: "integer", str: "string", NoneType: "null"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,25 @@ class OnlineReport:
     def to_dict(self) -> dict[str, Any]:
         """The fields by name, as JSON has them."""
         return {name: getattr(self, name) for name in self.__slots__}
+
+
+def report_schema() -> dict[str, Any]:
+    """The JSON schema of a report."""
+    return {
+        "title": "payscope.OnlineReport",
+        "type": "object",
+        "properties": {each.name: _json_type(each.type) for each in fields(OnlineReport)},
+        "required": [each.name for each in fields(OnlineReport)],
+    }
+
+
+def _json_type(annotation: Any) -> dict[str, Any]:
+    """The JSON type of a field: a word among some, or a number or text that may be null."""
+    choices = get_args(annotation)
+    if get_origin(annotation) is Literal:
+        return {"type": "string", "enum": list(choices)}
+    kinds = [_JSON_TYPES[each] for each in choices or (annotation,)]
+    return {"type": kinds if len(kinds) > 1 else kinds[0]}
 
 
 def judge(last: LastMass | None, t_ns: int, body: Body, valid_s: float) -> Validity:

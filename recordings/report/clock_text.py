@@ -51,6 +51,11 @@ class ShiftClock:
         day = "" if self._one_day else f"{local:%Y-%m-%d} "
         return f"{day}{local:%H:%M:%S} {self._offset(s)}"
 
+    def day_and_time(self, when: datetime) -> str:
+        """Any time, of another day than the shift as well, as the machine's clock has it."""
+        local = when.astimezone(ZoneInfo(self.zone))
+        return f"{local:%Y-%m-%d %H:%M:%S} {_offset_text(local)}"
+
     def at_unix_ns(self, unix_ns: int) -> str:
         """The same of a unix time."""
         return self.at((unix_ns - self.t0_unix_ns) / _NS)
@@ -85,8 +90,7 @@ class ShiftClock:
         return f"{local:%H:%M}{'' if self._one_offset else self._offset(s + 0.5)[:3]}"
 
     def _offset(self, s: float) -> str:
-        text = f"{self.local(s):%z}"
-        return f"{text[:3]}:{text[3:5]}"
+        return _offset_text(self.local(s))
 
     @property
     def _one_offset(self) -> bool:
@@ -95,6 +99,11 @@ class ShiftClock:
     @property
     def _one_day(self) -> bool:
         return self.local(0.0).date() == self.local(self.duration_s).date()
+
+
+def _offset_text(local: datetime) -> str:
+    text = f"{local:%z}"
+    return f"{text[:3]}:{text[3:5]}"
 
 
 def duration_text(s: float) -> str:

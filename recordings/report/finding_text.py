@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from analysis.explain import Finding
 from analysis.model.run_record import Run
+from recordings.report.clock_text import ShiftClock
 from recordings.report.number_text import number, plus_minus
 
 #: What a severity leads to.
@@ -46,17 +47,20 @@ def change_of(finding: Finding) -> str:
     return f"fixing it changes the mass by {signed} kg"
 
 
-def span_of(finding: Finding) -> str:
-    """Where it is, or nothing for the whole log."""
+def span_of(finding: Finding, clock: ShiftClock | None = None) -> str:
+    """Where it is, or nothing for the whole log: in s since the start, or by a clock."""
     if finding.start_s is None or finding.end_s is None:
         return ""
+    if clock is not None:
+        begin, end = clock.at(finding.start_s), clock.at(finding.end_s)
+        return begin if begin == end else f"{begin} to {end}"
     begin, end = f"{finding.start_s:,.1f}", f"{finding.end_s:,.1f}"
     return f"{begin} s" if begin == end else f"{begin} to {end} s"
 
 
-def finding_line(finding: Finding) -> str:
+def finding_line(finding: Finding, clock: ShiftClock | None = None) -> str:
     """One line: the cause, where, what was measured, what mending it would do."""
-    where = ", ".join(filter(None, (finding.channel, span_of(finding))))
+    where = ", ".join(filter(None, (finding.channel, span_of(finding, clock))))
     parts = [f"{name_of(finding.cause)}{f' ({where})' if where else ''}: {finding.evidence}"]
     parts += filter(None, [change_of(finding)])
     return "; ".join(parts)

@@ -6,6 +6,7 @@ from typing import Any, Final, NamedTuple
 
 import polars as pl
 
+from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
 from recordings.review.review_state import RECORDING
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict
@@ -59,19 +60,22 @@ def _cells(row: Row, columns: Sequence[CycleColumn]) -> list[tuple[str, str]]:
     ]
 
 
-def cycle_rows(rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict]) -> list[Row]:
+def cycle_rows(
+    rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict], clock: ShiftClock
+) -> list[Row]:
     """What the page's table shows of each cycle.
 
     Args:
         rows: the ledger.
         verdicts: on cycles, by row.
+        clock: of the shift.
     """
-    return [_row(row, verdicts.get(k)) for k, row in enumerate(rows.iter_rows(named=True))]
+    return [_row(row, verdicts.get(k), clock) for k, row in enumerate(rows.iter_rows(named=True))]
 
 
-def _row(row: Row, verdict: CycleVerdict | None) -> Row:
+def _row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
     labels = [row[name] for name in LABELS if row[name]]
-    by = f"{row['author']}, {row['said']}" if row["author"] else ""
+    by = "" if verdict is None else f"{verdict.author}, {clock.day_and_time(verdict.time)}"
     own = {} if verdict is None else verdict.model_dump(include={"reject", "note", *LABELS})
     return {
         "number": row["cycle"],

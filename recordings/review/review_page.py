@@ -111,7 +111,7 @@ def review_html(page: ReviewPage) -> str:
         warnings=_warnings(page),
         payload_heads=[column.head for column in PAYLOAD],
         detail_heads=[column.head for column in DETAILS],
-        cycles=cycle_rows(page.ledger, page.by_row),
+        cycles=cycle_rows(page.ledger, page.by_row, state.clock),
         doubted=page.ledger.filter("counted", pl.col("doubt") != "").height,
         load_pictures=pictures(page.ledger, state, page.target),
         pictures=more_pictures(state, page.track),

@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from analysis.cycles.cycle_motion import (
     CycleMotion,
     DriveSummary,
-    cycle_motions,
     idle_stands,
-    shift_motion,
+    summarise_cycle_motion,
+    summarise_shift_motion,
 )
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
 from analysis.cycles.lost_cycles import holes
@@ -145,6 +145,8 @@ def state_of(
     gaps = holes(frames["excitation"], frames["aligned"])
     load = frames["loads"].row(0, named=True)
     body = machine_body(about)
+    timezone, duration_s = str(body.get("timezone", "UTC")), float(frames["shift"]["duration_s"][0])
+    clock = ShiftClock(timezone, about.t0_unix_ns, duration_s)
     return ReviewState(
         key=key,
         recording_sha256=recording_sha256,
@@ -180,14 +182,14 @@ def state_of(
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,
-        findings=tuple(finding_line(e) for e in findings_of(run) if e.severity != "tell"),
+        findings=tuple(finding_line(e, clock) for e in findings_of(run) if e.severity != "tell"),
         no_cycle=_no_cycle(frames["cycles"], frames["loads"]),
         mixed_machines=mixed_machines,
-        timezone=str(body.get("timezone", "UTC")),
+        timezone=timezone,
         serial=str(body.get("id") or ""),
-        duration_s=float(frames["shift"]["duration_s"][0]),
-        motions=tuple(cycle_motions(frames["cycles"], frames["excitation"], gaps)),
-        motion=shift_motion(frames["excitation"], gaps),
+        duration_s=duration_s,
+        motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
+        motion=summarise_shift_motion(frames["excitation"], gaps),
         idle_s=tuple((s / _NS, e / _NS) for s, e in idle_stands(frames["excitation"])),
         torn=torn,
     )

@@ -77,7 +77,7 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     stamp_ns = about.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / _NS:.3f} s of the log's own clock"
-    clock = ShiftClock(str(machine_body(about).get("timezone", "UTC")), stamp_ns, 0.0)
+    clock = ShiftClock(_timezone(about), stamp_ns, 0.0)
     return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
 
 
@@ -175,7 +175,7 @@ def answer_text(run: Run) -> str:
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _worth(said)
+    parts += _worth(said, _cycles(run) if _is_shift(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
@@ -269,6 +269,10 @@ def machine_body(about: Provenance) -> dict[str, Any]:
     return body if isinstance(body, dict) else {}
 
 
+def _timezone(about: Provenance) -> str:
+    return str(machine_body(about).get("timezone", "UTC"))
+
+
 def _losses(about: Provenance) -> list[tuple[str, str, str]]:
     return [(each.source, each.topic, each.what) for each in about.losses]
 
@@ -297,22 +301,54 @@ def _masses(row: AnswerRow) -> list[str]:
     ]
 
 
-def _worth(said: Answer) -> list[str]:
-    """What the answer is worth: other priors, budget, priors and posteriors."""
+def _worth(said: Answer, cycles: list[str]) -> list[str]:
+    """What the answer is worth: other priors, budget, priors and posteriors.
+
+    Sentences are lists: the viewer wraps them, and no table.
+
+    Args:
+        said: the answer.
+        cycles: the part that stands for the loads, where the log is a shift.
+    """
     if not any(load["mass_kg"] is not None for load in said.loads):
         return []
     parts = ["\n".join(f"- {line}" for line in worth_lines(said))]
     which = ""
     if len(said.loads) > 1:
-        parts += ["## Loads", table(load_heads(said), load_rows(said))]
+        parts += cycles or ["## Loads", table(load_heads(said), load_rows(said))]
         which = f" (mass of load {main_load(said)})"
-    heads = ("uncertainty from", "kind", "u (kg)", "share of the variance", "shrinks with")
-    title = f"## Where the uncertainty comes from{which}"
-    parts += [title, table(heads, budget_rows(said, _MARK))]
-    columns = ("term", "prior_std", "posterior", "posterior_std", "unit", "u_kg", "meaning")
-    rows = [tuple(row[name] for name in columns) for row in said.nuisances]
-    heads = ("term", "prior ±", "posterior", "±", "unit", "u of the mass (kg)", "what it is")
-    return [*parts, "## What the fit allows besides mass and friction", table(heads, rows)]
+    parts += [
+        f"## Where the uncertainty comes from{which}",
+        "\n".join(
+            f"- **{cause}** ({kind}): {u} kg {share}; shrinks with {shrinks}"
+            for cause, kind, u, share, shrinks in budget_rows(said, _MARK)
+        ),
+        "## What the fit allows besides mass and friction",
+        "\n".join(
+            f"- **{row['term']}**, {row['meaning']}: "
+            f"{plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
+            f"{number(row['prior_std'])} {row['unit']}; u of the mass {number(row['u_kg'])} kg"
+            for row in said.nuisances
+        ),
+    ]
+    return parts
+
+
+def _cycles(run: Run) -> list[str]:
+    """The cycles of a shift with the local time of each dump."""
+    about, span = run.provenance, span_ns(run)
+    duration_s = 0.0 if span is None else (span[1] - span[0]) / _NS
+    clock = ShiftClock(_timezone(about), about.t0_unix_ns, duration_s)
+    rows = [
+        (
+            str(row["cycle"]),
+            clock.at(row["end_t_ns"] / _NS),
+            plus_minus(row["payload_kg"], row["payload_u_kg"]),
+            row["quality"],
+        )
+        for row in run.frames["cycles"].iter_rows(named=True)
+    ]
+    return ["## Cycles", table(("cycle", "dumped at", "payload kg", "quality"), rows)]
 
 
 def _verdict(verdict: Verdict) -> list[str]:

@@ -36,7 +36,11 @@ def command(
     valid_s: Annotated[
         float, typer.Option("--valid-s", min=0.0, help="A mass older than this is old.")
     ] = 120.0,
-    force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
+    reports: Annotated[
+        Path | None,
+        typer.Option("--reports", metavar="MCAP", help="Write reports as a topic, as they come."),
+    ] = None,
+    force: Annotated[bool, typer.Option(help="Replace existing outputs.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print reports as JSON lines: manoeuvres, each second.")
     ] = False,
@@ -48,6 +52,7 @@ def command(
     settings.filter.causal=true and recorded, and what was followed is compared with it bit for bit.
     """
     import json
+    from contextlib import ExitStack
 
     from analysis.online.follower import FollowedRow
     from recordings import check_recording, read_recording
@@ -55,6 +60,7 @@ def command(
     from replay.follow.agreement import FollowedDigests
     from replay.follow.follow_logs import Following, follow_logs
     from replay.follow.record_followed import record_followed
+    from replay.follow.report_file import ReportFile
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 
@@ -65,25 +71,31 @@ def command(
         check_recording(output, force=force)
     digests = FollowedDigests()
 
-    with FollowPanel() as panel:
+    with ExitStack() as opened:
+        topic = ReportFile(reports, logs, force=force) if reports else None
+        if topic is not None:
+            opened.callback(topic.close)
+        panel = opened.enter_context(FollowPanel())
 
         def show(following: Following, rows: list[FollowedRow]) -> None:
             digests.add(rows)
-            reports = [report for row in rows for report in row.reports]
-            for report in reports:
+            made = [report for row in rows for report in row.reports]
+            if topic is not None and made:
+                topic.write(made)
+            for report in made:
                 if as_json:
                     typer.echo(json.dumps(report.to_dict(), allow_nan=False))
                 elif report.event == "manoeuvre":
                     typer.echo(f"{time_text(report)}  {mass_text(report)}")
-            panel.show(following, reports)
+            panel.show(following, made)
 
         following = follow_logs(logs, loaded, show, noise=known, idle_s=idle_s, valid_s=valid_s)
     for loss in following.losses:
         typer.echo(f"payscope: {loss}", err=True)
     follower = following.follower
     typer.echo(
-        f"{following.ended}: {follower.rows_stepped:,} rows, {follower.manoeuvres:,} manoeuvres "
-        "with a mass",
+        f"{following.ended}: {follower.rows_stepped:,} rows, masses of {follower.manoeuvres:,} "
+        "manoeuvre" + "s" * (follower.manoeuvres != 1),
         err=True,
     )
     if output is not None:
@@ -97,6 +109,8 @@ def command(
 def _agreement_text(each: "Agreement") -> str:
     if each.differs_from_s is None:
         return f"{each.name}: {each.rows:,} rows, as in the replay bit for bit"
+    if each.is_rounding:
+        return f"{each.name}: {each.rows:,} rows, as in the replay to nine digits"
     return (
         f"{each.name}: {each.rows:,} rows, {each.replayed:,} in the replay; they differ from "
         f"{each.differs_from_s:,.0f} s on"

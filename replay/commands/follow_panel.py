@@ -26,10 +26,14 @@ class FollowPanel:
     """Drawn on stderr where that is a terminal."""
 
     def __init__(self) -> None:
-        console = Console(stderr=True)
-        self._live = (
-            Live(console=console, refresh_per_second=_DRAWN_HZ) if sys.stderr.isatty() else None
-        )
+        self._live: Live | None = None
+        if sys.stderr.isatty():
+            self._live = Live(
+                console=Console(stderr=True),
+                refresh_per_second=_DRAWN_HZ,
+                # lines of data go above the panel, but into a pipe where stdout is one
+                redirect_stdout=sys.stdout.isatty(),
+            )
         self._masses: deque[OnlineReport] = deque(maxlen=_SHOWN)
         self._last: OnlineReport | None = None
 
@@ -61,8 +65,8 @@ class FollowPanel:
         if self._last is None:
             waits = following.missing or following.follower.topics
             parts.append(Text(f"waits for {', '.join(waits)}", style="yellow"))
-            if following.missing and following.topics:
-                parts.append(Text(f"the log has {', '.join(following.topics)}", style="dim"))
+            if following.topics and following.remedy:
+                parts.append(Text(following.remedy.removeprefix("; "), style="dim"))
             return parts
         parts += [_motion(self._last), _answer(self._last), _methods(following)]
         if self._masses:
@@ -78,7 +82,7 @@ class FollowPanel:
         rows = following.follower.rows_stepped
         state = following.ended or "ctrl-C ends"
         return Text(
-            f"{names}  {rows:,} rows, slowest look {1e3 * following.slowest_s:.0f} ms  ({state})",
+            f"{names}  {rows:,} rows, last look {1e3 * following.look_s:.0f} ms  ({state})",
             style="bold",
         )
 

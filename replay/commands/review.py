@@ -86,8 +86,9 @@ def command(
 ) -> None:
     """Review a shift: ledger, recording and one page with tonnes, cycles and what is wrong.
 
-    Verdicts are added to verdicts.toml in the folder. Exit status 1 if no cycle counts; stderr and
-    the page say why.
+    Verdicts are added to verdicts.toml in the folder.
+
+    Exit status 1 if no cycle counts; stderr and the page say why.
     """
     from estimators.errors import one_line
     from recordings.review.shift_facts import headline
@@ -116,8 +117,8 @@ def command(
         made = count_again(logs[0], given)
     elif machine is None or output is None:
         raise typer.BadParameter(
-            f"{logs[0]} is not the folder of a review: logs need a machine file (-m) and a folder "
-            "to write (-o)"
+            f"{logs[0]}: logs need a machine file (-m) and a folder to write (-o); only the folder "
+            "of a review needs neither"
         )
     else:
         options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)

@@ -17,6 +17,8 @@ from analysis.online.follower import FollowedRow
 
 GATE: Final = "gate"
 _MINUTE_NS: Final = 60 * 10**9
+#: Sums that differ by a smaller share differ by rounding: nine digits.
+_ROUNDING_1: Final = 1e-9
 _THETA: Final = ("mass_kg", "friction_x_N_s_m", "coulomb_x_N")
 _REASONS: Final = {name: number for number, name in enumerate(REASON.categories)}
 
@@ -29,36 +31,62 @@ class Agreement:
         name: `gate`, or the method.
         rows: that were followed.
         replayed: that the replay has.
-        differs_from_s: from the first row; None where all rows are the same.
+        differs_from_s: from the first row; None where all rows are the same bit for bit.
+        is_rounding: whether the same rows have the same numbers but for rounding.
     """
 
     name: str
     rows: int
     replayed: int
     differs_from_s: float | None
+    is_rounding: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Minute:
+    """The rows of a minute: their digest, their number and the sums of their columns."""
+
+    digest: bytes = b""
+    rows: int = 0
+    sums: tuple[float, ...] = ()
+
+    def with_row(self, t_ns: int, numbers: NDArray[np.float64]) -> "_Minute":
+        # each digest is of the row and of the digest before, so that none has to be kept open
+        row = np.int64(t_ns).tobytes() + np.where(np.isnan(numbers), np.nan, numbers).tobytes()
+        known = np.nan_to_num(numbers)
+        sums = known + self.sums if self.sums else known
+        digest = hashlib.sha256(self.digest + row).digest()
+        return _Minute(digest, self.rows + 1, tuple(sums.tolist()))
+
+    def is_near(self, other: "_Minute") -> bool:
+        """Whether both have as many rows, and numbers alike on average."""
+        return self.rows == other.rows and np.allclose(self.sums, other.sums, _ROUNDING_1, 0.0)
 
 
 @dataclass(slots=True)
 class _Minutes:
-    """Digests of rows, by the minute."""
+    """Rows by the minute."""
 
     rows: int = 0
-    digests: dict[int, bytes] = field(default_factory=dict)
+    minutes: dict[int, _Minute] = field(default_factory=dict)
 
     def add(self, t_ns: int, numbers: NDArray[np.float64]) -> None:
-        # each digest is of the rows and of the digest before, so that none has to be kept open
         minute = t_ns // _MINUTE_NS
-        row = np.int64(t_ns).tobytes() + np.where(np.isnan(numbers), np.nan, numbers).tobytes()
-        self.digests[minute] = hashlib.sha256(self.digests.get(minute, b"") + row).digest()
+        self.minutes[minute] = self.minutes.get(minute, _Minute()).with_row(t_ns, numbers)
         self.rows += 1
 
-    def differs_from_s(self, other: "_Minutes") -> float | None:
-        minutes = sorted(self.digests.keys() | other.digests.keys())
-        for minute in minutes:
-            mine, theirs = self.digests.get(minute), other.digests.get(minute)
-            if mine is None or theirs is None or mine != theirs:
-                return minute * _MINUTE_NS / 1e9
-        return None
+    def compared(self, name: str, replayed: "_Minutes") -> Agreement:
+        every = sorted(self.minutes.keys() | replayed.minutes.keys())
+        pairs = [(m, self.minutes.get(m, _Minute()), replayed.minutes.get(m)) for m in every]
+        differing = [minute for minute, mine, theirs in pairs if mine != theirs]
+        near = all(theirs is not None and mine.is_near(theirs) for _, mine, theirs in pairs)
+        return Agreement(
+            name,
+            self.rows,
+            replayed.rows,
+            differing[0] * _MINUTE_NS / 1e9 if differing else None,
+            near,
+        )
 
 
 class FollowedDigests:
@@ -78,11 +106,10 @@ class FollowedDigests:
 
     def compare(self, frames: Mapping[str, pl.DataFrame]) -> list[Agreement]:
         """Compare with the frames of a replay."""
-        found: list[Agreement] = []
-        for name, replayed in _replayed(frames).items():
-            mine = self._minutes.get(name, _Minutes())
-            found.append(Agreement(name, mine.rows, replayed.rows, mine.differs_from_s(replayed)))
-        return found
+        return [
+            self._minutes.get(name, _Minutes()).compared(name, replayed)
+            for name, replayed in _replayed(frames).items()
+        ]
 
     def _of(self, name: str) -> _Minutes:
         return self._minutes.setdefault(name, _Minutes())

@@ -15,6 +15,7 @@ from analysis.online.follower import FollowedRow, Follower
 from analysis.online.growing_log import causal_machine
 from analysis.online.online_report import VALID_S
 from estimators.errors import DataError, LogError
+from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import GrowingLogFile, follow_log
 from replay.machines.machine_file import time_axis
@@ -35,7 +36,7 @@ class Following:
         follower: gate and estimators.
         topics: that the log has so far.
         losses: what could not be read.
-        slowest_s: the longest time from a look that found something to its rows.
+        look_s: the time that the last look took that found something, to its rows.
         ended: why it ended; empty while it is followed.
     """
 
@@ -43,7 +44,7 @@ class Following:
     follower: Follower
     topics: list[str] = field(default_factory=list)
     losses: list[Loss] = field(default_factory=list)
-    slowest_s: float = 0.0
+    look_s: float = 0.0
     ended: str = ""
 
     @property
@@ -51,7 +52,16 @@ class Following:
         """Topics of the machine file of which nothing has come."""
         return [topic for topic in self.follower.topics if topic not in self.topics]
 
+    @property
+    def remedy(self) -> str:
+        """What to do where topics are missing; empty where none is."""
+        if not self.missing:
+            return ""
+        has = f"it has {', '.join(self.topics)}" if self.topics else "it has no topic yet"
+        return f"; {has}. Set the topic of the channel in the machine file"
 
+
+@one_blas_thread()  # or the last bits depend on the number of cores
 def follow_logs(
     paths: Sequence[Path],
     machine: Machine,
@@ -85,8 +95,7 @@ def follow_logs(
         try:
             _look(log, following, on_rows, is_whole=True)
         except DataError as error:
-            has = f"; it has {', '.join(following.topics)}" if following.missing else ""
-            raise LogError(f"{paths[0]}: {following.ended}: {error}{has}") from error
+            raise LogError(f"{paths[0]}: {following.ended}: {error}{following.remedy}") from error
     return following
 
 
@@ -125,6 +134,6 @@ def _look(
     rows: list[FollowedRow] = []
     if frames or is_whole:
         rows = following.follower.rows(is_whole=is_whole)
-        following.slowest_s = max(following.slowest_s, time.monotonic() - began)
+        following.look_s = time.monotonic() - began
     on_rows(following, rows)
     return bool(frames)

@@ -128,6 +128,11 @@ def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
     assert not told["replayed"]
     assert told["shift"]["payload_kg"] == pytest.approx(rows["payload_kg"].sum())
     assert abs(told["shift"]["payload_kg"] - sum(SHORT)) < 2.0 * told["shift"]["payload_u_kg"]
+    # counted anew, without logs and evidence, it is on that line as well
+    anew = json.loads(payscope("review", out, "--json").out)
+    assert anew["shift"] == pytest.approx(told["shift"])
+    assert anew["calibration"] == told["calibration"]
+    assert pl.read_parquet(out / "ledger.parquet").equals(rows)
 
 
 def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(

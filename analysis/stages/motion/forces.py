@@ -27,7 +27,10 @@ def forces(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     rate = speed_rate(speed, settings)
     declared = {column.name for column in FRAMES["excitation"].columns}
     columns: dict[str, NDArray[np.float64] | pl.Series] = {
-        name: smoothed[name] for name in smoothed.columns if name in declared
+        # arrays: of series, `build` would look for NaN by a query
+        name: values(smoothed, name) if smoothed[name].dtype.is_float() else smoothed[name]
+        for name in smoothed.columns
+        if name in declared
     }
     columns["force_x_N"] = longitudinal_force(smoothed, machine.machine)
     torque = yaw_torque(smoothed, machine.machine)

@@ -84,6 +84,7 @@ class TestBudget:
     def test_the_page_has_budget_and_terms_with_prior_and_posterior(self, drives):
         page = texts(drives(60.0))["answer"]
         assert "## Where the uncertainty comes from" in page
-        assert "| const | common | 40 |" in page
-        assert "| lag | 0.02 | -0.003 | 0.001 | s | 1.5 | how late the force is |" in page
+        assert "- **const** (common): 40 kg " in page
+        assert "- **lag**, how late the force is: -0.0030 ± 0.0010 s, prior ± 0.02 s; " in page
+        assert "u of the mass 1.5 kg" in page
         assert "| joint |" in page

@@ -114,7 +114,7 @@ def _tables(database: sqlite3.Connection) -> list[str]:
     return [name for (name,) in rows]
 
 
-def _insert(database: sqlite3.Connection, table: str, rows: list[tuple]) -> None:
+def _insert(database: sqlite3.Connection, table: str, rows: list[tuple[object, ...]]) -> None:
     if rows:
         places = ", ".join("?" * len(rows[0]))
         database.executemany(f"INSERT INTO {table} VALUES ({places})", rows)

@@ -1,6 +1,8 @@
 """A log that is followed while others record it gives what the replay of the finished log gives."""
 
+from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +29,7 @@ from tests.replay.follow.recorders import (
     rosbag2_recorder,
 )
 
+REPO = Path(__file__).resolve().parents[3]
 #: Two starts of the paper's loader.
 TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}})
 CAUSAL = [
@@ -37,17 +40,18 @@ CAUSAL = [
 ]
 #: Recorders stop for no longer than this, so that what does not say that it ends has ended.
 IDLE_S = 0.5
-FORMATS = {
+#: By name: the suffix of the log that is written again, and the recorder that does it.
+FORMATS: dict[str, tuple[str, Callable[[Path, Path], Iterator[None]]]] = {
     "bag": (".bag", bag_recorder),
-    "bag with lz4": (".bag", lambda a, b: bag_recorder(a, b, "lz4")),
-    "MCAP with zstd": (".mcap", lambda a, b: mcap_recorder(a, b, CompressionType.ZSTD)),
-    "MCAP with lz4": (".mcap", lambda a, b: mcap_recorder(a, b, CompressionType.LZ4)),
+    "bag with lz4": (".bag", partial(bag_recorder, compression="lz4")),
+    "MCAP with zstd": (".mcap", partial(mcap_recorder, compression=CompressionType.ZSTD)),
+    "MCAP with lz4": (".mcap", partial(mcap_recorder, compression=CompressionType.LZ4)),
     "MCAP without chunks": (
         ".mcap",
-        lambda a, b: mcap_recorder(a, b, CompressionType.NONE, chunks=False),
+        partial(mcap_recorder, compression=CompressionType.NONE, chunks=False),
     ),
     "rosbag2 in WAL mode": (".db3", rosbag2_recorder),
-    "rosbag2 that rotates": (".db3", lambda a, b: rosbag2_recorder(a, b, 1500)),
+    "rosbag2 that rotates": (".db3", partial(rosbag2_recorder, rows_a_file=1500)),
     "CSV": (".csv", csv_recorder),
 }
 
@@ -84,13 +88,13 @@ def replayed(path: Path, machine: Machine) -> Run:
 
 
 def assert_as_replayed(rows: list[FollowedRow], replay: Run) -> None:
-    stepped = [row for row in rows if row.gate is not None]
+    stepped = [(row.t_ns, row.gate) for row in rows if row.gate is not None]
     gate = replay.frames["gate"]
-    assert [row.t_ns for row in stepped] == gate["t_ns"].to_list()
-    assert [row.gate.reason for row in stepped] == gate["reason_x"].to_list()
+    assert [t_ns for t_ns, _ in stepped] == gate["t_ns"].to_list()
+    assert [seen.reason for _, seen in stepped] == gate["reason_x"].to_list()
     for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "noise_share_x_1"):
-        seen = np.array([getattr(row.gate, name) for row in stepped])
-        np.testing.assert_array_equal(seen, gate[name].fill_null(np.nan).to_numpy())
+        numbers = np.array([getattr(seen, name) for _, seen in stepped])
+        np.testing.assert_array_equal(numbers, gate[name].fill_null(np.nan).to_numpy())
     methods = [name for name in replay.frames if name.startswith("estimates/")]
     assert methods
     for name in methods:
@@ -178,5 +182,76 @@ def test_digests_say_from_which_minute_on_a_replay_differs(logs: dict[str, Path]
     frames = dict(replayed(logs[".bag"], machine).frames)
     assert all(each.differs_from_s is None for each in digests.compare(frames))
     frames["estimates/ls"] = frames["estimates/ls"].with_columns(pl.col("mass_kg") + 1e-9)
-    differing = [each.name for each in digests.compare(frames) if each.differs_from_s is not None]
-    assert differing == ["ls"]
+    frames["estimates/tls"] = frames["estimates/tls"].with_columns(pl.col("mass_kg") + 1.0)
+    compared = {each.name: each for each in digests.compare(frames)}
+    differing = [name for name, each in compared.items() if each.differs_from_s is not None]
+    assert differing == ["ls", "tls"]
+    assert compared["ls"].is_rounding
+    assert not compared["tls"].is_rounding
+
+
+def test_holes_of_a_log_are_as_in_the_replay(logs: dict[str, Path], tmp_path: Path) -> None:
+    """A drop-out, and a pause of which the grid keeps the ends alone."""
+    source, target = tmp_path / "holes.csv", tmp_path / "growing.csv"
+    table = pl.read_csv(logs[".csv"], infer_schema_length=None)
+    time_s = pl.col("time_s")
+    table = table.filter(~time_s.is_between(14.0, 14.3)).with_columns(
+        time_s=pl.when(time_s > 17.0).then(time_s + 130.0).otherwise(time_s)
+    )
+    table.write_csv(source)
+    machine = machine_of(source)
+    with Recording(csv_recorder(source, target), target):
+        _, rows = followed(target, machine)
+    assert_as_replayed(rows, replayed(target, machine))
+    assert {row.gate.reason for row in rows if row.gate} >= {"gap", "accepted"}
+
+
+@pytest.mark.parametrize(
+    ("log", "machine_file", "is_exact"),
+    [
+        ("linear_axis.csv", "linear_axis.toml", True),
+        # what a filter carries over from the beginning of the log is lost but for rounding
+        ("linear_axis.bag", "linear_axis_ros.toml", False),
+        ("husky_asphalt.bag", "husky_imu.toml", False),
+    ],
+)
+def test_logs_of_others_are_followed_as_replayed(
+    shared_data: Path, tmp_path: Path, log: str, machine_file: str, is_exact: bool
+) -> None:
+    data = (shared_data / "logs" / log).read_bytes()
+    target = tmp_path / log
+    machine = load_machine(REPO / "examples" / machine_file, CAUSAL)
+
+    def record() -> Iterator[None]:
+        with target.open("wb") as file:
+            for begin in range(0, len(data), len(data) // 100):
+                file.write(data[begin : begin + len(data) // 100])
+                file.flush()
+                yield
+
+    digests = FollowedDigests()
+    with Recording(record(), target):
+        follow_logs([target], machine, lambda _, rows: digests.add(rows), idle_s=IDLE_S)
+    compared = {each.name: each for each in digests.compare(replayed(target, machine).frames)}
+    assert compared["gate"].differs_from_s is None
+    assert compared["gate"].rows > 300
+    for each in compared.values():
+        assert each.is_rounding, each
+        assert each.differs_from_s is None or not is_exact
+
+
+def test_memory_does_not_grow_with_the_log(logs: dict[str, Path], tmp_path: Path) -> None:
+    """What is kept of the samples is the newest seconds, whatever came before."""
+    machine = machine_of(logs[".mcap"])
+    target = tmp_path / "growing.mcap"
+    heights: list[int] = []
+
+    def on_rows(following: Following, _: list[FollowedRow]) -> None:
+        heights.append(following.follower.log.samples_kept)
+
+    recorder = mcap_recorder(logs[".mcap"], target, CompressionType.NONE)
+    with Recording(recorder, target):
+        following = follow_logs([target], machine, on_rows, idle_s=IDLE_S)
+    assert following.follower.rows_stepped > 2_000
+    # three topics at 100 Hz: two seconds are kept, and what a chunk or a look brings at once
+    assert heights[-1] < 1_000

@@ -1,17 +1,25 @@
 """The example of docs/on-board.md runs as it is written, and reports say what they are worth."""
 
 import json
+import os
+import pty
 import re
 import shutil
+import subprocess
+import sys
+import threading
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
-from analysis.online.online_report import LastMass, judge
+from analysis.online.online_report import LastMass, OnlineReport, judge
 from analysis.simulation import Scenario
 from estimators.estimate import Estimate
-from replay import load_machine
+from replay import load_machine, open_log
+from replay.follow.report_file import ReportFile
 from replay.simulation.simulate_logs import simulate
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope
@@ -59,6 +67,39 @@ def test_json_lines_give_no_number_without_validity(payscope: Payscope) -> None:
         assert (report["mass_u_kg"] is None) == (report["mass_kg"] is None)
     assert reports[0]["validity"] == "none_yet"
     assert reports[-1]["validity"] == "valid"
+
+
+@pytest.mark.usefixtures("demo")
+def test_reports_are_a_topic_that_others_read(payscope: Payscope) -> None:
+    words = ("demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json")
+    said = payscope("follow", *words, "--reports", "mass.mcap")
+    printed = [json.loads(line) for line in said.out.splitlines()]
+    with Path("mass.mcap").open("rb") as file:
+        messages = [json.loads(each.data) for *_, each in make_reader(file).iter_messages()]
+    assert messages == printed
+    with open_log("mass.mcap") as log:
+        frame = log.read("/payscope/mass", ["validity", "mass_kg", "age_s", "manoeuvres"])
+    assert frame["mass_kg"].to_list() == [report["mass_kg"] for report in printed]
+    assert frame["validity"].to_list() == [report["validity"] for report in printed]
+    again = payscope("follow", *words, "--reports", "mass.mcap")
+    assert again.status == 2
+    assert "mass.mcap" in again.err
+    over_the_log = payscope("follow", *words, "--reports", words[0], "--force")
+    assert over_the_log.status == 2
+    assert Path(words[0]).stat().st_size > 100_000
+
+
+def test_the_topic_of_a_follower_that_was_killed_has_every_report(tmp_path: Path) -> None:
+    report = OnlineReport(
+        *("manoeuvre", 10**18, 1.0, "cruising", "accepted", 0.9, "valid"),
+        *(3600.0, 5.0, 900.0, 3.0, 0.2, 1),
+    )
+    file = ReportFile(tmp_path / "mass.mcap", [], force=False)
+    file.write([report, report])
+    (tmp_path / "killed.mcap").write_bytes((tmp_path / "mass.mcap").read_bytes())
+    file.close()
+    with open_log(tmp_path / "killed.mcap") as log:
+        assert log.read("/payscope/mass", ["mass_kg"])["mass_kg"].to_list() == [3600.0, 3600.0]
 
 
 @pytest.mark.usefixtures("demo")
@@ -123,3 +164,31 @@ def test_the_recording_is_the_causal_replays_and_agrees(payscope: Payscope) -> N
     again = payscope("follow", bag, "-m", "demo/cat262c.toml", "-o", "followed.rrd")
     assert again.status == 2
     assert "followed.rrd" in again.err
+
+
+@pytest.mark.usefixtures("demo")
+def test_json_lines_go_to_stdout_also_where_a_panel_is_drawn() -> None:
+    """On a terminal, `follow --json > FILE` draws on stderr and writes lines into the file."""
+    master, terminal = pty.openpty()
+    words = ["follow", "demo/campaign_150kg.bag", "-m", "demo/cat262c.toml", "--json"]
+    with subprocess.Popen(
+        [sys.executable, "-P", str(REPO / "payscope.py"), *words],
+        stdout=subprocess.PIPE,
+        stderr=terminal,
+        text=True,
+    ) as following:
+        os.close(terminal)
+        drawn = threading.Thread(target=_drain, args=(master,))
+        drawn.start()
+        out, _ = following.communicate()
+        drawn.join()
+    os.close(master)
+    assert following.returncode == 0
+    assert [json.loads(line)["event"] for line in out.splitlines()].count("manoeuvre") == 2
+
+
+def _drain(terminal: int) -> None:
+    """Read what is drawn, or the terminal fills up."""
+    with suppress(OSError):  # nobody draws any more
+        while os.read(terminal, 65_536):
+            pass

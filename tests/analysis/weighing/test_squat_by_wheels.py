@@ -1,0 +1,59 @@
+"""A squat without a pitch channel: wheels of a known radius show it, others leave it in the ±."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
+
+SQUAT_DEG_S2_M = 0.3
+#: What the accelerometer sees of gravity, over the acceleration.
+SQUAT_1 = float(np.deg2rad(SQUAT_DEG_S2_M)) * 9.80665
+KNOWN_RADIUS = {"wheel_radius_m": 0.42, "wheel_radius_u_m": 0.001}
+
+
+@cache
+def squatting(*, radius_known: bool, deg_s2_m: float = SQUAT_DEG_S2_M) -> Weighed:
+    scenario = merged(RICH, {"chassis": {"squat_deg_s2_m": deg_s2_m}})
+    return weighed(scenario, body=KNOWN_RADIUS if radius_known else {"wheel_radius_u_m": None})
+
+
+def squat_of(log: Weighed) -> tuple[float, float]:
+    wheels = log.weighing.fit.kinematics
+    assert wheels is not None
+    return wheels.squat
+
+
+def test_wheels_of_a_known_radius_show_the_squat() -> None:
+    share, std = squat_of(squatting(radius_known=True))
+    assert share == pytest.approx(SQUAT_1, abs=0.006)
+    assert abs(share - SQUAT_1) < 2.0 * std
+
+
+def test_taken_off_it_leaves_the_mass_right_and_surer() -> None:
+    known, unknown = squatting(radius_known=True), squatting(radius_known=False)
+    assert not known.load["withheld"]
+    assert abs(known.error_u) < 2.0
+    assert abs(known.load["mass_kg"] / known.true_kg - 1.0) < SQUAT_1 / 3.0
+    assert known.load["u_kg"] < 0.7 * unknown.load["u_kg"]
+
+
+def test_wheels_of_an_unknown_radius_may_be_wrong_themselves() -> None:
+    unknown = squatting(radius_known=False)
+    assert squat_of(unknown) == (0.0, 0.0)
+    assert "gain" in unknown.fired
+    assert abs(unknown.error_u) < 3.0
+
+
+def test_wheels_that_are_wrong_by_less_than_their_uncertainty_are_no_squat() -> None:
+    """Wheels 5 % larger than stated, known to 2 %."""
+    larger = {"wheel_radius_m": 0.42, "wheel_radius_u_m": 0.02 * 0.42}
+    log = weighed(merged(RICH, {"chassis": {"squat_deg_s2_m": SQUAT_DEG_S2_M}}), body=larger)
+    assert squat_of(log) == (0.0, 0.0)
+    assert "gain" in log.fired
+
+
+def test_a_stiff_body_has_no_squat() -> None:
+    log = squatting(radius_known=True, deg_s2_m=0.0)
+    assert squat_of(log) == (0.0, 0.0)
