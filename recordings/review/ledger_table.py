@@ -65,6 +65,14 @@ def _offset_h(row: Row, clock: ShiftClock) -> Cell:
     return None if offset is None else offset / dt.timedelta(hours=1)
 
 
+def _counted(row: Row, _: ShiftClock) -> Cell:
+    return "yes" if row["counted"] else "no"
+
+
+def _remark(row: Row, _: ShiftClock) -> Cell:
+    return "; ".join(filter(None, (row["withheld_for"], row["doubt"])))
+
+
 #: Times are those of the dump; the offset tells two 02:30 of one night apart.
 COLUMNS: Final = (
     TableColumn("cycle", "1", _as_it_is("cycle"), 0),
@@ -73,11 +81,9 @@ COLUMNS: Final = (
     TableColumn("UTC", "date", _utc),
     TableColumn("payload", "kg", _scaled("payload_kg"), 0),
     TableColumn("± (95 %, k = 2)", "kg", _scaled("payload_u_kg", K), 0),
-    TableColumn("counted", "yes or no", lambda row, _: "yes" if row["counted"] else "no"),
+    TableColumn("counted", "yes or no", _counted),
     TableColumn("quality", "", _as_it_is("quality")),
-    TableColumn(
-        "remark", "", lambda row, _: "; ".join(filter(None, (row["withheld_for"], row["doubt"])))
-    ),
+    TableColumn("remark", "", _remark),
     *(TableColumn(name, "", _as_it_is(name)) for name in LABELS),
     TableColumn("note", "", _as_it_is("note")),
     TableColumn("author", "", _as_it_is("author")),

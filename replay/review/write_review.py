@@ -9,12 +9,8 @@ import polars as pl
 
 from analysis.cycles.label_totals import LabelTotal, label_totals
 from analysis.cycles.payload_target import TargetCheck, check_target
-<<<<<<< HEAD
-from analysis.cycles.shift_totals import recounted
-from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
-=======
 from analysis.cycles.shift_totals import recount_shift
->>>>>>> ead1265d4d5e9d5f25b95a0b54fc8c7131d56252
+from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
 from recordings.review.review_state import STATE, ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, VerdictFile, matched
