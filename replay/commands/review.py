@@ -77,6 +77,10 @@ def command(
     full: Annotated[
         bool, typer.Option("--full", help="Keep every sample and intermediate in shift.rrd.")
     ] = False,
+    decimal_comma: Annotated[
+        bool,
+        typer.Option("--decimal-comma", help="Write ledger_table.csv with 1,5 and semicolons."),
+    ] = False,
     timing: Annotated[bool, typer.Option(help="Print the duration of each stage.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the sums as JSON.")] = False,
 ) -> None:
@@ -105,9 +109,10 @@ def command(
     given.check()
     asked = read_calibration(calibration, key, signed=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):
-        if asked is not None or target is not None or overrides or full:
+        if asked is not None or target is not None or overrides or full or decimal_comma:
             raise typer.BadParameter(
-                "--calibration, --target, --set and --full need the logs, -m and -o once more"
+                "--calibration, --target, --set, --full and --decimal-comma need the logs, -m and "
+                "-o once more"
             )
         made = count_again(logs[0], given)
     elif machine is None or output is None:
@@ -116,7 +121,7 @@ def command(
             "of a review needs neither"
         )
     else:
-        options = ReviewOptions(overrides or [], asked, target, full)
+        options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)
         with Stages(len(STAGES) + 3, timing=timing) as stages:
             made = review(logs, machine, output, options, stages.begin)
         if given:

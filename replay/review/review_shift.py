@@ -63,12 +63,14 @@ class ReviewOptions:
         calibration: evidence, and what is asked of it.
         target_kg: of a load.
         full: whether the recording keeps every sample and every intermediate.
+        decimal_comma: whether ledger_table.csv is for a locale that writes 1,5.
     """
 
     overrides: Sequence[str] = ()
     calibration: AskedCalibration | None = None
     target_kg: float | None = None
     full: bool = False
+    decimal_comma: bool = False
 
 
 def review(
@@ -260,6 +262,7 @@ def _resolved(
         "settings": machine.settings.model_dump(mode="json"),
         "versions": versions(),
         "target_kg": options.target_kg,
+        "decimal_comma": options.decimal_comma,
         "calibration": "none" if by is None else f"evidence {by.document.id}",
     }
 
