@@ -40,7 +40,7 @@ _ONE_AT_A_TIME: Final = Lock()
 
 def compiled(function: F) -> F:
     """Compile a function of arrays when it is first called."""
-    return _compiled(function, _OPTIONS)
+    return _compile_lazily(function, _OPTIONS)
 
 
 def uncounted(function: F) -> F:
@@ -49,15 +49,15 @@ def uncounted(function: F) -> F:
     Where a loop of millions hands arrays from one function to another, counting costs more than
     what they do. What it calls is compiled so as well.
     """
-    return _compiled(function, {**_OPTIONS, "_nrt": False})
+    return _compile_lazily(function, {**_OPTIONS, "_nrt": False})
 
 
 def inlined(function: F) -> F:
     """Compile a function likewise, into each that calls it."""
-    return _compiled(function, {**_OPTIONS, "_nrt": False, "forceinline": True})
+    return _compile_lazily(function, {**_OPTIONS, "_nrt": False, "forceinline": True})
 
 
-def _compiled(function: F, options: Mapping[str, Any]) -> F:
+def _compile_lazily(function: F, options: Mapping[str, Any]) -> F:
     with _kept_in(_FOLDER_OF(Path(function.__code__.co_filename))):
         dispatcher = cast("Any", njit)(**options)(function)
     dispatcher._cache._cache_file.__class__ = _NamedByContent  # noqa: SLF001 - numba has no other way

@@ -68,7 +68,7 @@ def check_bundle(
     Raises:
         EvidenceError: there is no such folder, or it is no bundle at all.
     """
-    checked = _checked(folder, key, keyring or Keyring(Path()), authorities)
+    checked = _check_alone(folder, key, keyring or Keyring(Path()), authorities)
     document = checked.document
     if document is not None:
         check_counter(checked, document)
@@ -76,7 +76,7 @@ def check_bundle(
         if previous is not None:
             # a time stamp is asked of the evidence itself; that before it need not have one
             stamped = authorities if (previous / TIMESTAMP).is_file() else ()
-            before = _checked(previous, None, keyring or Keyring(Path()), stamped)
+            before = _check_alone(previous, None, keyring or Keyring(Path()), stamped)
             by = before.signed_by
             if key is not None and by.how == "unknown" and by.key_id == key.key_id:
                 before.signed_by = replace(by, how="given")
@@ -84,7 +84,7 @@ def check_bundle(
     return checked
 
 
-def _checked(
+def _check_alone(
     folder: Path,
     key: PublicKey | None,
     keyring: Keyring,

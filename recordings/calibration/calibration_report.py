@@ -63,7 +63,7 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         pictures=pictures(document, readings),
         width=WIDTH,
         points=_points(points),
-        rejected=_rejected(readings),
+        rejected=_list_rejected(readings),
         budget=_budget(document.calibration),
         learnt=learnt_rows(document.learnt),
         references=_references(document),
@@ -165,7 +165,7 @@ def _points(points: pl.DataFrame) -> list[Mapping[str, Any]]:
     ]
 
 
-def _rejected(readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+def _list_rejected(readings: pl.DataFrame) -> list[Mapping[str, Any]]:
     return [
         {**row, "mass": kilograms(row["mass_kg"])}
         for row in readings.filter(~pl.col("used")).iter_rows(named=True)

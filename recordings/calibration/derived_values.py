@@ -32,9 +32,9 @@ def estimator_of(
         absent: dotted names of the machine's settings that came after the evidence.
         form: of the evidence; earlier ones digest more.
     """
-    own = _whole(machine) if form in _WHOLE_FORMATS else definition(machine)
+    own = _restore_defaults(machine) if form in _WHOLE_FORMATS else definition(machine)
     if absent:
-        own = _without(own, absent, "machine.")
+        own = _drop_names(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
@@ -52,7 +52,7 @@ def definition(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def _whole(machine: Machine) -> dict[str, Any]:
+def _restore_defaults(machine: Machine) -> dict[str, Any]:
     """The same as formats up to 3 have it: time zone and place of the mass count."""
     values = machine.model_dump(mode="json")
     values["machine"].pop("id", None)
@@ -60,10 +60,10 @@ def _whole(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def _without(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
+def _drop_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
     """The same without some names, dotted."""
     return {
-        name: _without(value, names, f"{at}{name}.") if isinstance(value, dict) else value
+        name: _drop_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
         for name, value in values.items()
         if f"{at}{name}" not in names
     }

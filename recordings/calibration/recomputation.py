@@ -65,12 +65,12 @@ def recompute(
         (REPORT, lambda: _of_page(document, readings, points, report)),
     )
     for item, step in steps:
-        found += _survived(item, step)
+        found += _run_step(item, step)
     found += _verdicts(document)
     return found, notes
 
 
-def _survived(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
+def _run_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
     """What a step finds; that it cannot be done with these numbers is a finding as well."""
     try:
         with warnings.catch_warnings():
@@ -245,7 +245,7 @@ def _of_fit(
     notes: list[str],
 ) -> Findings:
     """The fit, its budget and verdict, and the points."""
-    fitted, drift = _refitted(document, readings)
+    fitted, drift = _refit_readings(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
         ("calibration", _plain(stored), _plain(fitted.calibration)),
@@ -272,7 +272,7 @@ def _of_fit(
     yield from _of_as_found(document, fitted.frame)
 
 
-def _refitted(
+def _refit_readings(
     document: EvidenceDocument, readings: pl.DataFrame
 ) -> tuple[CampaignFit, DriftCheck | None]:
     """What the readings come to; of a check, under the line that it is a check of."""

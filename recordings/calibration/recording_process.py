@@ -13,10 +13,10 @@ _LONGEST: Final = 200
 def main() -> None:
     """Digest the recordings that the command line names."""
     bound_process()
-    sys.stdout.write(json.dumps([_digested(Path(each)) for each in sys.argv[1:]]))
+    sys.stdout.write(json.dumps([_digest_file(Path(each)) for each in sys.argv[1:]]))
 
 
-def _digested(path: Path) -> dict[str, Any]:
+def _digest_file(path: Path) -> dict[str, Any]:
     from estimators.errors import RecordingError
     from recordings.rrd.reader import read_recording
 

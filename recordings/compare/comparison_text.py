@@ -42,10 +42,12 @@ def comparison_text(found: Comparison, a: str, b: str) -> str:
 
 
 def _values(changes: Iterable[ValueChange]) -> str:
-    return table(("", "A", "B"), [(c.name, _said(c.a), _said(c.b)) for c in changes])
+    return table(
+        ("", "A", "B"), [(c.name, _format_value(c.a), _format_value(c.b)) for c in changes]
+    )
 
 
-def _said(value: object) -> str:
+def _format_value(value: object) -> str:
     return number(value if value is None or isinstance(value, bool | int | float) else str(value))
 
 

@@ -137,8 +137,8 @@ def _over(view: View, a: _Side, b: _Side) -> Panel | None:
     mine, theirs = a.drawn(view), b.drawn(view)
     if not (mine or theirs):
         return None
-    lone = max(_named(mine), _named(theirs)) == 1
-    alike = set() if view.kind is Kind.STATES else _alike(mine, theirs, lone=lone)
+    lone = max(_select_named_lines(mine), _select_named_lines(theirs)) == 1
+    alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
     drawn = [*_looks(mine, _A, alike, lone=lone), *_looks(theirs, _B, alike, lone=lone)]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
     if view.kind is Kind.STATES:
@@ -148,7 +148,9 @@ def _over(view: View, a: _Side, b: _Side) -> Panel | None:
     return Panel(title, view.kind, tuple(drawn), bulk)
 
 
-def _alike(mine: Sequence[Drawn], theirs: Sequence[Drawn], *, lone: bool) -> set[str]:
+def _shorten_shared_names(
+    mine: Sequence[Drawn], theirs: Sequence[Drawn], *, lone: bool
+) -> set[str]:
     """Names that A and B share in a legend, which would have too many otherwise."""
     both = {each.label for each in mine} & {each.label for each in theirs}
     return {each.label for each in mine if not lone or each.column == "threshold"} & both
@@ -179,7 +181,7 @@ def _moves(numbers: pl.Series) -> bool:
     return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
-def _named(drawn: Sequence[Drawn]) -> int:
+def _select_named_lines(drawn: Sequence[Drawn]) -> int:
     """Lines with a name of their own: neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 

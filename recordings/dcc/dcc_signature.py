@@ -87,13 +87,15 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
     ]
     if strange:
         raise EvidenceError(f"{what}: its signature has a transform that is not read: {strange[0]}")
-    signed, pem = _verified(root, found[0], what)
+    signed, pem = _verify_signed_info(root, found[0], what)
     if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != root.tag:
         raise EvidenceError(f"{what}: its signature is not of the whole certificate")
     return SignedDcc(signed, _key_id(pem, what))
 
 
-def _verified(root: "_Element", signature: "_Element", what: str) -> tuple["_Element", bytes]:
+def _verify_signed_info(
+    root: "_Element", signature: "_Element", what: str
+) -> tuple["_Element", bytes]:
     """What is signed, and the public key that signed, as PEM or DER."""
     from cryptography import x509
     from signxml.algorithms import DigestAlgorithm, SignatureMethod

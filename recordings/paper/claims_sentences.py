@@ -36,7 +36,7 @@ def labelled(found: Claims) -> pl.DataFrame:
         {
             "claim": [_CLAIMS[row["claim"]] for row in rows],
             "case": [_case(row) for row in rows],
-            "paper": [_printed(row) for row in rows],
+            "paper": [_format_printed_number(row) for row in rows],
         }
     )
     numbers = ("buffer_bytes", "found_kg", "found_kg_low", "found_kg_high", "smaller_percent")
@@ -65,7 +65,7 @@ def _case(row: Mapping[str, Any]) -> str:
     return f"{name} {row['fed']}, single runs of campaigns, own load left out of (19)"
 
 
-def _printed(row: Mapping[str, Any]) -> str:
+def _format_printed_number(row: Mapping[str, Any]) -> str:
     """The paper's number; a dash for what it does not give."""
     if row["claim"] == "buffer":
         return "–"

@@ -48,7 +48,7 @@ def draw(picture: Picture, frame: pl.DataFrame, path: Path) -> None:
 
 
 def _figure_2(figure: "Figure", series: pl.DataFrame) -> None:
-    _stacked(figure, series, _MOTION)
+    _draw_panels(figure, series, _MOTION)
 
 
 def _figure_3(figure: "Figure", series: pl.DataFrame) -> None:
@@ -70,14 +70,14 @@ def _figure_4(figure: "Figure", series: pl.DataFrame) -> None:
 
 
 def _figure_5(figure: "Figure", series: pl.DataFrame) -> None:
-    rows = _stacked(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
+    rows = _draw_panels(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
     for axes in rows:
         _shade(axes, series, "phase", ("accelerating", "braking"))
     rows[-1].axhline(THRESHOLD_NAT, color="black", lw=0.6, ls=":")
     rows[0].legend(fontsize=7, loc="upper right")
 
 
-def _stacked(figure: "Figure", series: pl.DataFrame, panels: dict[str, str]) -> list["Axes"]:
+def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str]) -> list["Axes"]:
     """A panel a column, one above the other."""
     rows = list(figure.subplots(len(panels), 1, sharex=True))
     t_s = series["t_s"].to_numpy()

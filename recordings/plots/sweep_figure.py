@@ -91,7 +91,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
         _by_method(axes, at, [row.errors.get(title, {}) for row in rows])
         axes.set_ylabel(title)
         legend_beside(axes)
-    _used(panels[0], rows, at)
+    _draw_used_setting(panels[0], rows, at)
     return figure
 
 
@@ -108,7 +108,7 @@ def _places(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
         return places
     at = np.arange(len(rows), dtype=float)
     axes.set_xlabel(" · ".join(names))
-    labels = [" · ".join(_said(row.over[name]) for name in names) for row in rows]
+    labels = [" · ".join(_format_value(row.over[name]) for name in names) for row in rows]
     axes.set_xticks(at, labels, rotation=90 if len(rows) > _LEVEL else 0, fontsize=7)
     return at
 
@@ -117,7 +117,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _said(value: object) -> str:
+def _format_value(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return f"{value:g}" if isinstance(value, int | float) else str(value)
@@ -179,7 +179,7 @@ def _by_method(
     _say_if_empty(axes)
 
 
-def _used(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_used_setting(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
     share = 100.0 * np.array([row.accepted_share_1 for row in rows])
     axes.plot(at, share, "o-", ms=3, lw=1.0, color="#2e9e5b", label="used")
     refused = np.array([not row.can_weigh for row in rows])

@@ -46,7 +46,7 @@ class ShiftClock:
     def at(self, s: float) -> str:
         """A time in s since the first sample, with date where the shift has two, and offset."""
         if not self.is_dated:
-            return _elapsed(s)
+            return _format_elapsed(s)
         local = self.local(s)
         day = "" if self._one_day else f"{local:%Y-%m-%d} "
         return f"{day}{local:%H:%M:%S} {self._offset(s)}"
@@ -84,7 +84,7 @@ class ShiftClock:
 
     def _tick(self, s: float) -> str:
         if not self.is_dated:
-            return _elapsed(s).removesuffix(":00")
+            return _format_elapsed(s).removesuffix(":00")
         # a tick that float rounding puts a hair before its minute is that minute
         local = self.local(s + 0.5)
         return f"{local:%H:%M}{'' if self._one_offset else self._offset(s + 0.5)[:3]}"
@@ -115,6 +115,6 @@ def duration_text(s: float) -> str:
     return f"{s / _HOUR_S:.1f} h"
 
 
-def _elapsed(s: float) -> str:
+def _format_elapsed(s: float) -> str:
     sign, whole = ("-" if s < -0.5 else ""), round(abs(s))
     return f"{sign}{whole // _HOUR_S}:{whole // _MINUTE_S % 60:02d}:{whole % 60:02d}"

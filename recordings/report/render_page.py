@@ -46,7 +46,7 @@ def page_html(package: str, template: str, *, script: str = "", **values: Any) -
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_shown,
+        finalize=_strip_control_characters,
     )
     environment.filters["number"] = number
     environment.filters["percent"] = _percent
@@ -56,7 +56,7 @@ def page_html(package: str, template: str, *, script: str = "", **values: Any) -
     )
 
 
-def _shown(value: object) -> object:
+def _strip_control_characters(value: object) -> object:
     """A text without what a browser obeys or hides: control characters, turned writing."""
     return one_line(value) if type(value) is str else value
 

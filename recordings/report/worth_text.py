@@ -44,7 +44,7 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
             _payload(load),
-            *(_calibrated(load) if _is_calibrated(said) else ()),
+            *(_calibrated_interval(load) if _is_calibrated(said) else ()),
             _remark(load),
         )
         for load in said.loads
@@ -215,7 +215,7 @@ def _payload(load: Mapping[str, Any]) -> str:
     return plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
-def _calibrated(load: Mapping[str, Any]) -> tuple[str, ...]:
+def _calibrated_interval(load: Mapping[str, Any]) -> tuple[str, ...]:
     """Calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
     return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
@@ -227,7 +227,7 @@ def _calibrated_line(load: Mapping[str, Any]) -> str:
         return ""
     if load["calibrated_kg"] is None:
         return f"not calibrated: {load['calibrated_reason']}"
-    mass, low, high = _calibrated(load)
+    mass, low, high = _calibrated_interval(load)
     unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
     # less is lost in the rounding of the whole
     tells = unlike_kg > _TELLS * load["calibrated_u_kg"]

@@ -34,7 +34,7 @@ class TableColumn(NamedTuple):
     digits: int | None = None
 
 
-def _scaled(name: str, factor: float = 1.0) -> Callable[[Row, ShiftClock], Cell]:
+def _scale_column(name: str, factor: float = 1.0) -> Callable[[Row, ShiftClock], Cell]:
     return lambda row, _: None if row[name] is None else factor * row[name]
 
 
@@ -65,7 +65,7 @@ def _offset_h(row: Row, clock: ShiftClock) -> Cell:
     return None if offset is None else offset / dt.timedelta(hours=1)
 
 
-def _counted(row: Row, _: ShiftClock) -> Cell:
+def _describe_counted(row: Row, _: ShiftClock) -> Cell:
     return "yes" if row["counted"] else "no"
 
 
@@ -79,18 +79,18 @@ COLUMNS: Final = (
     TableColumn("local time", "date", _wall),
     TableColumn("offset from UTC", "h", _offset_h, 2),
     TableColumn("UTC", "date", _utc),
-    TableColumn("payload", "kg", _scaled("payload_kg"), 0),
-    TableColumn("± (95 %, k = 2)", "kg", _scaled("payload_u_kg", K), 0),
-    TableColumn("counted", "yes or no", _counted),
+    TableColumn("payload", "kg", _scale_column("payload_kg"), 0),
+    TableColumn("± (95 %, k = 2)", "kg", _scale_column("payload_u_kg", K), 0),
+    TableColumn("counted", "yes or no", _describe_counted),
     TableColumn("quality", "", _as_it_is("quality")),
     TableColumn("remark", "", _remark),
     *(TableColumn(name, "", _as_it_is(name)) for name in LABELS),
     TableColumn("note", "", _as_it_is("note")),
     TableColumn("author", "", _as_it_is("author")),
-    TableColumn("haul", "m", _scaled("haul_m"), 0),
-    TableColumn("top speed", "km/h", _scaled("top_speed_m_s", _KM_H), 1),
-    TableColumn("moving", "s", _scaled("moving_s"), 0),
-    TableColumn("standing", "s", _scaled("standing_s"), 0),
+    TableColumn("haul", "m", _scale_column("haul_m"), 0),
+    TableColumn("top speed", "km/h", _scale_column("top_speed_m_s", _KM_H), 1),
+    TableColumn("moving", "s", _scale_column("moving_s"), 0),
+    TableColumn("standing", "s", _scale_column("standing_s"), 0),
     TableColumn("id", "", _as_it_is("id")),
 )
 

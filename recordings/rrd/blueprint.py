@@ -174,11 +174,11 @@ def _shares(page: Page) -> list[float]:
     shrunk = min(1.0, _MOST_LANES / (sum(lanes) or 1.0))
     least = [panel.plot_share for panel in page.panels] + [_AROUND_PLOT / _PAGE] * page.events
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
-    heights = iter(_levelled(plots, 1.0 - shrunk * sum(lanes)))
+    heights = iter(_share_room(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]
 
 
-def _levelled(least: Sequence[float], room: float) -> list[float]:
+def _share_room(least: Sequence[float], room: float) -> list[float]:
     """Share out room alike, but give each its least; where that is too much, less of it each."""
     if sum(least) >= room:
         return [room * each / sum(least) for each in least]

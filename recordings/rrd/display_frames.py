@@ -85,7 +85,7 @@ def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[D
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
         colour = colours.method(method) if method else colours.line(number)
-        frame = _shown(name)
+        frame = _is_displayed(name)
         variance = _variance(series.std) if series.std else None
         dotted = series.frame in _SHORT or stands_alone(shown[frame][series.column])
         extremes = (
@@ -120,7 +120,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             if view.kind is Kind.STATES:
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame in _HELD:
-                frames[_shown(name)] = _held(_numbers(name, frame), frame["end_t_ns"])
+                frames[_is_displayed(name)] = _held(_numbers(name, frame), frame["end_t_ns"])
             else:
                 asked.setdefault(name, {}).update(_of_bin(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
@@ -128,11 +128,11 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
                 frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
     for name, wanted in asked.items():
         if decimate and is_long(run):
-            frames[_shown(name)] = _decimated(run, name, list(wanted.values()))
+            frames[_is_displayed(name)] = _decimate(run, name, list(wanted.values()))
         else:
             numbers = _numbers(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
-            frames[_shown(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
+            frames[_is_displayed(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
     return frames
 
 
@@ -157,7 +157,7 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     return low - margin, high + margin
 
 
-def _shown(name: str) -> str:
+def _is_displayed(name: str) -> str:
     return f"{ROOT}/{name}"
 
 
@@ -278,7 +278,7 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
 
 
-def _decimated(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
+def _decimate(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     span = span_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS

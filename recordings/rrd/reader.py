@@ -164,7 +164,7 @@ def opened(path: str | Path) -> "Generator[OpenRecording]":
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
             store = rr.chunk.RrdReader(path).store()
-        held = OpenRecording(path, *_described(path, store), store)
+        held = OpenRecording(path, *_describe_store(path, store), store)
     yield held  # a fault of whoever reads is not the recording's
 
 
@@ -181,7 +181,7 @@ def _in_one_line(path: Path) -> Generator[None]:
         ) from error
 
 
-def _described(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
+def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
     found: dict[str, Any] = {}
     for chunk in store.stream().filter(content=f"/__properties/{PROPERTY}"):
         batch = chunk.to_record_batch()

@@ -182,7 +182,7 @@ def answer_text(run: Run) -> str:
         parts += [each for row in said.rows for each in _masses(row)]
     if lines := planar_lines(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
-    parts += _verdict(said.verdict) + _accepted(run)
+    parts += _verdict(said.verdict) + _describe_acceptance(run)
     parts += [f"- {note}" for note in said.notes]
     parts += [f"- lost: {each}" for each in said.losses]
     return "\n\n".join(parts)
@@ -368,7 +368,7 @@ def _verdict(verdict: Verdict) -> list[str]:
     return parts
 
 
-def _accepted(run: Run) -> list[str]:
+def _describe_acceptance(run: Run) -> list[str]:
     gate = run.frames.get("gate")
     if gate is None or gate.is_empty() or "accepted_x" not in gate.columns:
         return []

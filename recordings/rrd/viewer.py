@@ -53,7 +53,9 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
     t0_ns = read_provenance(path).t0_unix_ns
     with tempfile.TemporaryFile() as log:
         process, port = _start(Path(path), log)
-        client = _connected(process, port, log, "a screen; without one, use `payscope plot`")
+        client = _wait_until_connected(
+            process, port, log, "a screen; without one, use `payscope plot`"
+        )
     if at_s is not None:
         _set_time(client, t0_ns + round(at_s * 1e9))
     return process
@@ -70,7 +72,9 @@ def start_viewer() -> str:
     """
     with tempfile.TemporaryFile() as log:
         process, port = _start(None, log)
-        _connected(process, port, log, "a screen; leave out --live without one", waiting=True)
+        _wait_until_connected(
+            process, port, log, "a screen; leave out --live without one", waiting=True
+        )
     return _address(port)
 
 
@@ -160,7 +164,7 @@ def photographs(
         names = [_name(whole, entity) for entity in _children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
             raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
-        return list(_photographed(client, folder, whole, tabs, tab))
+        return list(_take_pictures(client, folder, whole, tabs, tab))
 
 
 def _tabs(whole: dict[str, Any]) -> dict[str, Any]:
@@ -180,7 +184,7 @@ def _set_time(client: "ViewerClient", at_unix_ns: int) -> None:
     client.set_time(TIME, timestamp=np.datetime64(at_unix_ns, "ns"), play_state="paused")
 
 
-def _photographed(
+def _take_pictures(
     client: "ViewerClient",
     folder: Path,
     whole: dict[str, Any],
@@ -195,7 +199,7 @@ def _photographed(
         client.set_blueprint(whole, "recording")
         # a tab of an imported log is called like its topic
         png = folder / f"{number:02}-{name.lower().strip('/').replace('/', '-')}.png"
-        png.write_bytes(_settled(client))
+        png.write_bytes(_wait_for_still_picture(client))
         shown = set(_views(whole, entity))
         errors = tuple(
             f"{view.name}: {report.summary}"
@@ -206,7 +210,7 @@ def _photographed(
         yield Screenshot(name, png, errors)
 
 
-def _settled(client: "ViewerClient") -> bytes:
+def _wait_for_still_picture(client: "ViewerClient") -> bytes:
     """Photograph until two pictures are alike: the first ones still miss what is being loaded."""
     before, deadline = b"", time.monotonic() + _START_S
     while time.monotonic() < deadline:
@@ -241,7 +245,7 @@ def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
         process, port = _start(path, log, "--headless", "--window-size", _WINDOW, CI="1")
         needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
-            client = _connected(process, port, log, needs, waiting=path is None)
+            client = _wait_until_connected(process, port, log, needs, waiting=path is None)
             yield client, _address(port)
         finally:
             process.terminate()
@@ -283,7 +287,7 @@ def executable() -> Path:
     return bundled if bundled.exists() else folder / ("rerun.exe" if os.name == "nt" else "rerun")
 
 
-def _connected(
+def _wait_until_connected(
     process: subprocess.Popen[bytes],
     port: int,
     log: IO[bytes],

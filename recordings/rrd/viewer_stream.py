@@ -86,14 +86,14 @@ def stream_topics(
         if not (fields and frame.height):
             continue
         entity = topic.strip("/") or "log"
-        shown[entity] = _thinned(frame, fields, t0_ns)
+        shown[entity] = _decimate(frame, fields, t0_ns)
         if len(pages) <= _TABS:
             pages.append(Page(topic, tuple(_panels(entity, fields, shown[entity]))))
     span = (t0_ns, end_ns) if stamps else None
     _stream(Scene(name, shown, laid_out(pages, span, asks.under), {_TEXT: text}), asks, t0_ns)
 
 
-def _thinned(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
+def _decimate(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
     numbers = [pl.col(field).cast(pl.Float64) for field in fields]
     placed = frame.select((pl.col("unix_ns") - t0_ns).alias("t_ns"), *numbers)
     if placed.height <= _ROWS:

@@ -51,7 +51,7 @@ def parse(data: bytes, what: str) -> Any:
     try:
         value = json.loads(
             data.decode("utf-8"),
-            parse_int=_whole,
+            parse_int=_parse_integer,
             parse_float=_number,
             parse_constant=_no_constant,
             object_pairs_hook=_once,
@@ -84,7 +84,7 @@ def _refuse_depth(data: bytes, what: str) -> None:
             depth -= 1
 
 
-def _whole(text: str) -> int | float:
+def _parse_integer(text: str) -> int | float:
     if len(text) > _LONGEST_NUMBER:
         raise ValueError(f"a number of {len(text)} digits")
     value = int(text)

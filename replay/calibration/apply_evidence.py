@@ -220,7 +220,11 @@ def load_calibration(asked: AskedCalibration) -> MachineCalibration:
         raise EvidenceError(
             f"{folder}: calibrates nothing: {first}{more}; `payscope verify` lists all"
         )
-    by = _required(asked, found.signed_by, keyring) if asked.signed else found.signed_by
+    by = (
+        _require_known_signature(asked, found.signed_by, keyring)
+        if asked.signed
+        else found.signed_by
+    )
     if document.kind != "calibration":
         raise EvidenceError(
             f"{folder}: is a check against one known mass; name the calibration that it checked"
@@ -235,7 +239,7 @@ def load_calibration(asked: AskedCalibration) -> MachineCalibration:
     return MachineCalibration(folder, document, document.calibration, by)
 
 
-def _required(asked: AskedCalibration, by: SignedBy, keyring: Keyring) -> SignedBy:
+def _require_known_signature(asked: AskedCalibration, by: SignedBy, keyring: Keyring) -> SignedBy:
     """A signature by a key that the user knows; one that is trusted at first use is kept.
 
     Raises:

@@ -85,7 +85,7 @@ class Calibrated:
         """Whether there is a line, within its limits, and no drift."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
-        return said.calibration is not None and limits and not _drifted(said.drift)
+        return said.calibration is not None and limits and not _has_drift(said.drift)
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain values."""
@@ -99,7 +99,7 @@ class Calibrated:
         }
 
 
-def _drifted(drift: DriftCheck | None) -> bool:
+def _has_drift(drift: DriftCheck | None) -> bool:
     """Whether a check found drift, or could not tell."""
     return drift is not None and drift.drifted is not False
 

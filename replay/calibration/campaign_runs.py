@@ -117,13 +117,13 @@ def software() -> Software:
     """Which payscope, libraries and platform this is."""
     return Software(
         payscope=version("payscope"),
-        distributions=_needed(),
+        distributions=_installed_requirements(),
         python=platform.python_version(),
         platform=platform.platform(),
     )
 
 
-def _needed() -> dict[str, str]:
+def _installed_requirements() -> dict[str, str]:
     """Versions of what is installed of all that payscope needs, directly or not."""
     found: dict[str, str] = {}
     waiting = ["payscope"]

@@ -97,7 +97,7 @@ def _compare_log(
             continue
         words = name in _IN_WORDS and document.made_elsewhere
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
-        said = f"{what}: {_shown(there)} there, {_shown(here)} here"
+        said = f"{what}: {_format_value(there)} there, {_format_value(here)} here"
         checked.add(outcome, f"{item}: {name}", said)
 
 
@@ -110,8 +110,8 @@ def _equal(there: object, here: object) -> bool:
     return there == here
 
 
-def _shown(value: object) -> str:
-    text = "; ".join(map(_shown, value)) if isinstance(value, tuple) else str(value)
+def _format_value(value: object) -> str:
+    text = "; ".join(map(_format_value, value)) if isinstance(value, tuple) else str(value)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 

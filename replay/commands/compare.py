@@ -153,7 +153,7 @@ def _estimates(about: str, changes: Iterable["EstimateChange"]) -> "Table":
             _UNITS.get(each.quantity, each.quantity),
             _estimate(each.a, each.a_std),
             _estimate(each.b, each.b_std),
-            _signed(each.change),
+            _format_signed(each.change),
             "" if each.stds is None else f"{each.stds:+.2f}",
         )
     return table
@@ -165,7 +165,7 @@ def _estimate(value: float | None, std: float | None) -> str:
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:,.2f}")
 
 
-def _signed(change: float | None) -> str:
+def _format_signed(change: float | None) -> str:
     if change is None:
         return ""
     return f"{change:+,.2f}" if abs(change) >= 0.005 else f"{change:+.1e}"

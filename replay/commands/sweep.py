@@ -161,7 +161,7 @@ def _print_sweep(
             output,
             force=force,
             table=lambda: _text(_tables(rows)),
-            records=[_nested(row) for row in rows],
+            records=[_nest_row(row) for row in rows],
         )
     if figure is not None:
         from recordings.plots.sweep_figure import plot_sweep
@@ -182,7 +182,7 @@ def _swept(row: Row) -> SweptRow:
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
     return SweptRow(
-        over={names[key]: value for key, value in _typed(row).items()},
+        over={names[key]: value for key, value in _type_columns(row).items()},
         mass_kg=_by_method(row, "mass_kg"),
         mass_std_kg=_by_method(row, "mass_std_kg"),
         payload_kg=None if most is None else (most["payload_kg"], most["payload_u_kg"] or 0.0),
@@ -192,12 +192,12 @@ def _swept(row: Row) -> SweptRow:
     )
 
 
-def _nested(row: Row) -> dict[str, Any]:
+def _nest_row(row: Row) -> dict[str, Any]:
     """A row as `run --json` gives it, with what was varied and the errors."""
     # logs that are replayed many times are not hashed
     left_out = ("losses", "notes", "recording", "fingerprint")
     told = {name: value for name, value in row.answer.to_dict().items() if name not in left_out}
-    return {"over": _typed(row), **told, **row.errors}
+    return {"over": _type_columns(row), **told, **row.errors}
 
 
 def _frame(rows: Sequence[Row]) -> pl.DataFrame:
@@ -205,16 +205,18 @@ def _frame(rows: Sequence[Row]) -> pl.DataFrame:
     names = _names(rows[0].over)
     flat = [
         {
-            **{names[key]: _flat(value, row.over[key]) for key, value in _typed(row).items()},
+            **{
+                names[key]: _flat(value, row.over[key]) for key, value in _type_columns(row).items()
+            },
             **{
                 f"{method}_{name}": value
                 for name in ("mass_kg", "mass_std_kg", *row.errors)
                 for method, value in (row.errors.get(name) or _by_method(row, name)).items()
             },
-            **_calibrated(row),
+            **_calibrated_mass(row),
             "accepted_share_1": row.answer.accepted_share,
             "can_weigh": row.answer.verdict.can_weigh,
-            "failed": " ".join(_failed(row)),
+            "failed": " ".join(_failed_checks(row)),
         }
         for row in rows
     ]
@@ -224,7 +226,7 @@ def _frame(rows: Sequence[Row]) -> pl.DataFrame:
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
-def _calibrated(row: Row) -> dict[str, float | str | None]:
+def _calibrated_mass(row: Row) -> dict[str, float | str | None]:
     """The calibrated mass of a log of one load, where a calibration was given."""
     loads = row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
@@ -239,7 +241,7 @@ def _tables(rows: Sequence[Row]) -> RenderableType:
 
     masses = _table(rows, _mass, ("used", "weighs"), _verdict)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
-    if _calibrated(rows[0]):
+    if _calibrated_mass(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", _of_calibration(rows)]
     for name in rows[0].errors:
         errors = _table(rows, lambda row, method, of=name: _kg(row.errors[of].get(method)))
@@ -273,7 +275,7 @@ def _of_calibration(rows: Sequence[Row]) -> Table:
     table = plain_table(*_names(rows[0].over).values(), "calibrated", "from", "to")
     table.add_column("", overflow="fold")
     for row in rows:
-        mass, low, high, reason = _calibrated(row).values()
+        mass, low, high, reason = _calibrated_mass(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
         table.add_row(*row.over.values(), *map(_kg, numbers), str(why))
@@ -290,7 +292,7 @@ def _kg(value: float | None) -> str:
 
 
 def _verdict(row: Row) -> Sequence[str]:
-    failed = _failed(row)
+    failed = _failed_checks(row)
     loads = len(row.answer.loads)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     most = max((load["payload_kg"] for load in known), default=None)
@@ -300,7 +302,7 @@ def _verdict(row: Row) -> Sequence[str]:
     return f"{row.answer.accepted_share:.0%}", weighs
 
 
-def _failed(row: Row) -> list[str]:
+def _failed_checks(row: Row) -> list[str]:
     verdict = row.answer.verdict
     return [check.check for check in (*verdict.failed("mass"), *verdict.failed("inertia"))]
 
@@ -310,7 +312,7 @@ def _by_method(row: Row, quantity: str) -> Mapping[str, float | None]:
     return row.answer.rows[0].quantities[quantity] if row.answer.rows else {}
 
 
-def _typed(row: Row) -> dict[str, Any]:
+def _type_columns(row: Row) -> dict[str, Any]:
     from replay.machines.toml_file import read_value
 
     return {key: read_value(text) for key, text in row.over.items()}

@@ -66,7 +66,7 @@ class Tried:
             return by_mass
         if not open_before:
             return ""
-        worse = sorted(_failed(now) - _failed(was))
+        worse = sorted(_failed_checks(now) - _failed_checks(was))
         if worse:
             return f"the log would fail {', '.join(worse)}"
         if self.finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
@@ -156,7 +156,7 @@ def _middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     return begin_ns + round(middle * (end_ns - begin_ns))
 
 
-def _failed(said: Answer) -> set[str]:
+def _failed_checks(said: Answer) -> set[str]:
     """The checks of the mass that failed and cost something."""
     costs = ("withhold", "widen")
     return {

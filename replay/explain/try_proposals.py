@@ -199,12 +199,12 @@ def improve(before: Run, replays: Replays) -> Progress:
         if finding is None:
             break
         _try(tried, finding, replays)
-    behind = _behind(tried)
+    behind = _list_masked(tried)
     tried.taken_back += [
         RejectedProposal(
             proposals(each)[0], f"{name_of(behind[each.cause])} explains it, and stays"
         )
-        for each in _untried(tried)
+        for each in _list_untried(tried)
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
@@ -245,16 +245,18 @@ def _text(file: Path) -> str:
 
 def _next(tried: Progress) -> Finding | None:
     """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
-    return next((each for each in _untried(tried) if each.cause not in _behind(tried)), None)
+    return next(
+        (each for each in _list_untried(tried) if each.cause not in _list_masked(tried)), None
+    )
 
 
-def _untried(tried: Progress) -> list[Finding]:
+def _list_untried(tried: Progress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
     shown = findings_of(tried.run)
     return [each for each in shown if _key(each) not in tried.seen and proposals(each)]
 
 
-def _behind(tried: Progress) -> dict[str, str]:
+def _list_masked(tried: Progress) -> dict[str, str]:
     """Causes that may be seen where another one is that stays, and that one.
 
     Those under which no mass is worth anything are not among them: nothing is lost by a trial.
@@ -263,7 +265,7 @@ def _behind(tried: Progress) -> dict[str, str]:
     from analysis.findings import CAUSES
 
     shown = findings_of(tried.run)
-    untried = {_key(each) for each in _untried(tried)}
+    untried = {_key(each) for each in _list_untried(tried)}
     stays = {each.cause for each in shown if _key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}

@@ -47,7 +47,7 @@ class Store:
     @property
     def _store(self) -> Any:
         if self._made is None:
-            self._made = _opened(self.place, self.folder)
+            self._made = _open_store(self.place, self.folder)
         return self._made
 
     def __reduce__(self) -> tuple[type["Store"], tuple[str]]:
@@ -161,7 +161,7 @@ def store_of(place: str) -> Store:
     return Store(place)
 
 
-def _opened(place: str, folder: Path | None) -> Any:
+def _open_store(place: str, folder: Path | None) -> Any:
     from obstore.store import LocalStore, from_url
 
     try:

@@ -42,11 +42,11 @@ def recording_of(results: FleetResults, key: str) -> Generator[Path]:
         if store.has(name.recording):
             store.fetch(name.recording, recording)
         else:
-            _made(results, row["source"], name.machine, recording)
+            _find_recording(results, row["source"], name.machine, recording)
         yield recording
 
 
-def _made(results: FleetResults, source: str, machine: str, recording: Path) -> None:
+def _find_recording(results: FleetResults, source: str, machine: str, recording: Path) -> None:
     known = results.current.machines.get(machine)
     if known is None:
         raise FleetError(f"{source}: no run has machine '{machine}' since; run the fleet again")

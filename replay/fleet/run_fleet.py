@@ -116,7 +116,7 @@ def fleet_run(
     place = destination if destination.startswith(S3) else str(Path(destination).absolute())
     results = FleetResults(Store(place))
     did = FleetRun(destination)
-    tasks, setups = _planned(logs, plan, place, did, recordings=recordings)
+    tasks, setups = _plan_tasks(logs, plan, place, did, recordings=recordings)
     for log in logs:
         if log.source in did.failed:
             on_done(log, TaskOutcome("failed", did.failed[log.source]))
@@ -128,7 +128,7 @@ def fleet_run(
     }
     results.make_current(LastRun(fleet=plan.name, limits=plan.limits, machines=machines))
     _remember_calibrations(results, setups)
-    left, there = _left(tasks, results)
+    left, there = _split_finished(tasks, results)
     for task, outcome in there:
         did.count(task.log.source, outcome)
         on_done(task.log, outcome)
@@ -152,7 +152,7 @@ def fleet_run(
     return did
 
 
-def _planned(
+def _plan_tasks(
     logs: Sequence[FleetLog], plan: FleetPlan, place: str, did: FleetRun, *, recordings: bool
 ) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
     """A task a log, and the setups of every machine."""
@@ -172,7 +172,7 @@ def _planned(
     return tasks, by_machine
 
 
-def _left(
+def _split_finished(
     tasks: Sequence[ReplayTask], results: FleetResults
 ) -> tuple[list[ReplayTask], list[tuple[ReplayTask, TaskOutcome]]]:
     """Tasks to do, and those whose log has not changed since its result was made.

@@ -108,27 +108,27 @@ class FollowedDigests:
         """Compare with the frames of a replay."""
         return [
             self._minutes.get(name, _Minutes()).compared(name, replayed)
-            for name, replayed in _replayed(frames).items()
+            for name, replayed in _replayed_rows(frames).items()
         ]
 
     def _of(self, name: str) -> _Minutes:
         return self._minutes.setdefault(name, _Minutes())
 
 
-def _replayed(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Minutes]:
+def _replayed_rows(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Minutes]:
     gate = frames["gate"]
     codes = gate["reason_x"].cast(pl.String).replace_strict(_REASONS, return_dtype=pl.Float64)
-    found = {GATE: _digested(gate["t_ns"], codes.to_numpy()[:, None])}
+    found = {GATE: _digest_rows(gate["t_ns"], codes.to_numpy()[:, None])}
     for name, frame in frames.items():
         method = name.removeprefix("estimates/")
         if method != name and "mass_kg" in frame.columns:
             frame = frame.drop_nulls("t_ns")
             theta = frame.select(c for c in _THETA if c in frame.columns).cast(pl.Float64)
-            found[method] = _digested(frame["t_ns"], theta.fill_null(np.nan).to_numpy())
+            found[method] = _digest_rows(frame["t_ns"], theta.fill_null(np.nan).to_numpy())
     return found
 
 
-def _digested(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _Minutes:
+def _digest_rows(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _Minutes:
     minutes = _Minutes()
     for t, row in zip(t_ns.to_list(), np.ascontiguousarray(numbers), strict=True):
         minutes.add(t, row)

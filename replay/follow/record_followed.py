@@ -33,12 +33,12 @@ def record_followed(
         PayscopeError: as `replay_logs`.
     """
     assert output.path is not None
-    closed = [_closed(path) for path in paths]
+    closed = [_closed_name(path) for path in paths]
     found = replay_logs(closed, machine_file, output, [*overrides, CAUSAL])
     return found, followed.compare(read_recording(output.path).frames)
 
 
-def _closed(path: Path) -> Path:
+def _closed_name(path: Path) -> Path:
     """The name that a recorder gives a bag when it closes it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path

@@ -67,7 +67,7 @@ def time_range(predicate: pl.Expr, column: str) -> TimeRange:
         for combine in (operator.and_, operator.or_):
             if combine(left, right).meta.eq(predicate):
                 return combine(time_range(left, column), time_range(right, column))
-        return _compared(predicate, left, right, column)
+        return _compare(predicate, left, right, column)
     if len(parts) == 3:
         values, low, high = parts
         for closed in _CLOSED:
@@ -78,7 +78,7 @@ def time_range(predicate: pl.Expr, column: str) -> TimeRange:
     return TimeRange()
 
 
-def _compared(predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str) -> TimeRange:
+def _compare(predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str) -> TimeRange:
     for compare, mirrored in _MIRRORED.items():
         if compare(left, right).meta.eq(predicate):
             if right.meta.root_names():

@@ -41,7 +41,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
         QueryError: no such table or column, no SQL, or a statement that does not only read tables.
     """
     query = checked_select(sql)
-    frames = {name: tables[name]() for name in _named(query, tables)}
+    frames = {name: tables[name]() for name in _select_used_tables(query, tables)}
     with pl.SQLContext(frames=frames, eager=False) as context:
         try:
             found = context.execute(query)
@@ -93,7 +93,7 @@ def _tokens(query: str) -> list[str]:
     return [token for token in found if not token.startswith(_COMMENTS)]
 
 
-def _named(query: str, tables: Tables) -> list[str]:
+def _select_used_tables(query: str, tables: Tables) -> list[str]:
     """The tables whose names are in a query: the others are not made."""
     tokens = _tokens(query)
     words = {token.strip('"`').replace('""', '"') for token in tokens}
@@ -101,7 +101,7 @@ def _named(query: str, tables: Tables) -> list[str]:
     if not named:
         upper = [token.upper() for token in tokens]
         if "FROM" not in upper[:-1]:
-            raise QueryError(f"query: names no table; tables: {_listed(tables)}")
+            raise QueryError(f"query: names no table; tables: {_list_tables(tables)}")
         unknown = tokens[upper.index("FROM") + 1].strip('"`')
         raise QueryError(f"query: no table '{unknown}'; {_choices(unknown, tables)}")
     return named
@@ -109,11 +109,11 @@ def _named(query: str, tables: Tables) -> list[str]:
 
 def _choices(name: str, tables: Tables) -> str:
     meant = nearest(name, tables)
-    listed = f"tables: {_listed(tables)}"
+    listed = f"tables: {_list_tables(tables)}"
     return f"{meant} {listed}" if meant.endswith("?") else listed
 
 
-def _listed(tables: Tables) -> str:
+def _list_tables(tables: Tables) -> str:
     names = list(tables)
     more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
     return ", ".join(names[:_MOST_LISTED]) + more

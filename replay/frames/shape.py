@@ -118,7 +118,7 @@ class TopicShape:
         if isinstance(node, LeafField):
             found = values[node.name]
             if self._is_named(node):
-                found = _named(found, node.value_names)
+                found = _name_values(found, node.value_names)
             dtype = self._leaf_dtype(node, depth)
             return found if found.dtype == dtype else found.cast(dtype)
         if not node.is_list:
@@ -130,7 +130,7 @@ class TopicShape:
         counts = values[leaves[0]].list.len()
         flat = {name: _elements(values[name]) for name in leaves}
         record = self._column(_Branch(False, None, node.below), flat, depth + 1)
-        return _relisted(record, counts).cast(self._dtype(node, depth))
+        return _rebuild_lists(record, counts).cast(self._dtype(node, depth))
 
 
 def _tree(leaves: Sequence[LeafField]) -> dict[str, _Branch | LeafField]:
@@ -165,7 +165,7 @@ def _elements(lists: pl.Series) -> pl.Series:
     return pl.Series(lists.name, lists.to_arrow().flatten(), dtype=lists.dtype.inner)  # type: ignore[attr-defined]
 
 
-def _relisted(elements: pl.Series, counts: pl.Series) -> pl.Series:
+def _rebuild_lists(elements: pl.Series, counts: pl.Series) -> pl.Series:
     """Lists of so many elements each; null where a count is."""
     import pyarrow as pa  # slow to import, and needed where messages hold lists of messages
 
@@ -176,7 +176,7 @@ def _relisted(elements: pl.Series, counts: pl.Series) -> pl.Series:
     return pl.Series(elements.name, lists)
 
 
-def _named(values: pl.Series, names: ValueNames) -> pl.Series:
+def _name_values(values: pl.Series, names: ValueNames) -> pl.Series:
     """The names of values; the digits of one that the definition does not name."""
     number: pl.Expr = pl.element() if isinstance(values.dtype, pl.List) else pl.col(values.name)
     numbers, texts = zip(*names, strict=True)

@@ -43,16 +43,16 @@ def replayed_lines(log: Log, text: str) -> list[str]:
         Lines of a machine file. Braking weighs where the log shows that the force sees it, and can
         be weighed with it; priors are comments, none where the log tells no more than the defaults.
     """
-    replayed = _replayed(log, text)
+    replayed = _replay_draft(log, text)
     braking = [] if replayed is None else _braking(replayed)
     if braking:
-        tried = _replayed(log, "\n".join([text, *braking]))
+        tried = _replay_draft(log, "\n".join([text, *braking]))
         if tried is not None and _can_weigh(tried):
             return [*braking, *_prior_lines(tried)]
     return [*BRAKING, *([] if replayed is None else _prior_lines(replayed))]
 
 
-def _replayed(log: Log, text: str) -> Run | None:
+def _replay_draft(log: Log, text: str) -> Run | None:
     try:
         return run(log, Machine.model_validate(tomllib.loads(text)))
     except (PayscopeError, ValueError):

@@ -88,7 +88,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
     told = recognise(log) if is_table else _joints(log, topics)
-    guesses = [*_recognised(told), *_guesses(topics)]
+    guesses = [*_recognise_columns(told), *_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -105,8 +105,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
-        f"name = {_quoted(log.path.stem)}",
-        *(f"id = {_quoted(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
+        f"name = {_quote(log.path.stem)}",
+        *(f"id = {_quote(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
         "# track_width_m = 1.5          # for the yaw torque (18)",
@@ -124,14 +124,14 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f"topic = {_quoted(guess.topic)}")
+            lines.append(f"topic = {_quote(guess.topic)}")
         unit = unit_of(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
-            lines += [f"field = {_quoted(guess.field)}", f'unit = "{guess.unit}"  # {why[2:]}', ""]
+            lines += [f"field = {_quote(guess.field)}", f'unit = "{guess.unit}"  # {why[2:]}', ""]
             continue
-        lines += [f"field = {_quoted(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
+        lines += [f"field = {_quote(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
     for proposal in told.channels:
         lines += _comment_lines(proposal) if proposal.is_comment else []
     has_speed = "speed_x_m_s" in found
@@ -158,7 +158,7 @@ def _log_lines(time: TimeAxis) -> list[str]:
     return [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
 
 
-def _recognised(told: Recognised) -> list[Guess]:
+def _recognise_columns(told: Recognised) -> list[Guess]:
     return [
         Guess(each.column, each.topic, each.field, each.unit, each.reason)
         for each in told.channels
@@ -170,9 +170,9 @@ def _comment_lines(proposal: ChannelProposal) -> list[str]:
     """A channel that needs what no column tells, to be completed."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
-        lines.append(f"topic = {_quoted(proposal.topic)}")
+        lines.append(f"topic = {_quote(proposal.topic)}")
     if proposal.field:
-        lines.append(f"field = {_quoted(proposal.field)}")
+        lines.append(f"field = {_quote(proposal.field)}")
     if proposal.unit:
         lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:
@@ -293,7 +293,7 @@ def _lists_and_problems(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[
             yield _one_line(f"#   {row['topic']} ({row['type']}): {', '.join(rest)}")
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     """A TOML string: JSON's escapes are TOML's."""
     return json.dumps(text, ensure_ascii=False)
 

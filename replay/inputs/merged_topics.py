@@ -62,8 +62,8 @@ def _without_those_of(
     shared = frame.filter(time <= end + _OVERLAP_NS)
     theirs = before.filter(time >= start - _OVERLAP_NS)
     keys = [name for name in frame.columns if name not in ("log_time_ns", "header_stamp_ns")]
-    new = _stamped(shared).join(
-        _stamped(theirs), on=[*keys, _STAMP], how="anti", nulls_equal=True, maintain_order="left"
+    new = _add_stamps(shared).join(
+        _add_stamps(theirs), on=[*keys, _STAMP], how="anti", nulls_equal=True, maintain_order="left"
     )
     overlap_ns = min(end, frame["log_time_ns"][-1]) - start
     inside = shared.filter(time <= end).height
@@ -76,7 +76,7 @@ def _without_those_of(
     return pl.concat([new.drop(_STAMP), frame.filter(time > end + _OVERLAP_NS)])
 
 
-def _stamped(frame: pl.DataFrame) -> pl.DataFrame:
+def _add_stamps(frame: pl.DataFrame) -> pl.DataFrame:
     header = pl.col("header_stamp_ns")
     own = pl.when(header.is_not_null() & (header != 0)).then(header)
     return frame.with_columns(own.otherwise(pl.col("log_time_ns")).alias(_STAMP))

@@ -29,7 +29,7 @@ class ConvertedLog(Log):
         Raises:
             LogError: it is not as payscope wrote it, or a part is missing.
         """
-        self._about = _described(path)
+        self._about = _describe_folder(path)
         super().__init__(path, f"converted {self._about.log_format}")
         self._losses = LossList()
         self._columns = {
@@ -133,7 +133,7 @@ class ConvertedLog(Log):
         return Checked(messages, message_bytes, crcs=0)
 
 
-def _described(path: Path) -> ConvertedDescription:
+def _describe_folder(path: Path) -> ConvertedDescription:
     try:
         about = ConvertedDescription.model_validate_json((path / DESCRIPTION).read_bytes())
     except ValidationError as error:

@@ -30,7 +30,7 @@ def json_type(name: str, schema: str) -> MessageType:
     Raises:
         BrokenBytesError: it is no JSON schema, describes no fields, or too many.
     """
-    root = _parsed(schema or "{}")
+    root = _parse_schema(schema or "{}")
     record = _Schema(root).field(root, 0)
     # an object without properties is a message of its time alone
     is_object = isinstance(root, dict) and root.get("type") == "object"
@@ -40,7 +40,7 @@ def json_type(name: str, schema: str) -> MessageType:
     return MessageType(RecordType(name, record.fields), ros1=False, decode=_decode, library=JSON)
 
 
-def _parsed(text: str | bytes) -> Any:
+def _parse_schema(text: str | bytes) -> Any:
     try:
         # numbers of thousands of digits are refused by Python itself, larger ones than 64 bits here
         return json.loads(text, parse_int=lambda digits: int64(int(digits)))
@@ -116,7 +116,7 @@ def _text(value: Any) -> str:
 
 
 def _decode(data: bytes) -> Any:
-    message = _parsed(data)
+    message = _parse_schema(data)
     if not isinstance(message, dict):
         raise BrokenBytesError("the message is no JSON object")
     return message

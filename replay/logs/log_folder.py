@@ -60,7 +60,7 @@ def _is_folder(path: Path) -> bool:
 
 def _of_folder(folder: Path) -> list[Path]:
     """Its bags and those of its folders; where there is none, its tables."""
-    inside = _shown(folder)
+    inside = _format_folder(folder)
     bags = [log for each in inside for log in _bags(each)]
     tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
     # a folder without a log is for its reader to say
@@ -70,11 +70,11 @@ def _of_folder(folder: Path) -> list[Path]:
 def _bags(path: Path) -> list[Path]:
     """A bag itself, or those of a folder without metadata, as a power loss leaves it."""
     if _is_folder(path):
-        return [log for each in _shown(path) if not _is_folder(each) for log in _bags(each)]
+        return [log for each in _format_folder(path) if not _is_folder(each) for log in _bags(each)]
     return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []
 
 
-def _shown(folder: Path) -> list[Path]:
+def _format_folder(folder: Path) -> list[Path]:
     try:
         return sorted(each for each in folder.iterdir() if not each.name.startswith("."))
     except OSError as error:

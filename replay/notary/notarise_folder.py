@@ -221,7 +221,7 @@ def _entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryE
         digests = {name: file_sha256(inside / name) for name in log.files}
     except OSError:
         return None
-    begins, ends, machine = _described(log.path)
+    begins, ends, machine = _describe_log(log.path)
     if any(_about(inside / name) != about for name, about in log.files.items()):
         return None
     last = held.lines[-1]
@@ -242,7 +242,7 @@ def _entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryE
     )
 
 
-def _described(path: Path) -> tuple[str, str, str]:
+def _describe_log(path: Path) -> tuple[str, str, str]:
     """Begin and end of a log and its machine; "" of what it does not tell.
 
     A damaged log is a log as well.

@@ -47,7 +47,7 @@ def import_log(log: Path, asks: ViewerAsks) -> str | None:
             return None
     with open_log(log) as opened:
         topics = dict(_columns(opened))
-        stream_topics(topics, _said(opened, machine_file, fault), log.name, asks)
+        stream_topics(topics, _describe_log(opened, machine_file, fault), log.name, asks)
     return fault
 
 
@@ -97,7 +97,7 @@ def _elements(
         yield from (f"{field}[{number}]" for number in range(len(values)))
 
 
-def _said(log: Log, machine_file: Path | None, fault: str | None) -> str:
+def _describe_log(log: Log, machine_file: Path | None, fault: str | None) -> str:
     """What the log holds, and what would weigh it, in Markdown."""
     parts = [f"# {one_line(log.path.name)}", f"{log.format}, read by payscope."]
     if fault is not None:

@@ -41,7 +41,7 @@ def _axis(over: str) -> list[str]:
     key, equals, text = (part.strip() for part in over.partition("="))
     if not (key and equals and text):
         raise MachineError(f"--over {over}: {_HOW}")
-    values = _range(over, text) if ":" in text else _listed(text)
+    values = _range(over, text) if ":" in text else _split_values(text)
     if not all(values):
         raise MachineError(f"--over {over}: a value is missing; {_HOW}")
     return [f"{key}={value}" for value in values]
@@ -61,7 +61,7 @@ def _range(over: str, text: str) -> list[str]:
     return [f"{first + k * step:f}" for k in range(int(steps) + 1)]
 
 
-def _listed(text: str) -> list[str]:
+def _split_values(text: str) -> list[str]:
     """The values between commas; those inside brackets are one value."""
     values, depth = [""], 0
     for letter in text:

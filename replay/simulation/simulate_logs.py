@@ -59,14 +59,14 @@ def log_paths(scenario: Scenario, output: Path) -> list[Path]:
     if not output.name:
         raise OutputError(f"{output}: is a folder; name a log in it, such as '{output}/log.mcap'")
     if scenario.shift is not None:
-        return _numbered(output, scenario.shift.logs)
+        return _number_outputs(output, scenario.shift.logs)
     loads = scenario.campaign.loads_kg
     if len(loads) == 1:
         return [output]
     return [output.with_name(f"{output.stem}_{_number(load)}kg{output.suffix}") for load in loads]
 
 
-def _numbered(output: Path, count: int) -> list[Path]:
+def _number_outputs(output: Path, count: int) -> list[Path]:
     if count == 1:
         return [output]
     digits = len(str(count))

@@ -94,7 +94,7 @@ class BlockStore:
 
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
         """Add a block whose messages are known: their log times (as 64 bits) by connection."""
-        described, usable = _described(block, times)
+        described, usable = _describe_block(block, times)
         self._blocks.append(described)
         for key, values in usable.items():
             self._late[key] = self._late.get(key, 0) + times[key].size - values.size
@@ -102,7 +102,7 @@ class BlockStore:
 
     def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
         """Note that a block, whose messages are known, cannot be read."""
-        described, _ = _described(block, times)
+        described, _ = _describe_block(block, times)
         self.damage.lose(described, why)
 
     def survey(self, blocks: Iterable[Block]) -> None:
@@ -229,7 +229,7 @@ class BlockStore:
             )
 
 
-def _described(
+def _describe_block(
     block: Block, times: Mapping[int, NDArray[np.int64]]
 ) -> tuple[Block, Mapping[int, NDArray[np.int64]]]:
     """A block with what it holds, and the log times of its messages that can be used.

@@ -108,7 +108,7 @@ class ConvertedTopics:
             else:
                 values = values.list.get(self._index(name, elements, number), null_on_oob=True)
         if not depth:
-            values = _widened(values, self.schema[whole])
+            values = _widen(values, self.schema[whole])
         return values.alias(name)
 
     def _index(self, name: str, elements: Sequence[str], number: int) -> pl.Expr:
@@ -139,7 +139,7 @@ class ConvertedTopics:
         return lengths[number] if number < len(lengths) else None
 
 
-def _widened(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
+def _widen(values: pl.Expr, dtype: pl.DataType) -> pl.Expr:
     """A number that is no element of a list any more has 64 bits."""
     inner = dtype
     while isinstance(inner, pl.List):

@@ -41,7 +41,7 @@ class Stream:
         self._look_back(batch)
         for part in batch.parts():
             if part.rows < _FEW_ROWS:
-                self._few.append(_copied(part))
+                self._few.append(_copy_batch(part))
                 self._rows += part.rows
                 self._bytes += self._few[-1].data.size
                 if self._rows < BATCH_ROWS and self._bytes < BATCH_BYTES:
@@ -94,7 +94,7 @@ class Stream:
 
     def _begin_few(self, submit: Submit) -> None:
         if self._few:
-            self._begin(_joined(self._few), submit)
+            self._begin(_join_batches(self._few), submit)
             self._few, self._rows, self._bytes = [], 0, 0
 
     def _begin(self, batch: RawBatch, submit: Submit) -> None:
@@ -142,7 +142,7 @@ def drain_all(
             yield stream, rest
 
 
-def _copied(batch: RawBatch) -> RawBatch:
+def _copy_batch(batch: RawBatch) -> RawBatch:
     """Its messages alone, since a container may use the memory again."""
     data = concatenated(batch.data, batch.offsets, batch.lengths)
     offsets = np.cumsum(batch.lengths) - batch.lengths
@@ -151,7 +151,7 @@ def _copied(batch: RawBatch) -> RawBatch:
     )
 
 
-def _joined(batches: list[RawBatch]) -> RawBatch:
+def _join_batches(batches: list[RawBatch]) -> RawBatch:
     lengths = np.concatenate([batch.lengths for batch in batches])
     return RawBatch(
         batches[0].connection_id,

@@ -50,7 +50,7 @@ class Plan:
         #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
         self._wires: dict[int, Wire] = {0: ROS1} if ros1 else ENCAPSULATIONS
         self._programs = {
-            wire: _compiled(compile_program(record, wanted, wire), self._asked)
+            wire: _compile_program(compile_program(record, wanted, wire), self._asked)
             for wire in dict.fromkeys(self._wires.values())
         }
 
@@ -130,7 +130,7 @@ class Plan:
         return _Part(pl.DataFrame(table), np.flatnonzero(whole), faulty, walked.first_fault)
 
 
-def _compiled(
+def _compile_program(
     program: Program, fields: tuple[Field, ...]
 ) -> tuple[Program, DirectFields, tuple[int | None, ...]]:
     """A program, what it gathers on the way, and where each of the fields is among that."""

@@ -107,7 +107,7 @@ class Columns:
                 counts = self._counts(place)
                 spreads.append(counts)
                 if step is wanted.steps[-1] and _is_contiguous(place):
-                    return _wrapped(self._contiguous(place, counts), spreads)
+                    return _wrap_in_lists(self._contiguous(place, counts), spreads)
                 place = self._spread(place, counts)
             elif isinstance(step.element, int):
                 place = self._pick(place, step.element)
@@ -116,7 +116,7 @@ class Columns:
         found = self._values(place)
         if spreads and wanted.kind in ELEMENT_TYPES:
             found = found.cast(ELEMENT_TYPES[wanted.kind], safe=False)
-        return _wrapped(found, spreads)
+        return _wrap_in_lists(found, spreads)
 
     def _child(self, place: _Place, name: str) -> _Place:
         if isinstance(place, _Positions):
@@ -247,7 +247,7 @@ def _is_contiguous(place: _Place) -> bool:
     )
 
 
-def _wrapped(found: Array, spreads: list[Ints]) -> Array:
+def _wrap_in_lists(found: Array, spreads: list[Ints]) -> Array:
     """Values in the lists that they are elements of, from the inside out."""
     for counts in reversed(spreads):
         found = of_lists(counts, found)

@@ -133,13 +133,14 @@ def _parse(content: Any, folder: Path) -> Metadata:
         ),
         mode == "message",
         tuple(
-            _announced(entry) for entry in _list(_value(information, "topics_with_message_count"))
+            _announced_count(entry)
+            for entry in _list(_value(information, "topics_with_message_count"))
         ),
         None if messages is None else _count(messages),
     )
 
 
-def _announced(entry: Any) -> AnnouncedTopic:
+def _announced_count(entry: Any) -> AnnouncedTopic:
     topic = _value(entry, "topic_metadata")
     return AnnouncedTopic(
         _text(_value(topic, "name")),

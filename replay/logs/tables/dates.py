@@ -93,7 +93,7 @@ def clock_times(
     """
     text = times.str.strip_chars()
     if dates is not None:
-        text = _joined(dates, text)
+        text = _join_dates(dates, text)
     present = text.filter(text.is_not_null() & (text != ""))
     if present.is_empty():
         return pl.Series("log_time_ns", [None] * text.len(), dtype=pl.Int64), ()
@@ -112,7 +112,7 @@ def clock_times(
     return stamps.alias("log_time_ns"), tuple(notes)
 
 
-def _joined(dates: pl.Series, times: pl.Series) -> pl.Series:
+def _join_dates(dates: pl.Series, times: pl.Series) -> pl.Series:
     frame = pl.DataFrame({"date": dates.str.strip_chars(), "time": times})
     return frame.select(pl.concat_str("date", "time", separator=" ")).to_series()
 
@@ -126,12 +126,12 @@ def _groups(text: pl.Series, pattern: str) -> pl.DataFrame:
     return found.with_columns(pl.lit(None, dtype=pl.String).alias(name) for name in missing)
 
 
-def _whole(column: pl.Expr) -> pl.Expr:
+def _whole_numbers(column: pl.Expr) -> pl.Expr:
     return column.cast(pl.Int64, strict=False)
 
 
 def _clock_ns(part: pl.DataFrame) -> pl.Series:
-    hour, half = _whole(pl.col("h")), pl.col("half").str.to_lowercase()
+    hour, half = _whole_numbers(pl.col("h")), pl.col("half").str.to_lowercase()
     hour = (
         pl.when(half == "p").then(hour % 12 + 12).when(half == "a").then(hour % 12).otherwise(hour)
     )
@@ -139,9 +139,15 @@ def _clock_ns(part: pl.DataFrame) -> pl.Series:
     zone = pl.col("zone").str.replace(":", "")
     sign = pl.when(zone.str.starts_with("-")).then(-1).otherwise(1)
     offset = (
-        sign * (_whole(zone.str.slice(1, 2)) * 3600 + _whole(zone.str.slice(3, 2)) * 60)
+        sign
+        * (_whole_numbers(zone.str.slice(1, 2)) * 3600 + _whole_numbers(zone.str.slice(3, 2)) * 60)
     ).fill_null(0)
-    seconds = hour * 3600 + _whole(pl.col("min")) * 60 + _whole(pl.col("s")).fill_null(0) - offset
+    seconds = (
+        hour * 3600
+        + _whole_numbers(pl.col("min")) * 60
+        + _whole_numbers(pl.col("s")).fill_null(0)
+        - offset
+    )
     return part.select(seconds * 10**9 + fraction).to_series()
 
 

@@ -116,8 +116,8 @@ def sniff(lines: Sequence[str], hints: TableHints) -> Dialect:
     if len({each.separator for each in best}) > 1:
         said = " or ".join(_NAMED[each] for each in dict.fromkeys(e.separator for e in best))
         raise DialectError(f"its cells may be separated by {said}; set [log] separator")
-    reading = _decided(best, hints)
-    return _named(reading, lines, hints)
+    reading = _decide_decimal(best, hints)
+    return _find_head_rows(reading, lines, hints)
 
 
 def _given_separators(hints: TableHints) -> tuple[str, ...]:
@@ -132,7 +132,7 @@ def _given_separators(hints: TableHints) -> tuple[str, ...]:
     return (given,)
 
 
-def _decided(best: list[_Reading], hints: TableHints) -> _Reading:
+def _decide_decimal(best: list[_Reading], hints: TableHints) -> _Reading:
     """One of readings that differ by the decimal sign at most."""
     with_sign = [each for each in best if each.decimals]
     # where no cell has a sign, the signs mean the same
@@ -279,14 +279,14 @@ def _no_numbers(lines: Sequence[str], separators: Sequence[str], hints: TableHin
         rows = list(split_rows(lines, separator))
         if rows and len(rows) <= 2 and all(len(row.cells) > 1 for row in rows):
             reading = _Reading(separator, ".", rows, len(rows), len(rows[0].cells), 0.0, 0, 0)
-            return _named(reading, lines, hints)
+            return _find_head_rows(reading, lines, hints)
     raise DialectError(
         "its lines are no rows of cells with numbers; [log] separator, decimal and header_row say "
         "how they are written"
     )
 
 
-def _named(reading: _Reading, lines: Sequence[str], hints: TableHints) -> Dialect:
+def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) -> Dialect:
     """Find the rows of names and units above the data."""
     rows, width, separator = reading.rows, reading.width, reading.separator
     above = [header_row(row, separator, width, lines) for row in rows[: reading.first]]

@@ -39,7 +39,7 @@ class ParquetColumns:
         flat = [field for field in schema if not pa.types.is_nested(field.type)]
         stated = units_of_schema(self.metadata, [field.name for field in flat])
         self.columns = [
-            _named(field.name, field.metadata or {}, stated.get(field.name)) for field in flat
+            _name_column(field.name, field.metadata or {}, stated.get(field.name)) for field in flat
         ]
         self.names = [column.name for column in self.columns]
 
@@ -122,7 +122,7 @@ def _library_call() -> Generator[None]:
         raise BrokenBytesError(error) from error
 
 
-def _named(name: str, metadata: dict[bytes, bytes], of_schema: str | None) -> ColumnName:
+def _name_column(name: str, metadata: dict[bytes, bytes], of_schema: str | None) -> ColumnName:
     """A column with the unit that its metadata, those of the schema, or its name states."""
     stated = next((metadata[key] for key in _UNIT_KEYS if key in metadata), b"")
     bare, unit = split_unit(name)

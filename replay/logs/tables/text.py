@@ -61,8 +61,8 @@ def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
     """
     with path.open("rb") as file:
         if file.read(2) == _GZIP:
-            return _unpacked(path, encoding)
-    found = encoding or _recognised(path)
+            return _unpack_gzip(path, encoding)
+    found = encoding or _recognise_encoding(path)
     try:
         name = codecs.lookup(found).name
     except LookupError:
@@ -72,13 +72,13 @@ def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
     notes = () if encoding or name.startswith("utf-8") else (f"its text is taken as {found}",)
     if _ends_in_returns(path):
         notes = (*notes, "its lines end in a carriage return alone")
-        return _copied(path, _lines(path, found, any_end=True), notes)
+        return _copy_lines(path, _lines(path, found, any_end=True), notes)
     if name in ("utf-8", "ascii", "utf-8-sig"):
         return Utf8Text(path)
-    return _copied(path, _lines(path, found), notes)
+    return _copy_lines(path, _lines(path, found), notes)
 
 
-def _unpacked(path: Path, encoding: str | None) -> Utf8Text:
+def _unpack_gzip(path: Path, encoding: str | None) -> Utf8Text:
     """The text of a gzip file."""
     folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
     place = Path(folder.name) / path.name.removesuffix(".gz")
@@ -115,7 +115,7 @@ def _ends_in_returns(path: Path) -> bool:
 def with_tabs(text: Utf8Text) -> Utf8Text:
     """A copy in which each run of blanks is a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _lines(text.path, "utf-8-sig"))
-    return _copied(text.path, lines, text.notes)
+    return _copy_lines(text.path, lines, text.notes)
 
 
 def without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
@@ -139,7 +139,7 @@ def without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
     return Utf8Text(place, folder, text.notes)
 
 
-def _copied(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
+def _copy_lines(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf8Text:
     folder = tempfile.TemporaryDirectory(prefix="payscope-table-")
     place = Path(folder.name) / path.name
     try:
@@ -158,7 +158,7 @@ def _lines(path: Path, encoding: str, *, any_end: bool = False) -> Iterator[str]
             yield piece
 
 
-def _recognised(path: Path) -> str:
+def _recognise_encoding(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     for mark, name in _MARKS:

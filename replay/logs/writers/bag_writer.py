@@ -69,7 +69,7 @@ def _header(opcode: int | None, **fields: bytes) -> bytes:
     return struct.pack("<L", len(data)) + data
 
 
-def _sized(data: bytes) -> bytes:
+def _prefix_size(data: bytes) -> bytes:
     return struct.pack("<L", len(data)) + data
 
 
@@ -80,7 +80,7 @@ def _bag_header(index_at: int, connections: int, written: int) -> bytes:
         conn_count=struct.pack("<L", connections),
         chunk_count=struct.pack("<L", written),
     )
-    return header + _sized(b" " * (_HEADER_BYTES - 4 - len(header)))
+    return header + _prefix_size(b" " * (_HEADER_BYTES - 4 - len(header)))
 
 
 def _connection(number: int, name: str, definition: str, digest: str) -> bytes:
@@ -114,7 +114,7 @@ def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _Written:
         rows = np.empty(counts[number], _INDEX_ROW)
         rows["sec"], rows["nsec"] = mine.log_times // 10**9, mine.log_times % 10**9
         rows["offset"] = mine.offsets
-        file.write(head + _sized(rows.tobytes()))
+        file.write(head + _prefix_size(rows.tobytes()))
     return _Written(at, int(chunk.log_times.min()), int(chunk.log_times.max()), counts)
 
 
@@ -128,7 +128,7 @@ def _chunk_info(chunk: _Written) -> bytes:
         count=struct.pack("<L", len(chunk.counts)),
     )
     rows: NDArray[np.uint32] = np.array(list(chunk.counts.items()), "<u4")
-    return head + _sized(rows.tobytes())
+    return head + _prefix_size(rows.tobytes())
 
 
 def _time(time_ns: int) -> bytes:

@@ -98,7 +98,7 @@ def channel_of(
     )
 
 
-class _Packed(NamedTuple):
+class _PackedChunk(NamedTuple):
     data: bytes
     crc: int
 
@@ -155,9 +155,11 @@ class ColumnMcap:
     def _put(self, record: McapRecord) -> None:
         self.file.write(_bytes(record))
 
-    def _pack(self, whole: Iterator[FullChunk]) -> Iterator[tuple[FullChunk, "Future[_Packed]"]]:
+    def _pack(
+        self, whole: Iterator[FullChunk]
+    ) -> Iterator[tuple[FullChunk, "Future[_PackedChunk]"]]:
         """Compress some chunks ahead of the one that is written."""
-        waiting: deque[tuple[FullChunk, Future[_Packed]]] = deque()
+        waiting: deque[tuple[FullChunk, Future[_PackedChunk]]] = deque()
         with ThreadPoolExecutor(_PACKERS) as pool:
             for chunk in whole:
                 waiting.append((chunk, pool.submit(self._packed, chunk)))
@@ -166,14 +168,14 @@ class ColumnMcap:
             while waiting:
                 yield waiting.popleft()
 
-    def _packed(self, chunk: FullChunk) -> _Packed:
+    def _packed(self, chunk: FullChunk) -> _PackedChunk:
         if not self.packed:
-            return _Packed(chunk.data.tobytes(), 0)
+            return _PackedChunk(chunk.data.tobytes(), 0)
         import zstandard
 
-        return _Packed(zstandard.compress(chunk.data.data), zlib.crc32(chunk.data.data))
+        return _PackedChunk(zstandard.compress(chunk.data.data), zlib.crc32(chunk.data.data))
 
-    def _write_chunk(self, chunk: FullChunk, packed: _Packed) -> dict[int, int]:
+    def _write_chunk(self, chunk: FullChunk, packed: _PackedChunk) -> dict[int, int]:
         """Write a chunk; how many messages it has, by channel."""
         compression = "zstd" if self.packed else ""
         start, end = int(chunk.log_times.min()), int(chunk.log_times.max())

@@ -131,13 +131,13 @@ def chunks(blocks: Iterator[RecordBlock], preamble: bytes, threshold: int) -> It
             size += piece.data.size
             begin = end
             if size > threshold:
-                yield _joined(lead, pieces)
+                yield _join_pieces(lead, pieces)
                 pieces, lead, size = [], lead[:0], 0
     if pieces:
-        yield _joined(lead, pieces)
+        yield _join_pieces(lead, pieces)
 
 
-def _joined(lead: Bytes, pieces: Sequence[RecordBlock]) -> FullChunk:
+def _join_pieces(lead: Bytes, pieces: Sequence[RecordBlock]) -> FullChunk:
     data = np.concatenate([lead, *(piece.data for piece in pieces)])
     offsets: list[Ints] = []
     at = lead.size
