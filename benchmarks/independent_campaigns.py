@@ -24,7 +24,7 @@ from analysis.calibration.line.calibration import Calibration, CalibrationOption
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import as_later, learnt_terms, terms_of, with_learnt
+from analysis.calibration.use.learnt_priors import as_later_log, learnt_terms, terms_of, with_learnt
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from benchmarks.independent.legs import DRIVE, STAND, WHOLE_LEG, Leg
@@ -160,7 +160,7 @@ def replayed(
         own = load_machine(stated)
         if machine is not None:
             own = with_learnt(own, machine.settings.priors.learnt)
-            own = as_later(own) if machine.settings.priors.learnt_means == "told" else own
+            own = as_later_log(own) if machine.settings.priors.learnt_means == "told" else own
         with open_log(path) as opened:
             return run(opened, own), own
 
@@ -203,7 +203,7 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
         line = fit_calibration(pl.concat(tables), known, u_kg2, options, responses)
     except ValueError as fault:
         return str(fault)
-    return line, as_later(machine)
+    return line, as_later_log(machine)
 
 
 def later(

@@ -128,7 +128,7 @@ def changing(
 
 def changes(found: LoadStates, drawn: Drawn) -> np.ndarray:
     """Right, found and true changes."""
-    mine, true = np.diff(found.of) != 0, np.diff(drawn.state) != 0
+    mine, true = np.diff(found.membership) != 0, np.diff(drawn.state) != 0
     return np.array([(mine & true).sum(), mine.sum(), true.sum()])
 
 
@@ -233,7 +233,7 @@ def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
                 continue
             drawn = manoeuvres(dice, state, level_kg, scatter)
             found = find_states(drawn.units, np.arange(state.size), None)
-            if not np.array_equal(found.of, state):
+            if not np.array_equal(found.membership, state):
                 continue
             weight = 1.0 / (drawn.units.variance + found.scatter_kg**2)
             total = np.bincount(state, weights=weight)

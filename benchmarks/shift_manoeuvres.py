@@ -17,8 +17,8 @@ from analysis.cycles.load_passes import Passes, passes
 from analysis.cycles.shift_totals import shift
 from analysis.model.schema import build
 from analysis.model.verdict import Verdict
-from analysis.weighing.fit_columns import EarlierRounds
-from analysis.weighing.growing_load import Filling
+from analysis.weighing.fit_columns import PreviousEstimates
+from analysis.weighing.growing_load import LoadFilling
 from analysis.weighing.joint_result import JointFit, PriorMeans
 from analysis.weighing.load_states import LoadStates, find_states
 from analysis.weighing.nuisances import NUISANCES
@@ -49,7 +49,7 @@ class DrawnShift:
 
     Attributes:
         units: what they say.
-        of: (manoeuvres,) true pass of each.
+        membership: (manoeuvres,) true pass of each.
         loaded: (passes,).
         pass_kg: (passes,) true mass.
         payload_kg: (cycles,) dumped.
@@ -62,7 +62,7 @@ class DrawnShift:
     """
 
     units: GroupEffects
-    of: Ints
+    membership: Ints
     loaded: NDArray[np.bool_]
     pass_kg: Floats
     payload_kg: Floats
@@ -165,7 +165,7 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
         truth: the shift.
         oracle: whether the true boundaries are known.
     """
-    number = np.arange(truth.of.size)
+    number = np.arange(truth.membership.size)
     states = find_states(truth.units, number, None)
     if oracle:
         states = _with_true_states(truth, states)
@@ -182,7 +182,7 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
 
 
 def _with_true_states(truth: DrawnShift, states: LoadStates) -> LoadStates:
-    of = np.unique(truth.of, return_inverse=True)[1].astype(np.int64)
+    of = np.unique(truth.membership, return_inverse=True)[1].astype(np.int64)
     return LoadStates(
         states.unit, of, states.level_kg, states.std_kg, states.scatter_kg, states.freedom,
         states.birge_ratio,
@@ -192,16 +192,16 @@ def _with_true_states(truth: DrawnShift, states: LoadStates) -> LoadStates:
 def _true_passes(truth: DrawnShift, states: LoadStates, hat: Floats) -> Passes:
     """The passes as they were driven, with what their manoeuvres say."""
     weight = 1.0 / (states.std_kg**2 + states.scatter_kg**2)
-    total = np.bincount(states.of, weight)
+    total = np.bincount(states.membership, weight)
     level_kg = truth.units.y - truth.units.x @ (hat @ truth.units.y)
-    first = np.flatnonzero(np.append(True, np.diff(states.of) > 0))
-    last = np.append(first[1:] - 1, states.of.size - 1)
+    first = np.flatnonzero(np.append(True, np.diff(states.membership) > 0))
+    last = np.append(first[1:] - 1, states.membership.size - 1)
     start = (truth.start_s * _NS).astype(np.int64)
     return Passes(
-        states.of,
-        weight / total[states.of],
-        truth.loaded[truth.of[first]],
-        np.bincount(states.of, weight * level_kg) / total,
+        states.membership,
+        weight / total[states.membership],
+        truth.loaded[truth.membership[first]],
+        np.bincount(states.membership, weight * level_kg) / total,
         1.0 / np.sqrt(total),
         start[first],
         start[last] + int(_START_S * _NS),
@@ -217,7 +217,7 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     units, count = truth.units, states.count
     n, r = units.x.shape
     A = np.zeros((n, count + r))
-    A[np.arange(n), states.of] = 1.0
+    A[np.arange(n), states.membership] = 1.0
     A[:, count:] = units.x
     weight = 1.0 / (units.variance + states.scatter_kg**2)
     prior = np.zeros(count + r)
@@ -246,12 +246,12 @@ def _weighing(truth: DrawnShift, states: LoadStates) -> tuple[Weighing, Floats]:
     joint = JointFit(
         _TERMS, width[count:], fit.theta, _Estimated(fit), states,
         None, 10, cast(Any, None), np.zeros(count),
-        EarlierRounds(), True, PriorMeans(np.zeros(r), np.zeros(r)),
+        PreviousEstimates(), True, PriorMeans(np.zeros(r), np.zeros(r)),
     )  # fmt: skip
     masses = theta[:count]
     weighing = Weighing(
         joint, masses, masses, float("nan"), False, False, Curvature(0.0, 0.0, 1.0),
-        Filling(0.0, 0.0), (),
+        LoadFilling(0.0, 0.0), (),
     )  # fmt: skip
     return weighing, hat[count:]
 
@@ -281,7 +281,7 @@ def _frames(truth: DrawnShift, states: LoadStates, hat: Floats) -> dict[str, pl.
         "manoeuvres": build(
             "manoeuvres",
             {
-                "load_id": states.of,
+                "load_id": states.membership,
                 "start_t_ns": start,
                 "end_t_ns": start + int(_START_S * _NS),
                 "mass_kg": level_kg,
@@ -321,7 +321,9 @@ def _compared(
     ]
     # what the nuisances are found wrong by is shared, and so is the gain
     errors_kg = truth.shared_kg - truth.units.x @ (hat @ (truth.noise_kg + truth.shared_kg))
-    of_pass = np.zeros(0) if known is None else np.bincount(known.of, known.share * errors_kg)
+    of_pass = (
+        np.zeros(0) if known is None else np.bincount(known.membership, known.share * errors_kg)
+    )
     whole: list[float] = []
     parts: list[tuple[float, float]] = []
     common_kg = 0.0

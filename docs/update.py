@@ -20,12 +20,12 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from analysis.calibration.campaign.campaign_plan import (
-    About,
     AskedLimits,
     CalibratedMachine,
     CampaignMethod,
     CampaignRun,
     Conditions,
+    EvidenceSubject,
     LeftOutLog,
     NotaryStretch,
     Organisation,
@@ -138,7 +138,7 @@ def campaign_tables() -> str:
     """Every key of a campaign file of a calibration, a table a section."""
     return _tables(
         [
-            ("`[campaign]`", About),
+            ("`[campaign]`", EvidenceSubject),
             ("`[laboratory]` and `[customer]`", Organisation),
             ("`[machine]`", CalibratedMachine),
             ("`[[masses]]`", ReferenceMass),

@@ -11,17 +11,17 @@ from analysis.cycles.shift_totals import shift
 from analysis.diagnosis import (
     CheckInputs,
     disagreements,
+    refit_without_stretches,
     signals,
     verdict,
-    withhold_by_causes,
-    without_named,
+    withhold_by_findings,
 )
 from analysis.findings import (
     FindingInputs,
     add_masked_findings,
+    drop_work_findings,
     findings,
     first_findings,
-    without_work,
 )
 from analysis.model.machine import Machine
 from analysis.model.run_record import Loss, Run
@@ -39,7 +39,7 @@ from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.noise.channel_noise import notes as noise_notes
 from analysis.stages.signals.align import align
 from analysis.stages.signals.align import notes as grid_notes
-from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.grid_rate import at_own_rate
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
@@ -81,7 +81,7 @@ class _Placed:
     def of(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_Placed":
         """Place every sample by its stamp, and take what the channels name."""
         placed, stamps, doubts = assign_timestamps(raw)
-        read, missing = measured(placed, machine)
+        read, missing = read_measured(placed, machine)
         return cls(read, stamps, [*doubts, *missing])
 
 
@@ -136,7 +136,7 @@ def run(
     weighing, excitation = seen.weighing, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _causes(seen, raw, machine)
-    judged = withhold_by_causes(seen.case.judged, causes, machine)
+    judged = withhold_by_findings(seen.case.judged, causes, machine)
     opinion = Verdict.of(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane, plane_budget = planar(
@@ -164,12 +164,12 @@ def run(
             "budget": budget_frame(weighing, machine),
             "masses": withhold(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
-            "findings": without_work(causes, hauled.cycles),
+            "findings": drop_work_findings(causes, hauled.cycles),
         },
         provenance=provenance(
             logs,
             machine,
-            seen.case.evidence.t0_unix_ns,
+            seen.case.check_inputs.t0_unix_ns,
             seen.stamps,
             logged_machine_id=logged_id,
             # a recording that is replayed has its own again
@@ -179,11 +179,11 @@ def run(
                 *order_note(offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,
-                *ticket_notes(machine.machine, seen.case.evidence.t0_unix_ns),
+                *ticket_notes(machine.machine, seen.case.check_inputs.t0_unix_ns),
                 *why,
             ],
         ),
-    ).fingerprinted()
+    ).with_fingerprint()
 
 
 def _run_stages(
@@ -213,12 +213,14 @@ def _run_stages(
     gated = without_digging(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
     seen = signals(raw, read)
-    told = without_named(  # nor is what repeats itself, if the answer is the same without it
-        seen,
-        (with_digs(aligned, digs), t0_unix_ns),
-        gated,
-        machine,
-        lambda grid: weigh(grid, excitation, gated, noise, machine),
+    told = (
+        refit_without_stretches(  # nor is what repeats itself, if the answer is the same without it
+            seen,
+            (with_digs(aligned, digs), t0_unix_ns),
+            gated,
+            machine,
+            lambda grid: weigh(grid, excitation, gated, noise, machine),
+        )
     )
     weighing, gated = told.weighing, told.gated
     on_stage("segments")  # pooled over each manoeuvre

@@ -65,7 +65,11 @@ def test_every_key_of_a_campaign_file_is_documented_with_its_meaning() -> None:
 
     page = (REPO / "docs/evidence.md").read_text(encoding="utf-8")
     for model in (
-        *(campaign_plan.About, campaign_plan.CalibratedMachine, campaign_plan.ReferenceMass),
+        *(
+            campaign_plan.EvidenceSubject,
+            campaign_plan.CalibratedMachine,
+            campaign_plan.ReferenceMass,
+        ),
         *(campaign_plan.Conditions, campaign_plan.CampaignRun, campaign_plan.CampaignMethod),
         *(campaign_plan.StatedComponent, campaign_plan.AskedLimits),
     ):

@@ -78,7 +78,9 @@ def in_time_of(a: Run, b: Run, *, one_log: bool) -> Run:
     about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
     zones = None if one_log else _zones(a, b)
     offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
-    return Run({name: _moved(each, zones, offset_ns) for name, each in b.frames.items()}, about)
+    return Run(
+        {name: _shift_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
+    )
 
 
 def _zones(a: Run, b: Run) -> pl.DataFrame | None:
@@ -105,7 +107,7 @@ def _reach(table: pl.DataFrame) -> list[tuple[int, int]]:
     return list(zip([starts[0] - minute, *halves], [*halves, ends[-1] + minute], strict=True))
 
 
-def _moved(frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int) -> pl.DataFrame:
+def _shift_times(frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int) -> pl.DataFrame:
     times = [name for name in ("t_ns", "start_t_ns", "end_t_ns") if name in frame.columns]
     if not times:
         return frame
@@ -151,10 +153,10 @@ def _less(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
     if not held and "t_ns" not in shared:
         return pl.DataFrame()
     time = (pl.col("start_t_ns") + pl.col("end_t_ns")) // 2 if held else pl.col("t_ns")
-    left, right = (_keyed(each, time.alias("_at"), by) for each in (a, b))
+    left, right = (_add_key(each, time.alias("_at"), by) for each in (a, b))
     reach = None if held else tolerance_ns
     # B's own copy of the time says whether a row of a manoeuvre overlaps
-    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *_named(numbers))
+    theirs = right.select("_at", *by, pl.col("_at").alias("_their"), *_rename_numbers(numbers))
     joined = left.join_asof(
         theirs,
         on="_at",
@@ -171,12 +173,12 @@ def _less(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
     return both.sort(_ROW).select(*rest, *changed)
 
 
-def _keyed(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
+def _add_key(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFrame:
     texts = [pl.col(name).cast(pl.String) for name in by]
     return frame.with_row_index(_ROW).with_columns(at, *texts).drop_nulls("_at").sort("_at")
 
 
-def _named(numbers: Sequence[str]) -> list[pl.Expr]:
+def _rename_numbers(numbers: Sequence[str]) -> list[pl.Expr]:
     return [pl.col(name).alias(_theirs(name)) for name in numbers]
 
 

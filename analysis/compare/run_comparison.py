@@ -41,7 +41,7 @@ class InMemory:
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class ValueChange:
     """A value by its name that one replay has otherwise than the other; None where it has none."""
 
     name: str
@@ -77,12 +77,12 @@ class EstimateChange:
 class Comparison:
     """What differs between replays A and B; everything else is equal."""
 
-    settings: tuple[Changed, ...]
+    settings: tuple[ValueChange, ...]
     """Settings and keys of the machine file."""
-    inputs: tuple[Changed, ...]
+    inputs: tuple[ValueChange, ...]
     """Files by name, with their digests."""
-    versions: tuple[Changed, ...]
-    provenance: tuple[Changed, ...]
+    versions: tuple[ValueChange, ...]
+    provenance: tuple[ValueChange, ...]
     """Stamps, losses and notes."""
     only_a: tuple[str, ...]
     """Stages that only A has."""
@@ -94,7 +94,7 @@ class Comparison:
     """Estimates of the whole log, those that moved most first."""
     manoeuvres: tuple[EstimateChange, ...]
     """Estimates of manoeuvres, likewise."""
-    checks: tuple[Changed, ...]
+    checks: tuple[ValueChange, ...]
     """Checks of the verdict whose outcome differs."""
 
     @property
@@ -161,13 +161,13 @@ def _flat(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
             yield prefix + name, value
 
 
-def _values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[Changed]:
+def _values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
     for name in dict.fromkeys((*a, *b)):
         if a.get(name) != b.get(name):
-            yield Changed(name, a.get(name), b.get(name))
+            yield ValueChange(name, a.get(name), b.get(name))
 
 
-def changed_settings(a: Machine, b: Machine) -> list[Changed]:
+def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
     """Settings and keys of two machine files that differ."""
     flat: list[dict[str, Any]] = []
     for machine in (a, b):
@@ -182,32 +182,32 @@ def _keys(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
     return {**by_stage, **dict(_flat(machine, ""))}
 
 
-def _settings(a: Provenance, b: Provenance) -> Iterator[Changed]:
+def _settings(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     yield from _values(_keys(a.settings, a.machine), _keys(b.settings, b.machine))
 
 
-def _inputs(a: Provenance, b: Provenance) -> Iterator[Changed]:
+def _inputs(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     names = [", ".join(each.name for each in about.inputs) for about in (a, b)]
     if names[0] != names[1]:
-        yield Changed("names", *names)
+        yield ValueChange("names", *names)
     if not same_inputs(a, b):
         digests = [", ".join(each.sha256 for each in about.inputs) for about in (a, b)]
-        yield Changed("contents", *digests)
+        yield ValueChange("contents", *digests)
 
 
-def _provenance(a: Provenance, b: Provenance) -> Iterator[Changed]:
+def _provenance(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     yield from _values(
         {f"stamps of {topic}": kind for topic, kind in a.stamps.items()},
         {f"stamps of {topic}": kind for topic, kind in b.stamps.items()},
     )
     if a.t0_unix_ns != b.t0_unix_ns:
-        yield Changed("first aligned sample, unix ns", a.t0_unix_ns, b.t0_unix_ns)
+        yield ValueChange("first aligned sample, unix ns", a.t0_unix_ns, b.t0_unix_ns)
     for name, mine, theirs in (
         ("lost", list(map(str, a.losses)), list(map(str, b.losses))),
         ("note", list(a.notes), list(b.notes)),
     ):
-        yield from (Changed(name, text, None) for text in mine if text not in theirs)
-        yield from (Changed(name, None, text) for text in theirs if text not in mine)
+        yield from (ValueChange(name, text, None) for text in mine if text not in theirs)
+        yield from (ValueChange(name, None, text) for text in theirs if text not in mine)
 
 
 def _rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
@@ -223,7 +223,9 @@ def _estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
             name = "joint" if len(loads) == 1 else f"joint, load {load['load_id']}"
             rows[name] = {**load, "mass_std_kg": load["u_kg"]}
     methods = dict.fromkeys((*mine, *theirs))
-    return _moved(((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), rtol)
+    return _differing_estimates(
+        ((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), rtol
+    )
 
 
 def _manoeuvres(a: Replay, b: Replay, rtol: float, offset_ns: int) -> tuple[EstimateChange, ...]:
@@ -243,7 +245,7 @@ def _manoeuvres(a: Replay, b: Replay, rtol: float, offset_ns: int) -> tuple[Esti
         found.append((_span(row, 0), row, inside[0] if inside else {}))
         found += [(_span(other, offset_ns), {}, other) for other in inside[1:]]
     found += [(_span(other, offset_ns), {}, other) for other in left]
-    return _moved(found, rtol)
+    return _differing_estimates(found, rtol)
 
 
 def _span(row: Mapping[str, Any], offset_ns: int) -> str:
@@ -251,7 +253,7 @@ def _span(row: Mapping[str, Any], offset_ns: int) -> str:
     return f"{begin:.2f} to {end:.2f} s"
 
 
-def _moved(
+def _differing_estimates(
     pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], rtol: float
 ) -> tuple[EstimateChange, ...]:
     """Estimates that differ: appeared or gone first, then by how far they moved."""
@@ -259,7 +261,7 @@ def _moved(
         EstimateChange(about, name, a.get(name), a.get(std), b.get(name), b.get(std))
         for about, a, b in pairs
         for name, std in _ESTIMATES.items()
-        if not _alike(a.get(name), b.get(name), rtol)
+        if not _is_equal(a.get(name), b.get(name), rtol)
     ]
 
     def moved(each: EstimateChange) -> float:
@@ -270,13 +272,13 @@ def _moved(
     return tuple(sorted(changes, key=moved, reverse=True))
 
 
-def _alike(a: float | None, b: float | None, rtol: float) -> bool:
+def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
     if a is None or b is None:
         return a is b
     return a == b or abs(a - b) <= rtol * max(abs(a), abs(b))
 
 
-def _checks(a: Replay, b: Replay) -> Iterator[Changed]:
+def _checks(a: Replay, b: Replay) -> Iterator[ValueChange]:
     """Checks that passed in one and not in the other."""
     passed = [{row["check"]: row["passed"] for row in _rows(each, "verdict")} for each in (a, b)]
     yield from _values(passed[0], passed[1])

@@ -1,27 +1,12 @@
 """Cycles that boom or digging show where masses do not tell them: counted in number, not in kg."""
 
-from typing import Final
-
 import numpy as np
 import polars as pl
 
-from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, Span, boom_dumps
+from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, Span, find_boom_dumps
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
-
-#: Masses and boom agree when so many of the boom's dumps are where a load is dumped by its mass,
-#: give or take so many ns.
-_OFF_NS: Final = 3 * 10**9
-_AGREE: Final = 0.7
-#: Dumps are at least this share of a usual cycle apart.
-_OF_A_CYCLE: Final = 0.5
-#: Fewer cycles do not tell.
-_FEWEST_CYCLES: Final = 4
-#: One cycle lasts up to so many times the shortest time from one filling to the next: what is
-#: longer may hold a filling whose digging was not seen.
-_ONE_CYCLE: Final = 1.5
-#: Masses and digging contradict each other when more than one load is hauled in so many of those.
-_SEVERAL_LOADS: Final = 0.5
 
 
 def digging_contradicts(found: Passes, digs: pl.DataFrame) -> bool:
@@ -33,16 +18,16 @@ def digging_contradicts(found: Passes, digs: pl.DataFrame) -> bool:
         found: the passes.
         digs: `digging`.
     """
-    if found.dumps.tells or digs.height <= _FEWEST_CYCLES:
+    if found.dumps.tells or digs.height <= LIMITS.boom_min_cycles:
         return False
     begin_ns, end_ns = (np.sort(digs[name].to_numpy()) for name in ("start_t_ns", "end_t_ns"))
     fills = begin_ns[np.append(True, begin_ns[1:] - end_ns[:-1] > found.one_filling_ns)]
     lasts_ns = np.diff(fills)
-    one = lasts_ns <= _ONE_CYCLE * lasts_ns.min(initial=np.iinfo(np.int64).max)
-    if one.sum() < _FEWEST_CYCLES:
+    one = lasts_ns <= LIMITS.one_cycle_ratio * lasts_ns.min(initial=np.iinfo(np.int64).max)
+    if one.sum() < LIMITS.boom_min_cycles:
         return False
     hauled = np.diff(np.searchsorted(found.start_ns[found.loaded], fills))
-    return float(np.mean(hauled[one] > 1)) > _SEVERAL_LOADS
+    return float(np.mean(hauled[one] > 1)) > LIMITS.hauled_twice_fraction
 
 
 def add_boom_cycles(
@@ -64,35 +49,39 @@ def add_boom_cycles(
     Returns:
         The cycles, and whether boom and masses contradict each other.
     """
-    seen = boom_dumps(aligned, excitation)
+    seen = find_boom_dumps(aligned, excitation)
     times = np.array([part.dumped_ns for part in parts if part.dumped_ns is not None], np.int64)
-    agree = [each.near(times, _OFF_NS) for each in seen.dumps]
+    agree = [each.is_near(times, LIMITS.dump_match_ns) for each in seen.dumps]
     told = any(part.loaded is not None for part in parts)
-    contradicts = told and seen.tells and float(np.mean(agree)) < _AGREE
+    contradicts = told and seen.tells and float(np.mean(agree)) < LIMITS.dump_match_fraction
     if contradicts or not told:
-        return _by_boom(seen, digs) or parts, contradicts
+        return _boom_cycle_parts(seen, digs) or parts, contradicts
     # sooner after a dump than half a cycle the machine is empty
-    apart_ns = int(_OF_A_CYCLE * float(np.median(np.diff(times)))) if times.size > 1 else 0
+    apart_ns = (
+        int(LIMITS.min_dump_interval_cycles * float(np.median(np.diff(times))))
+        if times.size > 1
+        else 0
+    )
     missed = [
         CycleParts(dump_ns=(each.start_ns, each.end_ns), dumped_ns=each.dumped_ns)
         for each in found.dumps.dumps
-        if not each.near(times, max(ONE_DUMP_NS, apart_ns))
+        if not each.is_near(times, max(ONE_DUMP_NS, apart_ns))
     ]
-    return sorted([*parts, *missed], key=_begins_ns), False
+    return sorted([*parts, *missed], key=_first_seen_ns), False
 
 
-def _begins_ns(part: CycleParts) -> int:
+def _first_seen_ns(part: CycleParts) -> int:
     """When a cycle is seen first."""
     return next(span[0] for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span)
 
 
-def _by_boom(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
+def _boom_cycle_parts(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
     """A cycle for each dump of the boom, with what was dug before it."""
     dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
     before = [0, *(each.end_ns for each in seen.dumps)]
     return [
         CycleParts(
-            _filling(dug, since_ns, each.start_ns),
+            _digging_span(dug, since_ns, each.start_ns),
             dump_ns=(each.start_ns, each.end_ns),
             dumped_ns=each.dumped_ns,
         )
@@ -100,7 +89,7 @@ def _by_boom(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
     ]
 
 
-def _filling(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
+def _digging_span(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
     """From the first to the last digging in a stretch of time."""
     inside = [span for span in dug if since_ns <= span[0] < until_ns]
     return (inside[0][0], inside[-1][1]) if inside else None

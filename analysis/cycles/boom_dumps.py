@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.schema import values
 
 Floats = NDArray[np.float64]
@@ -23,22 +24,6 @@ Span = tuple[int, int]
 BOOM_MOVES_RAD: Final = 0.15
 #: A boom that is out again within so long, in ns, shakes its bucket.
 ONE_DUMP_NS: Final = 10 * 10**9
-#: A boom tells of dumps where it moves out in at least so many changes from loaded to empty,
-_FEWEST: Final = 3
-#: and in this share of them.
-_MOSTLY: Final = 0.7
-#: As far out as a boom gets, on either side: these quantiles of its angle.
-_FARTHEST: Final = (0.01, 0.99)
-#: It is out beyond this share of how far it is out in a middling dump.
-_OUT: Final = 0.5
-#: It is as far out as it gets from this share of that on,
-_UP: Final = 0.9
-#: and a bucket is half empty so long after that, in ns, however long the boom stays up.
-_EMPTIES_NS: Final = 2 * 10**9
-#: A machine that dumps creeps at most at this share of the speed that it reaches,
-_CREEPS: Final = 0.25
-#: which is this quantile of its speed.
-_REACHES: Final = 0.95
 
 
 class BoomDump(NamedTuple):
@@ -54,7 +39,7 @@ class BoomDump(NamedTuple):
     end_ns: int
     dumped_ns: int
 
-    def near(self, times_ns: Ints, off_ns: int = ONE_DUMP_NS) -> bool:
+    def is_near(self, times_ns: Ints, off_ns: int = ONE_DUMP_NS) -> bool:
         """Whether one of these times may be its own, which may be off by so much."""
         after, before = self.start_ns - off_ns, self.end_ns + off_ns
         return bool(((after <= times_ns) & (times_ns <= before)).any())
@@ -72,24 +57,24 @@ class BoomDumps:
     tells: bool
     dumps: tuple[BoomDump, ...] = ()
 
-    def within(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+    def during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Those that lie in a stretch of time."""
         return [each for each in self.dumps if start_ns <= each.dumped_ns <= end_ns]
 
-    def beside(self, start_ns: int, end_ns: int) -> list[BoomDump]:
+    def out_during(self, start_ns: int, end_ns: int) -> list[BoomDump]:
         """Those whose boom is out in a stretch of time: one who creeps may dump before it."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
-    def none_in(self, start_ns: int, end_ns: int) -> bool:
+    def shows_no_dump(self, start_ns: int, end_ns: int) -> bool:
         """Whether the boom would show a dump in a stretch of time, and shows none."""
-        return self.tells and not self.beside(start_ns, end_ns)
+        return self.tells and not self.out_during(start_ns, end_ns)
 
 
 #: Of a log whose boom shows none.
 NO_DUMPS: Final = BoomDumps(tells=False)
 
 
-def boom_dumps(
+def find_boom_dumps(
     aligned: pl.DataFrame, excitation: pl.DataFrame, known: Sequence[Span] | None = None
 ) -> BoomDumps:
     """Find every dump of the boom.
@@ -101,36 +86,44 @@ def boom_dumps(
             and where the boom is farthest out it dumps.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), values(aligned, "boom_rad")
-    slow = creeps(excitation)
+    slow = is_creeping(excitation)
     whole = np.isfinite(boom)
     driving = whole & ~slow
     if not driving.any() or not (slow & whole).any():
         return NO_DUMPS
     away = boom - float(np.median(boom[driving]))
     if known is None:
-        reached = np.quantile(away[slow & whole], _FARTHEST)
+        reached = np.quantile(away[slow & whole], LIMITS.boom_reach_quantiles)
         reached = reached[[np.argmax(np.abs(reached))]]
     else:
-        reached = np.array([_farthest(away, slow & whole, t_ns, span) for span in known])
+        reached = np.array([_farthest_reach(away, slow & whole, t_ns, span) for span in known])
     typical_rad = float(np.median(reached)) if reached.size else 0.0
-    if abs(typical_rad) < BOOM_MOVES_RAD or (known is not None and len(known) < _FEWEST):
+    if abs(typical_rad) < BOOM_MOVES_RAD or (
+        known is not None and len(known) < LIMITS.boom_min_changes
+    ):
         return NO_DUMPS
-    out = whole & (away / typical_rad > _OUT)
-    spans = _joined(t_ns, out & slow, t_ns[whole & ~out], t_ns[out & standing(excitation)])
-    if np.mean(reached / typical_rad > _OUT) < _MOSTLY or len(spans) < _FEWEST:
+    out = whole & (away / typical_rad > LIMITS.boom_out_fraction)
+    spans = _join_dumps(t_ns, out & slow, t_ns[whole & ~out], t_ns[out & standing(excitation)])
+    if (
+        np.mean(reached / typical_rad > LIMITS.boom_out_fraction) < LIMITS.boom_change_fraction
+        or len(spans) < LIMITS.boom_min_changes
+    ):
         return NO_DUMPS
-    dumps = [BoomDump(*span, _emptied_ns(away / typical_rad, t_ns, span)) for span in spans]
+    dumps = [BoomDump(*span, _emptying_time_ns(away / typical_rad, t_ns, span)) for span in spans]
     return BoomDumps(tells=True, dumps=tuple(dumps))
 
 
-def creeps(excitation: pl.DataFrame) -> Bools:
+def is_creeping(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps."""
     stands = standing(excitation)
     speed = np.abs(values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
         return stands
-    return stands | (speed < _CREEPS * float(np.quantile(moving, _REACHES)))
+    return stands | (
+        speed
+        < LIMITS.creeping_speed_fraction * float(np.quantile(moving, LIMITS.reached_speed_quantile))
+    )
 
 
 def standing(excitation: pl.DataFrame) -> Bools:
@@ -138,22 +131,22 @@ def standing(excitation: pl.DataFrame) -> Bools:
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 
 
-def _farthest(away: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
+def _farthest_reach(away: Floats, slow: Bools, t_ns: Ints, span: Span) -> float:
     """How far the boom is out in a stretch of time, with its sign; 0 where nothing tells."""
     first, last = np.searchsorted(t_ns, span)
     inside = away[first : last + 1][slow[first : last + 1]]
     return float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
 
 
-def _emptied_ns(out: Floats, t_ns: Ints, span: Span) -> int:
+def _emptying_time_ns(out: Floats, t_ns: Ints, span: Span) -> int:
     """When a bucket is emptied: soon after the boom is as far out as it gets in a span."""
     first, end = np.searchsorted(t_ns, span[0]), np.searchsorted(t_ns, span[1], "right")
     angle, when = out[first:end], t_ns[first:end]
-    up_ns = when[angle > _UP * np.nanmax(angle)]
-    return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, _EMPTIES_NS)
+    up_ns = when[angle > LIMITS.boom_up_fraction * np.nanmax(angle)]
+    return int(up_ns[0]) + min(int(up_ns[-1] - up_ns[0]) // 2, LIMITS.emptying_ns)
 
 
-def _joined(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[Span]:
+def _join_dumps(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[Span]:
     """Stretches of samples that dump, over moments in which the bucket is shaken.
 
     A boom that has not come back in between is driven away from the dump it was at. It may be out
@@ -168,13 +161,13 @@ def _joined(t_ns: Ints, dumps: Bools, inside_ns: Ints, stands_ns: Ints) -> list[
     when = t_ns[dumps]
     if not when.size:
         return []
-    comes_back = np.diff(np.searchsorted(inside_ns, when)) > 0
-    parts = np.split(when, np.flatnonzero((np.diff(when) > ONE_DUMP_NS) & comes_back) + 1)
+    load_returns = np.diff(np.searchsorted(inside_ns, when)) > 0
+    parts = np.split(when, np.flatnonzero((np.diff(when) > ONE_DUMP_NS) & load_returns) + 1)
     spans = [(int(part[0]), int(part[-1])) for part in parts]
-    return [_standing(span, stands_ns) for span in spans]
+    return [_trim_to_stands(span, stands_ns) for span in spans]
 
 
-def _standing(span: Span, stands_ns: Ints) -> Span:
+def _trim_to_stands(span: Span, stands_ns: Ints) -> Span:
     """From the first to the last stand in a span; all of it where there is none."""
     first, end = np.searchsorted(stands_ns, span[0]), np.searchsorted(stands_ns, span[1], "right")
     return span if first == end else (int(stands_ns[first]), int(stands_ns[end - 1]))

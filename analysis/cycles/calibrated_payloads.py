@@ -51,14 +51,14 @@ def calibrate_cycles(
             f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
-    scale_1 = _numbers(cycles, "scale_1")
-    payload_kg = _numbers(cycles, "payload_kg") / scale_1
+    scale_1 = _column_values(cycles, "scale_1")
+    payload_kg = _column_values(cycles, "payload_kg") / scale_1
     on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
-    common, shared = (on_line.beside(_numbers(cycles, f"own_u_{n}_kg")) for n in _COMMON)
+    common, shared = (on_line.beside(_column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON)
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
     common_kg = np.maximum(common_kg, shared_kg)
-    random_kg = _numbers(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
+    random_kg = _column_values(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
     found = {
         "payload_kg": on_line.payload_kg,
         "payload_u_random_kg": random_kg,
@@ -70,11 +70,11 @@ def calibrate_cycles(
     on_scale = deliver(
         cycles.with_columns(pl.Series(name, each).fill_nan(None) for name, each in found.items())
     )
-    if _by_ticket(cycles, on_scale, tuple(found)):
+    if _is_ticket_better(cycles, on_scale, tuple(found)):
         return cycles
-    off_kg, u_kg = _apart(calibration, unlike)
+    off_kg, u_kg = _distance_from_line(calibration, unlike)
     reasons = pl.Series(
-        "reason", [_outside(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
+        "reason", [_exclusion_reason(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
     )
     refused = pl.col("reason") != ""
     said = on_scale.with_columns(reasons).with_columns(
@@ -91,7 +91,7 @@ def calibrate_cycles(
     )
 
 
-def _by_ticket(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]) -> bool:
+def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]) -> bool:
     """Whether the sum of the payloads is better known by the empty machine than by the line.
 
     Args:
@@ -104,7 +104,7 @@ def _by_ticket(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]
         return False
 
     def relative(table: pl.DataFrame) -> float:
-        sums = {name: _numbers(table, name)[counted] for name in names}
+        sums = {name: _column_values(table, name)[counted] for name in names}
         shared = sums["payload_u_shared_kg"].sum()
         random = np.linalg.norm(sums["payload_u_random_kg"])
         return float(np.hypot(shared, random) / abs(sums["payload_kg"].sum()))
@@ -112,12 +112,12 @@ def _by_ticket(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequence[str]
     return relative(cycles) < relative(on_line)
 
 
-def _numbers(cycles: pl.DataFrame, name: str) -> Floats:
+def _column_values(cycles: pl.DataFrame, name: str) -> Floats:
     """A column as floats, NaN where it is null."""
     return cycles[name].cast(pl.Float64).to_numpy()
 
 
-def _apart(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
+def _distance_from_line(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
     """What the log's masses are off by beside their line, in their mean, and the u of that."""
     of_masses = (
         [] if unlike is None else [x for (of, _), x in unlike.moved_kg.items() if of == MOVED[0]]
@@ -133,7 +133,7 @@ def _apart(calibration: Calibration, unlike: Unlike | None) -> tuple[float, floa
     return unlike.off_kg(moved_kg, unlike.line(calibration.responses, 1.0, 0.0))
 
 
-def _outside(
+def _exclusion_reason(
     row: Mapping[str, Any], calibration: Calibration, off_kg: float, unlike_u_kg: float
 ) -> str:
     """Why a cycle is none of the line's; "" where it is, or has no mass anyway."""

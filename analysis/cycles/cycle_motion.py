@@ -1,23 +1,21 @@
 """How far and how fast each cycle drives, how long it stands, and the long stands of a shift."""
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.boom_dumps import standing
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import IDLE_S
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
 from analysis.model.windows import runs_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-_NS: Final = 1e9
-#: No sample stands for more time than this, in s: a longer step is a hole.
-_LONGEST_STEP_S: Final = 1.0
 
 
 class DriveSummary(NamedTuple):
@@ -53,7 +51,7 @@ class CycleMotion(NamedTuple):
     whole: DriveSummary
 
 
-def cycle_motions(
+def summarise_cycle_motion(
     cycles: pl.DataFrame, excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
 ) -> list[CycleMotion]:
     """The motion of each cycle.
@@ -69,20 +67,22 @@ def cycle_motions(
         start_ns, end_ns = row["start_t_ns"], row["end_t_ns"]
         haul_m = None
         if row["dig_t_ns"] is not None and row["load_s"] is not None and row["haul_s"] is not None:
-            loaded_ns = row["dig_t_ns"] + int(row["load_s"] * _NS)
-            haul = samples.within(loaded_ns, loaded_ns + int(row["haul_s"] * _NS), ())
+            loaded_ns = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
+            haul = samples.during(loaded_ns, loaded_ns + int(row["haul_s"] * NS_PER_S), ())
             haul_m = haul.distance_m
-        whole = samples.within(start_ns, end_ns, holes_ns)
+        whole = samples.during(start_ns, end_ns, holes_ns)
         found.append(CycleMotion(row["cycle"], haul_m, whole))
     return found
 
 
-def shift_motion(excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> DriveSummary:
-    """The motion of the whole shift; arguments as of `cycle_motions`."""
+def summarise_shift_motion(
+    excitation: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]
+) -> DriveSummary:
+    """The motion of the whole shift; arguments as of `summarise_cycle_motion`."""
     t_ns = excitation["t_ns"].to_numpy()
     if not t_ns.size:
         return DriveSummary(None, None, 0.0, 0.0, 0.0)
-    return _DriveSamples.of(excitation).within(int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns)
+    return _DriveSamples.of(excitation).during(int(t_ns[0]), int(t_ns[-1]) + 1, holes_ns)
 
 
 def idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
@@ -94,7 +94,7 @@ def idle_stands(excitation: pl.DataFrame) -> list[tuple[int, int]]:
     return [
         (int(t_ns[b]), int(t_ns[e]))
         for b, e in zip(begins, ends, strict=True)
-        if (t_ns[e] - t_ns[b]) / _NS > IDLE_S
+        if (t_ns[e] - t_ns[b]) / NS_PER_S > IDLE_S
     ]
 
 
@@ -110,16 +110,16 @@ class _DriveSamples(NamedTuple):
     @classmethod
     def of(cls, excitation: pl.DataFrame) -> "_DriveSamples":
         t_ns = excitation["t_ns"].to_numpy()
-        step_s = np.diff(t_ns, append=t_ns[-1:]) / _NS
+        step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
         return cls(
             t_ns,
-            np.where(step_s > _LONGEST_STEP_S, 0.0, step_s),
+            np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s),
             np.abs(values(excitation, "speed_x_m_s")),
             standing(excitation),
             excitation["phase"].is_not_null().to_numpy(),
         )
 
-    def within(
+    def during(
         self, start_ns: int, end_ns: int, holes_ns: Sequence[tuple[int, int]]
     ) -> DriveSummary:
         """What they say of a stretch of time."""
@@ -132,5 +132,5 @@ class _DriveSamples(NamedTuple):
             float(speed[known].max()) if known.any() else None,
             float(step_s[moves].sum()),
             float(step_s[self.stands[part]].sum()),
-            sum(max(min(e, end_ns) - max(s, start_ns), 0) for s, e in holes_ns) / _NS,
+            sum(max(min(e, end_ns) - max(s, start_ns), 0) for s, e in holes_ns) / NS_PER_S,
         )

@@ -7,19 +7,18 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, creeps, standing
+from analysis.cycles.boom_dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, is_creeping, standing
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
 from analysis.model.windows import runs_of
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-_NS: Final = 1e9
 #: A stand of so long is no part of the work.
 IDLE_S: Final = 30.0
-#: So long without a sample it may have dumped there as well.
-_HOLE_S: Final = 5.0
 
 
 @dataclass
@@ -69,13 +68,15 @@ def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
                 and now.loaded is None
                 and now.dig_ns is not None
                 and start_ns - now.dig_ns[1] < found.one_filling_ns
-                and not found.dumps.within(now.dig_ns[1], start_ns)
+                and not found.dumps.during(now.dig_ns[1], start_ns)
             )
             # a bucket that is not dumped since is full: what looks like digging fills none
             inside = (
                 now is not None
                 and now.haul_ns is not None
-                and (start_ns < now.haul_ns[1] or found.dumps.none_in(now.haul_ns[0], start_ns))
+                and (
+                    start_ns < now.haul_ns[1] or found.dumps.shows_no_dump(now.haul_ns[0], start_ns)
+                )
             )
             if again and now is not None and now.dig_ns is not None:
                 now.dig_ns = (now.dig_ns[0], span[1])
@@ -92,10 +93,10 @@ def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
             if now is not None:
                 now.after = number
             now, empty = None, number
-    return _with_neighbours(cycles, found)
+    return _add_neighbours(cycles, found)
 
 
-def _with_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts]:
+def _add_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts]:
     """The nearest empty passes, where the cycle itself has none."""
     empties = np.flatnonzero(~found.loaded)
     for cycle in cycles:
@@ -107,7 +108,7 @@ def _with_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts
     return cycles
 
 
-def dump_times(
+def add_dump_times(
     cycles: list[CycleParts], found: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
 ) -> None:
     """Find when each load is dumped: when the boom shows a dump.
@@ -122,15 +123,15 @@ def dump_times(
         excitation: the phases.
     """
     t_ns = excitation["t_ns"].to_numpy()
-    stands, stops = standing(excitation), creeps(excitation)
+    stands, stops = standing(excitation), is_creeping(excitation)
     boom = values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
-        ready = _filled_ns(cycle, found)
+        ready = _last_loaded_ns(cycle, found)
         over = [int(ns) for ns in found.start_ns[np.searchsorted(found.start_ns, ready) :][:1]]
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
-        dumped = found.dumps.beside(ready, empty)
+        dumped = found.dumps.out_during(ready, empty)
         if not dumped and cycle.loaded is None and over and not found.dumps.tells:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             inside = (t_ns > ready) & (t_ns < empty)
@@ -141,20 +142,20 @@ def dump_times(
         first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
         if dumped:
-            cycle.dump_ns = _around(dumped[0][:2], stands[part], t_ns[part])
+            cycle.dump_ns = _extend_to_stands(dumped[0][:2], stands[part], t_ns[part])
             cycle.dumped_ns = dumped[0].dumped_ns
             continue
-        stand = _stand(stands[part], boom[part], t_ns[part])
+        stand = _boom_stand(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
-        hole = None if by_boom else _hole(t_ns[part])
+        hole = None if by_boom else _longest_hole(t_ns[part])
         cycle.unseen = hole is not None
         found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
         cycle.dump_ns, cycle.dumped_ns = found_ns, sum(found_ns) // 2
         if stand is not None and by_boom:
-            cycle.dumped_ns = _farthest_ns(boom[part], t_ns[part], *stand[:2])
+            cycle.dumped_ns = _boom_out_ns(boom[part], t_ns[part], *stand[:2])
 
 
-def _filled_ns(cycle: CycleParts, found: Passes) -> int:
+def _last_loaded_ns(cycle: CycleParts, found: Passes) -> int:
     """When a load is last seen on the machine: at the end of its pass, or of its digging."""
     if cycle.loaded is not None:
         return int(found.end_ns[cycle.loaded])
@@ -162,7 +163,7 @@ def _filled_ns(cycle: CycleParts, found: Passes) -> int:
     return cycle.dig_ns[1]
 
 
-def _around(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
+def _extend_to_stands(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
     """A stretch of time, and the stands that it begins and ends in."""
     first, last = (int(k) for k in np.searchsorted(t_ns, span))
     last = min(last, t_ns.size - 1)
@@ -173,10 +174,10 @@ def _around(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]
     return int(t_ns[first]), int(t_ns[last])
 
 
-def _hole(t_ns: Ints) -> tuple[int, int] | None:
+def _longest_hole(t_ns: Ints) -> tuple[int, int] | None:
     """The longest time without a sample, where that is long."""
     steps = np.diff(t_ns)
-    if not steps.size or steps.max() < _HOLE_S * _NS:
+    if not steps.size or steps.max() < LIMITS.dump_hole_s * NS_PER_S:
         return None
     widest = int(np.argmax(steps))
     return int(t_ns[widest]), int(t_ns[widest + 1])
@@ -186,14 +187,16 @@ def _longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """The longest time that a machine stands or creeps, no idling; None where it does not."""
     begins, ends = runs_of(stops)
     length = t_ns[ends] - t_ns[begins]
-    length[length > IDLE_S * _NS] = 0
+    length[length > IDLE_S * NS_PER_S] = 0
     if not length.any():
         return None
     best = int(np.argmax(length))
     return int(t_ns[begins[best]]), int(t_ns[ends[best]])
 
 
-def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, int, bool] | None:
+def _boom_stand(
+    stands: Bools, boom: NDArray[np.float64], t_ns: Ints
+) -> tuple[int, int, bool] | None:
     """A stand, and whether the boom moves in it."""
     begins, ends = runs_of(stands)
     if not begins.size:
@@ -205,7 +208,7 @@ def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, i
     return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
 
 
-def _farthest_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
+def _boom_out_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
     """The middle of the time in which the boom is more than half as far out as it gets.
 
     The stand may last: idling begins where a machine has dumped. A boom that is moved once more

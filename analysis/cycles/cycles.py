@@ -16,7 +16,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.boom_cycles import add_boom_cycles, digging_contradicts
-from analysis.cycles.cycle_parts import CycleParts, cycle_parts, dump_times
+from analysis.cycles.cycle_limits import LIMITS
+from analysis.cycles.cycle_parts import CycleParts, add_dump_times, cycle_parts
 from analysis.cycles.empty_machine import (
     BY_EMPTY_MACHINE,
     BY_MACHINE_FILE,
@@ -24,11 +25,12 @@ from analysis.cycles.empty_machine import (
     carried_variance,
     cleanest,
     empty_machine,
-    states_of_passes,
+    pass_weights_by_state,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
 from analysis.cycles.load_passes import NO_PASSES, Passes, passes
 from analysis.model.machine import Machine
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
 from analysis.model.uncertainty_sources import combined, unknown_scale
 from analysis.model.verdict import Verdict
@@ -38,15 +40,12 @@ from analysis.weighing.weigh import Weighing
 
 Floats = NDArray[np.float64]
 
-_NS: Final = 1e9
-#: A payload is doubted when its standard uncertainty is this share of it.
-_WEAK: Final = 0.25
 _UNSEEN: Final = "dumped while nothing was recorded"
 _CONTRADICTED: Final = "the boom dumps where no load is dumped by its mass"
 _HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
 
 
-class Hauled(NamedTuple):
+class LogCycles(NamedTuple):
     """The cycles of a log.
 
     Attributes:
@@ -61,8 +60,8 @@ class Hauled(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Common:
-    """What is common to payloads: it does not average out.
+class _CommonUncertainty:
+    """Uncertainty common to payloads, which does not average out.
 
     Attributes:
         shared_1: of all payloads together, as a share of them: it adds up over a shift.
@@ -98,7 +97,7 @@ def cycles(
     machine: Machine,
     verdict: Verdict,
     known: Passes | None = None,
-) -> Hauled:
+) -> LogCycles:
     """Make `cycles`, and say of which masses each payload is a sum and what tells their scale.
 
     Args:
@@ -114,12 +113,12 @@ def cycles(
     twice = known is None and digging_contradicts(found, digs)
     found = NO_PASSES if twice else found
     parts = cycle_parts(found, digs)
-    dump_times(parts, found, *motion)
+    add_dump_times(parts, found, *motion)
     contradicts = False
     if known is None:
         parts, contradicts = add_boom_cycles(parts, found, digs, *motion)
     if not parts:
-        return Hauled(_frame([]), {}, ShiftScale())
+        return LogCycles(_cycle_frame([]), {}, ShiftScale())
     withheld = ", ".join(check.check for check in verdict.failed("mass"))
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
@@ -127,33 +126,35 @@ def cycles(
     empty = empty_machine(weighing, machine, found)
     withheld = withheld or (empty.contradiction if empty else "")
     share = _tare_share(found)
-    worth = _worth(weighing, machine, found, _summed(found, parts, share), empty)
+    worth = _shared_uncertainty(weighing, machine, found, _sum_weights(found, parts, share), empty)
     clean = cleanest(found)
     rows: list[dict[str, object]] = []
-    known_sums = weighing is not None and weighing.fit.states is not None and bool(found.of.size)
-    of_states = states_of_passes(weighing.fit, found) if weighing and known_sums else None
+    known_sums = (
+        weighing is not None and weighing.fit.states is not None and bool(found.membership.size)
+    )
+    of_states = pass_weights_by_state(weighing.fit, found) if weighing and known_sums else None
     sums: dict[int, Floats] = {}
     ready_ns = int(frames["excitation"]["t_ns"][0])
-    counts = np.bincount(found.of)
+    counts = np.bincount(found.membership)
     for number, part in enumerate(parts, start=1):
-        row: dict[str, object] = {"cycle": number, **_times(part, ready_ns)}
-        reason = withheld or _reason(part)
+        row: dict[str, object] = {"cycle": number, **_cycle_times(part, ready_ns)}
+        reason = withheld or _no_mass_reason(part)
         if not reason:
             weights = pass_weights(part, share, found.mass_kg.size)
-            row |= _masses(part, found, share, clean)
-            row |= _uncertainty(row, worth, weights)
+            row |= _payload_row(part, found, share, clean)
+            row |= _payload_uncertainty(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded])
-        row["quality"], row["counted"] = _quality(row, part)
-        row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
+        row["quality"], row["counted"] = _row_quality(row, part)
+        row["withheld_for"] = reason or _row_remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
-    table = subtract_spillage(_frame(rows), parts, found, frames, machine.machine)
-    return Hauled(table, sums, worth.scale)
+    table = subtract_spillage(_cycle_frame(rows), parts, found, frames, machine.machine)
+    return LogCycles(table, sums, worth.scale)
 
 
-def _frame(rows: list[dict[str, object]]) -> pl.DataFrame:
+def _cycle_frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     declared = FRAMES["cycles"].columns
     columns = {
         c.name: pl.Series([row.get(c.name) for row in rows], dtype=c.dtype) for c in declared
@@ -161,7 +162,7 @@ def _frame(rows: list[dict[str, object]]) -> pl.DataFrame:
     return build("cycles", columns)
 
 
-def _times(part: CycleParts, ready_ns: int) -> dict[str, object]:
+def _cycle_times(part: CycleParts, ready_ns: int) -> dict[str, object]:
     """From one dump to the next, and what it is made of."""
     dig, haul, dump = part.dig_ns, part.haul_ns, part.dump_ns
     seen = [span for span in (dig, haul, dump) if span]
@@ -170,10 +171,10 @@ def _times(part: CycleParts, ready_ns: int) -> dict[str, object]:
         "end_t_ns": seen[-1][1] if dump is None else part.dumped_ns,
         "dig_t_ns": dig and dig[0],
         "dump_t_ns": part.dumped_ns,
-        "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / _NS,
-        "load_s": (haul[0] - dig[0]) / _NS if dig and haul else None,
-        "haul_s": (dump[0] - haul[0]) / _NS if haul and dump and not part.unseen else None,
-        "dump_s": (dump[1] - dump[0]) / _NS if dump and not part.unseen else None,
+        "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / NS_PER_S,
+        "load_s": (haul[0] - dig[0]) / NS_PER_S if dig and haul else None,
+        "haul_s": (dump[0] - haul[0]) / NS_PER_S if haul and dump and not part.unseen else None,
+        "dump_s": (dump[1] - dump[0]) / NS_PER_S if dump and not part.unseen else None,
     }
 
 
@@ -183,7 +184,7 @@ def _ready_ns(part: CycleParts) -> int:
     return seen[-1][1]
 
 
-def _reason(part: CycleParts) -> str:
+def _no_mass_reason(part: CycleParts) -> str:
     """Why a cycle has no mass, nothing where it has one."""
     if part.loaded is None:
         return "no start with this load tells a mass"
@@ -192,23 +193,23 @@ def _reason(part: CycleParts) -> str:
     return ""
 
 
-def _remark(row: dict[str, object]) -> str:
+def _row_remark(row: dict[str, object]) -> str:
     return {
         "weak": "uncertain: more than a quarter of the payload",
         "not dumped": "the recording ends before it is dumped",
     }.get(str(row["quality"]), "")
 
 
-def _quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
+def _row_quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
     payload_kg, u_kg = row.get("payload_kg"), row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
     if part.dump_ns is None:
         return "not dumped", False
-    return ("weak" if u_kg > _WEAK * abs(payload_kg) else "good"), True
+    return ("weak" if u_kg > LIMITS.doubtful_payload_u * abs(payload_kg) else "good"), True
 
 
-def _masses(
+def _payload_row(
     part: CycleParts, found: Passes, share: Floats, cleanest: tuple[float, float]
 ) -> dict[str, object]:
     row: dict[str, object] = {}
@@ -235,7 +236,9 @@ def _masses(
     return row
 
 
-def _uncertainty(row: dict[str, object], worth: "_Worth", weights: Floats) -> dict[str, object]:
+def _payload_uncertainty(
+    row: dict[str, object], worth: "_SharedUncertainty", weights: Floats
+) -> dict[str, object]:
     """What a payload has in common with others, how much of it with all of them, and the whole.
 
     The log's own stand beside those that the empty machine tells: a calibration has to have them.
@@ -304,7 +307,7 @@ def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
     return variance * (before**2 + after**2)
 
 
-def _summed(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
+def _sum_weights(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
     """(passes,) weights of the sum of all payloads; 0 where there is none."""
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
     weights = [pass_weights(part, tare, found.mass_kg.size) for part in whole]
@@ -312,8 +315,8 @@ def _summed(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Worth:
-    """What payloads have in common.
+class _SharedUncertainty:
+    """Uncertainty that payloads share.
 
     Attributes:
         own: by the log alone, over payloads of the log alone.
@@ -322,19 +325,19 @@ class _Worth:
         scale: where it comes from.
     """
 
-    own: _Common
-    told: _Common
+    own: _CommonUncertainty
+    told: _CommonUncertainty
     scale_1: float
     scale: ShiftScale
 
 
-def _worth(
+def _shared_uncertainty(
     weighing: Weighing | None,
     machine: Machine,
     found: Passes,
     weights: Floats,
     empty: EmptyMachine | None,
-) -> _Worth:
+) -> _SharedUncertainty:
     """Find it.
 
     Args:
@@ -347,10 +350,10 @@ def _worth(
     if weighing is None or weighing.fit.states is None or empty is None or not weights.any():
         count = found.mass_kg.size
         nothing = np.zeros(count)
-        none = _Common(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
-        return _Worth(none, none, 1.0, ShiftScale())
-    datum = empty.datum(states_of_passes(weighing.fit, found) @ weights)
-    own = _common(weighing, machine, found, weights, None)
+        none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
+        return _SharedUncertainty(none, none, 1.0, ShiftScale())
+    datum = empty.datum(pass_weights_by_state(weighing.fit, found) @ weights)
+    own = _common_uncertainty(weighing, machine, found, weights, None)
     gain_1, gain_u_1 = empty.gain or (None, None)
     sources = (
         budget(weighing, machine, empty.weights) if datum is None else datum.sources(empty.weights)
@@ -359,20 +362,22 @@ def _worth(
     told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
-        return _Worth(own, own, 1.0, scale)
-    return _Worth(own, _common(weighing, machine, found, weights, datum), datum.scale_1, scale)
+        return _SharedUncertainty(own, own, 1.0, scale)
+    return _SharedUncertainty(
+        own, _common_uncertainty(weighing, machine, found, weights, datum), datum.scale_1, scale
+    )
 
 
-def _common(
+def _common_uncertainty(
     weighing: Weighing, machine: Machine, found: Passes, weights: Floats, datum: Datum | None
-) -> _Common:
+) -> _CommonUncertainty:
     """What is common to payloads of the log's own, with the fit's correlations.
 
     Of all payloads together it is what the fit's budget has besides what the passes' own noise and
     scatter add up to. One payload also has what nuisances do to its own starts and not to others'.
     """
     fit = weighing.fit
-    of_states = states_of_passes(fit, found)
+    of_states = pass_weights_by_state(fit, found)
     summed = of_states @ weights
     sources = budget(weighing, machine, summed) if datum is None else datum.sources(summed)
     by_1 = 1.0 if datum is None else datum.scale_1
@@ -387,7 +392,7 @@ def _common(
     if datum is not None:
         share = np.where(found.loaded, 0.0, 1.0 / found.u_kg**2)
         empty = -datum.by_kg * share / share.sum()
-    return _Common(
+    return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
         combined(other) / by_1 / total_kg,
         fit.term_responses @ of_states,

@@ -6,38 +6,20 @@ has one that is silent. Where neither tells, the rhythm does: work that goes on 
 between two dumps hides one.
 """
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, boom_dumps, standing
+from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, find_boom_dumps, standing
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.lost_cycles import HOLE_S
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import runs_of
 
 Ints = NDArray[np.int64]
-
-_NS: Final = 1e9
-#: Probability that digging or a dump of the boom was a cycle: where the log has no other witness,
-_ALONE: Final = 0.75
-#: and where it has one, which is silent.
-_CONTRADICTED: Final = 0.25
-#: Probability that a load is dumped where the recording goes on without its machine being seen to.
-_MAY_DUMP: Final = 0.5
-#: A recording that goes on for so long behind the last haul, in ns, may have a dump in it.
-_TIME_TO_DUMP_NS: Final = 3 * 10**9
-#: Loads differ by this share of one where a single one is known.
-_SPREAD: Final = 0.5
-#: Times between dumps are of one cycle within this share of the median,
-_STEADY: Final = 0.25
-#: and there is a rhythm where so many of them are.
-_RHYTHM: Final = 0.6
-#: Fewer dumps have none.
-_FEWEST: Final = 6
-#: Digging is a witness where so many of the counted cycles have it.
-_MOSTLY: Final = 0.5
 
 
 class UncountedCycles(NamedTuple):
@@ -71,16 +53,16 @@ def uncounted_cycles(
     t_ns = excitation["t_ns"].to_numpy()
     end_ns = int(t_ns[-1]) if t_ns.size else 0
     times = cycles["dump_t_ns"].drop_nulls().to_list()
-    boom = boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
-    likely = _of_rows(cycles, boom)
-    if not boom.tells and not _digging_tells(cycles):
-        likely += _out_of_rhythm(np.array(sorted(times), np.int64), excitation)
+    boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
+    likely = _row_probabilities(cycles, boom)
+    if not boom.tells and not _is_digging_reliable(cycles):
+        likely += _rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
     if on_board.height:
         load_kg, load_u_kg = on_board["payload_kg"][0], on_board["payload_u_kg"][0]
-        goes_on = end_ns - int(on_board["end_t_ns"][0]) > _TIME_TO_DUMP_NS
-        likely += [_MAY_DUMP] * (goes_on and not boom.tells)
+        goes_on = end_ns - int(on_board["end_t_ns"][0]) > LIMITS.unseen_dump_ns
+        likely += [LIMITS.unseen_dump_probability] * (goes_on and not boom.tells)
     p = np.array(likely, np.float64)
     return UncountedCycles(
         len(boom.dumps) if boom.tells else None,
@@ -94,7 +76,7 @@ def uncounted_cycles(
 def price_kg(
     number: float, number_u: float, mean_kg: float | None, std_kg: float | None
 ) -> tuple[float, float]:
-    """What so many cycles carried, and its standard uncertainty, by the loads that have a mass.
+    """Estimate the load of so many cycles, with its uncertainty, by the loads that have a mass.
 
     Args:
         number: of cycles.
@@ -104,15 +86,19 @@ def price_kg(
     """
     if mean_kg is None:
         return 0.0, 0.0
-    spread_kg = _SPREAD * abs(mean_kg) if std_kg is None else std_kg
+    spread_kg = LIMITS.single_load_std_fraction * abs(mean_kg) if std_kg is None else std_kg
     return number * mean_kg, float(np.sqrt((number_u * mean_kg) ** 2 + number * spread_kg**2))
 
 
-def _of_rows(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
+def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     """How likely each row without a mass was a cycle."""
     blank = cycles.filter(pl.col("payload_kg").is_null())
-    only_dug = _CONTRADICTED if boom.tells else _ALONE
-    only_dumped = _CONTRADICTED if _digging_tells(cycles) else _ALONE
+    only_dug = LIMITS.contradicted_probability if boom.tells else LIMITS.sole_witness_probability
+    only_dumped = (
+        LIMITS.contradicted_probability
+        if _is_digging_reliable(cycles)
+        else LIMITS.sole_witness_probability
+    )
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
     return [
         1.0 if haul or (dig and dump and boom.tells) else only_dug if dig else only_dumped
@@ -120,35 +106,35 @@ def _of_rows(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     ]
 
 
-def _digging_tells(cycles: pl.DataFrame) -> bool:
+def _is_digging_reliable(cycles: pl.DataFrame) -> bool:
     """Whether digging is a witness: counted cycles mostly have it."""
     counted = cycles.filter("counted")
     dug = counted.height - counted["dig_t_ns"].null_count()
-    return dug >= _MOSTLY * max(counted.height, 1)
+    return dug >= LIMITS.digging_witness_fraction * max(counted.height, 1)
 
 
-def _out_of_rhythm(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
+def _rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
     """How likely each cycle that the rhythm lacks was one: as likely as the rhythm is steady.
 
     Args:
         dumps_ns: when loads are dumped, ascending.
         excitation: phases: what idles or is not recorded is no work.
     """
-    if dumps_ns.size < _FEWEST:
+    if dumps_ns.size < LIMITS.rhythm_min_dumps:
         return []
     t_ns, stands = excitation["t_ns"].to_numpy(), standing(excitation)
-    step_s = np.diff(t_ns, prepend=t_ns[0]) / _NS
+    step_s = np.diff(t_ns, prepend=t_ns[0]) / NS_PER_S
     # cycles of a hole are priced apart
     step_s[step_s > HOLE_S] = 0.0
     for begin, end in zip(*runs_of(stands), strict=True):
-        if t_ns[end] - t_ns[begin] > IDLE_S * _NS:
+        if t_ns[end] - t_ns[begin] > IDLE_S * NS_PER_S:
             step_s[begin : end + 1] = 0.0
     worked_s = np.diff(np.interp(dumps_ns, t_ns, np.cumsum(step_s)))
     cycle_s = float(np.median(worked_s))
-    steady = float(np.mean(np.abs(worked_s - cycle_s) < _STEADY * cycle_s))
-    if steady < _RHYTHM:
+    steady = float(np.mean(np.abs(worked_s - cycle_s) < LIMITS.rhythm_tolerance * cycle_s))
+    if steady < LIMITS.rhythm_min_fraction:
         return []
     missing = np.rint(worked_s / cycle_s).astype(np.int64) - 1
     # a whole number of cycles, not a slow one
-    whole = np.abs(worked_s - (missing + 1) * cycle_s) < _STEADY * cycle_s
+    whole = np.abs(worked_s - (missing + 1) * cycle_s) < LIMITS.rhythm_tolerance * cycle_s
     return [steady] * int(missing[whole].clip(0).sum())

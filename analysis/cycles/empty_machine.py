@@ -4,6 +4,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.load_passes import Passes
 from analysis.model.machine import Machine
 from analysis.weighing.empty_mass_datum import EmptyMachine
@@ -11,14 +12,6 @@ from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
 
-#: The cleanest bucket is this quantile of the empty passes: the least of many is the noisiest.
-_CLEANEST: Final = 0.1
-#: So few empty passes do not tell how what is carried back differs.
-_FEWEST: Final = 4
-#: Standard uncertainty of what the cleanest bucket still carries, as a share of what the others
-#: carry on average: of loads left that are spread evenly from nothing on, a tenth percentile has
-#: 0.2, of an exponential tail 0.1.
-_STILL_CARRIES: Final = 0.25
 #: What tells the scale of payloads.
 BY_MACHINE_FILE: Final = "machine file"
 BY_EMPTY_MACHINE: Final = "empty machine"
@@ -41,18 +34,18 @@ class ShiftScale(NamedTuple):
     gain_u_1: float | None = None
 
 
-def states_of_passes(fit: JointFit, found: Passes) -> Floats:
+def pass_weights_by_state(fit: JointFit, found: Passes) -> Floats:
     """(states, passes) by which masses of passes are those of states weighted."""
     assert fit.states is not None
     weights = np.zeros((fit.count, found.mass_kg.size))
-    np.add.at(weights, (fit.states.of, found.of), found.share)
+    np.add.at(weights, (fit.states.membership, found.membership), found.share)
     return weights
 
 
 def carried_variance(found: Passes) -> float:
     """Variance of what is carried back, in kg²: what empty passes differ by beyond their noise."""
     mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
-    if mass.size < _FEWEST:
+    if mass.size < LIMITS.carried_min_passes:
         return 0.0
     # neighbours, since fuel is burnt
     return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
@@ -71,7 +64,7 @@ def cleanest(found: Passes) -> tuple[float, float]:
     true = carried_variance(found)
     kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
     middle = float(np.mean(mass))
-    least = middle + kept * (float(np.quantile(mass, _CLEANEST)) - middle)
+    least = middle + kept * (float(np.quantile(mass, LIMITS.clean_bucket_quantile)) - middle)
     return least, float(np.sqrt(noise / mass.size + true * (1.0 - kept)))
 
 
@@ -95,5 +88,7 @@ def empty_machine(
     # the noise of the passes is in their own masses
     noise_kg2 = float(np.mean(found.u_kg[empty] ** 2)) / int(empty.sum())
     own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
-    carried = carried_kg, float(np.sqrt(own_kg2 + (_STILL_CARRIES * carried_kg) ** 2))
-    return EmptyMachine(weighing, machine, states_of_passes(weighing.fit, found) @ share, carried)
+    carried = carried_kg, float(np.sqrt(own_kg2 + (LIMITS.clean_bucket_u * carried_kg) ** 2))
+    return EmptyMachine(
+        weighing, machine, pass_weights_by_state(weighing.fit, found) @ share, carried
+    )

@@ -6,24 +6,14 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: Loaded and empty are told apart when their means lie so many deviations of a state apart.
-_APART: Final = 4.0
-#: Means of those that digging tells apart differ by so many of their deviations.
-_MEANS_APART: Final = 3.0
-#: What seems lighter by more deviations after a start that digs has not dug.
-_LIGHTER: Final = 3.0
 #: Standard deviation over the median absolute deviation of a normal distribution.
 _MAD: Final = 1.4826
-#: Empty and loaded passes differ among themselves by at least these shares of a load: what is
-#: carried back has a long tail, and so have loads.
-_LEAST_LIGHT: Final = 0.05
-_LEAST_HEAVY: Final = 0.1
-#: A spread of fewer is that of the whole class.
-_FEWEST: Final = 4
 
 
 def loaded_states(
@@ -38,10 +28,12 @@ def loaded_states(
         times_ns: (manoeuvres,) when each begins, and ends.
         digs: `digging`: what comes before a start that digs is empty, what comes after is loaded.
     """
-    return _loaded(mass_kg, u_kg, _labels(mass_kg, u_kg, state, *times_ns, digs))
+    return _classify_by_border(
+        mass_kg, u_kg, _digging_labels(mass_kg, u_kg, state, *times_ns, digs)
+    )
 
 
-def _labels(
+def _digging_labels(
     mass_kg: Floats, u_kg: Floats, state: Ints, begin: Ints, end: Ints, digs: pl.DataFrame
 ) -> Ints:
     """(states,) 0 where a start that digs follows, 1 where one came before, -1 else."""
@@ -54,12 +46,12 @@ def _labels(
         empty, full = state[before], state[after]
         apart = float(np.hypot(u_kg[full], u_kg[empty]))
         # a bucket is no lighter for what it digs
-        if empty != full and mass_kg[full] > mass_kg[empty] - _LIGHTER * apart:
+        if empty != full and mass_kg[full] > mass_kg[empty] - LIMITS.not_dug_std * apart:
             label[empty], label[full] = 0, 1
     return label
 
 
-def _loaded(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
+def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
     """(states,) whether each is loaded: the side of a border between the two classes.
 
     Loads that are less than a state's deviation have no such border: what was dug tells then.
@@ -73,28 +65,32 @@ def _loaded(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
         light, heavy = label == 0, label == 1
     a, b = float(np.median(mass_kg[light])), float(np.median(mass_kg[heavy]))
     least_kg = float(np.median(u_kg))
-    spread_kg = _spread(mass_kg[light], least_kg)
-    parted = b - a > _APART * max(least_kg, spread_kg if light.sum() >= _FEWEST else 0.0)
-    if not parted and not (told and _differ(mass_kg[light], mass_kg[heavy], least_kg)):
+    spread_kg = _robust_std(mass_kg[light], least_kg)
+    parted = b - a > LIMITS.class_distance_std * max(
+        least_kg, spread_kg if light.sum() >= LIMITS.own_spread_min_states else 0.0
+    )
+    if not parted and not (told and _class_means_differ(mass_kg[light], mass_kg[heavy], least_kg)):
         return None
-    low = max(spread_kg, _LEAST_LIGHT * (b - a))
-    high = max(_spread(mass_kg[heavy], least_kg), _LEAST_HEAVY * (b - a))
+    low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
+    high = max(_robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
     if not parted:
         # a load that changes without digging is dumped
         return label == 1
-    return mass_kg > (_by_labels(mass_kg, label, border) if told else border)
+    return mass_kg > (_border_by_labels(mass_kg, label, border) if told else border)
 
 
-def _differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
+def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
     """Whether the means of two classes of states differ, each of enough states to tell."""
-    if min(light.size, heavy.size) < _FEWEST:
+    if min(light.size, heavy.size) < LIMITS.own_spread_min_states:
         return False
-    variances = (_spread(each, least_kg) ** 2 / each.size for each in (light, heavy))
-    return float(np.mean(heavy) - np.mean(light)) > _MEANS_APART * float(np.sqrt(sum(variances)))
+    variances = (_robust_std(each, least_kg) ** 2 / each.size for each in (light, heavy))
+    return float(np.mean(heavy) - np.mean(light)) > LIMITS.digging_class_distance_std * float(
+        np.sqrt(sum(variances))
+    )
 
 
-def _by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
+def _border_by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
     """The border that is at odds with the fewest labels, of several the one nearest to `border`."""
     order = np.sort(mass_kg)
     choices = np.append((order[1:] + order[:-1]) / 2.0, border)
@@ -106,7 +102,7 @@ def _by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
     return float(best[np.argmin(np.abs(best - border))])
 
 
-def _spread(values: Floats, least: float) -> float:
+def _robust_std(values: Floats, least: float) -> float:
     """Standard deviation by the median absolute deviation."""
     return max(_MAD * float(np.median(np.abs(values - np.median(values)))), least)
 

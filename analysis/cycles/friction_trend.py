@@ -5,26 +5,19 @@ it the viscous friction is what is left. So the parts compare with each other; w
 lag, slip) is in none of their deviations.
 """
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.axes import X, regressor
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
 from analysis.weighing.load_states import means_by_state
 
 Floats = NDArray[np.float64]
-
-_NS: Final = 1e9
-#: A shift has about so many parts,
-_PARTS: Final = 8
-#: none of them shorter or longer than this.
-_SHORTEST_S: Final = 300.0
-_LONGEST_S: Final = 3600.0
-#: Fewer manoeuvres do not show how they scatter.
-_FEWEST: Final = 4
 
 
 class FrictionPart(NamedTuple):
@@ -61,18 +54,24 @@ def friction_parts(
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count() or nuisances.is_empty():
         return ()
-    crossed, squared = _sums(excitation, manoeuvres, nuisances, settings)
+    crossed, squared = _manoeuvre_sums(excitation, manoeuvres, nuisances, settings)
     t_ns = excitation["t_ns"].to_numpy()
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
-    since_s = (middle - t_ns[0]) / _NS
-    whole_s = float(t_ns[-1] - t_ns[0]) / _NS
-    length_s = float(np.clip(whole_s / _PARTS, _SHORTEST_S, _LONGEST_S))
+    since_s = (middle - t_ns[0]) / NS_PER_S
+    whole_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S
+    length_s = float(
+        np.clip(
+            whole_s / LIMITS.friction_parts,
+            LIMITS.shortest_friction_part_s,
+            LIMITS.longest_friction_part_s,
+        )
+    )
     found: list[FrictionPart] = []
     for number in range(int(np.ceil(whole_s / length_s))):
         begin, end = number * length_s, min((number + 1) * length_s, whole_s)
         inside = (since_s >= begin) & (since_s < end) & (squared > 0.0)
         count = int(inside.sum())
-        if count < _FEWEST:
+        if count < LIMITS.friction_min_manoeuvres:
             continue
         friction = float(crossed[inside].sum() / squared[inside].sum())
         # samples of one manoeuvre are wrong together
@@ -82,7 +81,7 @@ def friction_parts(
     return tuple(found)
 
 
-def _sums(
+def _manoeuvre_sums(
     excitation: pl.DataFrame, manoeuvres: pl.DataFrame, nuisances: pl.DataFrame, settings: Settings
 ) -> tuple[Floats, Floats]:
     """(manoeuvres,) of speed times the force that is left, and of the speed's square."""
@@ -99,7 +98,7 @@ def _sums(
     )
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
     driving &= np.isfinite(rest) & np.isfinite(acceleration) & np.isfinite(speed)
-    mass_kg = _of_state(manoeuvres)
+    mass_kg = _state_masses(manoeuvres)
     t_ns = excitation["t_ns"].to_numpy()
     spans = manoeuvres.select("start_t_ns", "end_t_ns").iter_rows()
     crossed, squared = np.zeros(mass_kg.size), np.zeros(mass_kg.size)
@@ -112,7 +111,7 @@ def _sums(
     return crossed, squared
 
 
-def _of_state(manoeuvres: pl.DataFrame) -> Floats:
+def _state_masses(manoeuvres: pl.DataFrame) -> Floats:
     """(manoeuvres,) the mass of the load state of each."""
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0

@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.machine import Body
@@ -24,8 +25,6 @@ _IN_PROPORTION: Final = (
     *("payload_kg", "payload_u_random_kg", "payload_u_common_kg", "payload_u_shared_kg"),
     "scale_1",
 )
-#: Sums of squares of accelerations above this, in m²/s⁴, weigh something: below is rounding.
-_NOTHING: Final = 1e-12
 
 
 def subtract_spillage(
@@ -46,7 +45,7 @@ def subtract_spillage(
     """
     if body.haul_spillage_share is None or cycles.is_empty():
         return cycles
-    progress = _weighed_at(parts, found, frames["manoeuvres"], frames["excitation"])
+    progress = _weighing_progress(parts, found, frames["manoeuvres"], frames["excitation"])
     arriving, u = arriving_share(progress, body)
     known = cycles["payload_kg"].is_not_null().to_numpy()
     return deliver(
@@ -90,7 +89,7 @@ def deliver(cycles: pl.DataFrame) -> pl.DataFrame:
     return conform("cycles", widened.with_columns(payload_u_kg=u_kg))
 
 
-def _weighed_at(
+def _weighing_progress(
     parts: Sequence[CycleParts], found: Passes, manoeuvres: pl.DataFrame, excitation: pl.DataFrame
 ) -> Floats:
     """(cycles,) share of its haul that each load has behind it where it is weighed.
@@ -108,7 +107,9 @@ def _weighed_at(
     )
     whole = sums[last] - sums[first]
     place = np.where(
-        whole > 0.0, (moments[last] - moments[first]) / np.maximum(whole, _NOTHING), driven[first]
+        whole > 0.0,
+        (moments[last] - moments[first]) / np.maximum(whole, LIMITS.min_acceleration_square),
+        driven[first],
     )
     progress = np.zeros(len(parts))
     for number, part in enumerate(parts):
@@ -116,7 +117,7 @@ def _weighed_at(
             continue
         begin, end = np.searchsorted(t_ns, (part.haul_ns[0], part.dump_ns[0]))
         haul = driven[min(end, t_ns.size - 1)] - driven[begin]
-        own = found.of == part.loaded
+        own = found.membership == part.loaded
         if haul > 0.0:
             mean = float(found.share[own] @ place[own])
             progress[number] = np.clip((mean - driven[begin]) / haul, 0.0, 1.0)

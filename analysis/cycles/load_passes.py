@@ -11,23 +11,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, boom_dumps
+from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, find_boom_dumps
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.empty_or_loaded import loaded_states
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-
-#: A load is spilled on the way when its last state is less than one before by so many deviations.
-_SPILLS: Final = 3.0
-#: Digging tells where loads are filled if this share of them is dug.
-_DIGGING_TELLS: Final = 0.5
-#: Fewer cycles do not tell how long one lasts.
-_FEWEST: Final = 4
-#: Starts that dig with nothing else between are one filling of the bucket, if no further apart in
-#: ns than the shorter of this and a share of the time from digging to digging over an empty pass.
-_ONE_FILLING_NS: Final = 25 * 10**9
-_OF_A_CYCLE: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -35,7 +25,7 @@ class Passes:
     """Passes in time.
 
     Attributes:
-        of: (manoeuvres,) the pass of each.
+        membership: (manoeuvres,) the pass of each.
         share: (manoeuvres,) the weight of each in its pass' mass; those of a pass add up to 1.
         loaded: (passes,).
         mass_kg: (passes,).
@@ -46,14 +36,14 @@ class Passes:
         dumps: that the boom shows.
     """
 
-    of: Ints
+    membership: Ints
     share: Floats
     loaded: Bools
     mass_kg: Floats
     u_kg: Floats
     start_ns: Ints
     end_ns: Ints
-    one_filling_ns: int = _ONE_FILLING_NS
+    one_filling_ns: int = LIMITS.one_filling_ns
     dumps: BoomDumps = NO_DUMPS
 
 
@@ -105,18 +95,18 @@ def passes(
         emptied = np.flatnonzero(of_state[:-1] & ~of_state[1:])
         # one who creeps to the dump may have emptied the bucket before the start ends
         known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
-        dumps = boom_dumps(aligned, excitation, known)
-        of_state = _changed_at_dumps(of_state, begin, end, digs, dumps)
+        dumps = find_boom_dumps(aligned, excitation, known)
+        of_state = _reclassify_at_dumps(of_state, begin, end, digs, dumps)
     one_filling_ns = _one_filling_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[_filled_again(of_state, begin, end, digs, dumps, one_filling_ns)] = True
-    if digs.height < _DIGGING_TELLS * np.count_nonzero(parts & of_state[:-1]):
-        parts[_emptied_again(of_state, begin, end, dumps)] = True
+    parts[_refill_places(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
+        parts[_dump_places(of_state, begin, end, dumps)] = True
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
-    dumping = _while_dumping(begin, end, dumps)
-    spilled = _before_spilling(of_state & ~dumping, of, state, mass_kg, u_kg)
+    dumping = _is_dumping(begin, end, dumps)
+    spilled = _carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
     left = np.where(dumping | spilled, 0.0, weight)
     # a pass that has no other keeps what it has
     weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
@@ -147,12 +137,12 @@ def _one_filling_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -
         for stop, start in zip(stops[:-1], starts[1:], strict=True)
         if (seen := loaded[(middle > stop) & (middle < start)]).any() and not seen.all()
     ]
-    if len(apart) < _FEWEST:
-        return _ONE_FILLING_NS
-    return min(_ONE_FILLING_NS, int(_OF_A_CYCLE * float(np.median(apart))))
+    if len(apart) < LIMITS.filling_min_cycles:
+        return LIMITS.one_filling_ns
+    return min(LIMITS.one_filling_ns, int(LIMITS.one_filling_cycles * float(np.median(apart))))
 
 
-def _filled_again(
+def _refill_places(
     loaded: Bools,
     begin: Ints,
     end: Ints,
@@ -173,7 +163,7 @@ def _filled_again(
             empties = np.flatnonzero(~loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(begin[first]), last_ns)
-            dumped = bool(dumps.within(int(end[after - 1]), start))
+            dumped = bool(dumps.during(int(end[after - 1]), start))
             # what drives while it is seen to dig is no haul
             if (start - since_ns > one_filling_ns or dumped) and end[after - 1] <= start:
                 found.append(after - 1)
@@ -181,7 +171,7 @@ def _filled_again(
     return found
 
 
-def _changed_at_dumps(
+def _reclassify_at_dumps(
     loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame, dumps: BoomDumps
 ) -> Bools:
     """(manoeuvres,) whether each is loaded, if loads are dumped where the boom shows it.
@@ -193,7 +183,7 @@ def _changed_at_dumps(
     dug = np.unique(np.searchsorted(begin, digs["start_t_ns"].to_numpy()))
     moved = loaded.copy()
     for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:
-        if dumps.within(int(end[first - 1]), int(begin[first])):
+        if dumps.during(int(end[first - 1]), int(begin[first])):
             continue
         # from one filling to the next
         low = int(max(dug[dug < first], default=0))
@@ -205,38 +195,42 @@ def _changed_at_dumps(
     return moved
 
 
-def _emptied_again(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
+def _dump_places(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
     """Places between two loaded manoeuvres where the boom dumps: the second load is another."""
     return [
         k
         for k in range(loaded.size - 1)
-        if loaded[k] and loaded[k + 1] and dumps.within(int(end[k]), int(begin[k + 1]))
+        if loaded[k] and loaded[k + 1] and dumps.during(int(end[k]), int(begin[k + 1]))
     ]
 
 
-def _while_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
+def _is_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
     """(manoeuvres,) which creep while they dump: a load that changes has no mass."""
     dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
     return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")
 
 
-def _before_spilling(loaded: Bools, of: Ints, state: Ints, mass_kg: Floats, u_kg: Floats) -> Bools:
+def _carries_spilled_load(
+    loaded: Bools, membership: Ints, state: Ints, mass_kg: Floats, u_kg: Floats
+) -> Bools:
     """(manoeuvres,) which carry a load that is spilled before it is dumped.
 
     Args:
         loaded: (manoeuvres,), and not dumping.
-        of: (manoeuvres,) the pass of each.
+        membership: (manoeuvres,) the pass of each.
         state: (manoeuvres,) the load state of each.
         mass_kg: (states,).
         u_kg: (states,).
     """
-    spilled = np.zeros(of.size, np.bool_)
-    for number in np.unique(of[loaded]):
-        inside = loaded & (of == number)
+    spilled = np.zeros(membership.size, np.bool_)
+    for number in np.unique(membership[loaded]):
+        inside = loaded & (membership == number)
         last = int(state[inside][-1])
         for each in np.unique(state[inside]):
             apart = float(np.hypot(u_kg[each], u_kg[last]))
             spilled |= (
-                inside & (state == each) & bool(mass_kg[each] - mass_kg[last] > _SPILLS * apart)
+                inside
+                & (state == each)
+                & bool(mass_kg[each] - mass_kg[last] > LIMITS.spilled_load_std * apart)
             )
     return spilled

@@ -6,15 +6,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.cycle_limits import LIMITS
+from analysis.model.physical_units import NS_PER_S
+
 Ints = NDArray[np.int64]
 
-_NS: Final = 1e9
 #: Shorter holes lose no cycle.
 HOLE_S: Final = 1.0
-#: Fewer dumps tell no period.
-_FEWEST: Final = 3
-#: A period longer than so many middling ones has idling in it.
-_IDLES: Final = 2.5
 
 
 class LostCycles(NamedTuple):
@@ -44,7 +42,7 @@ def holes(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, in
     here = t_ns[~aligned["gap"].to_numpy()]
     if here.size < 2:
         return []
-    wide = np.flatnonzero(np.diff(here) > HOLE_S * _NS)
+    wide = np.flatnonzero(np.diff(here) > HOLE_S * NS_PER_S)
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 
@@ -60,17 +58,17 @@ def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles
         cycles: the frame.
         gaps: `holes`.
     """
-    dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / _NS
+    dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()
     hauls = cycles["haul_s"].drop_nulls().to_numpy()
-    if dumps.size < _FEWEST or not known.size or not hauls.size:
+    if dumps.size < LIMITS.period_min_dumps or not known.size or not hauls.size:
         return LostCycles(0.0, 0.0, 0.0, 0.0)
     periods = np.diff(dumps)
-    periods = periods[periods < _IDLES * np.median(periods)]
+    periods = periods[periods < LIMITS.idle_period_ratio * np.median(periods)]
     period, spread = float(np.mean(periods)), float(np.std(periods))
     expected = variance = 0.0
     for start, end in gaps:
-        hidden = float(np.mean(np.maximum((end - start) / _NS - hauls, 0.0))) / period
+        hidden = float(np.mean(np.maximum((end - start) / NS_PER_S - hauls, 0.0))) / period
         part = hidden % 1.0
         expected += hidden
         variance += part * (1.0 - part) + hidden * (spread / period) ** 2

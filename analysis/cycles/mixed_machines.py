@@ -5,24 +5,14 @@ Fuel, mud, a fork for a bucket change an empty machine by a few per cent; anothe
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from analysis.cycles.cycle_limits import LIMITS
 
-#: Starts on either side of a border, at least.
-_FEWEST: Final = 4
-#: The lightest of them, as a quantile, are those of the empty machine:
-_EMPTY: Final = 0.2
-#: of a side that is loaded all along none is, so that the heaviest quantile is this much heavier.
-_LOADED: Final = 0.8
-_CARRIES: Final = 0.08
-#: Empty masses differ by this share, and so many of their standard deviations.
-_JUMPS: Final = 0.15
-_SURELY: Final = 4.0
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -53,7 +43,7 @@ class MixedMachines:
         )
 
 
-def mixed_machines(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedMachines | None:
+def find_mixed_machine(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedMachines | None:
     """Look for a log from which on the empty machine weighs otherwise.
 
     Args:
@@ -72,22 +62,27 @@ def mixed_machines(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedM
     found: list[tuple[float, MixedMachines]] = []
     for number, border_ns in enumerate(begins_ns[1:], 1):
         later = start_ns >= border_ns
-        sides = [_empty(mass_kg[side], std_kg[side]) for side in (~later, later)]
+        sides = [_lightest_mass(mass_kg[side], std_kg[side]) for side in (~later, later)]
         if sides[0] is None or sides[1] is None:
             continue
         (before_kg, u_kg), (after_kg, other_u_kg) = sides[0], sides[1]
         jump = abs(float(np.log(after_kg / before_kg)))
-        surely = abs(after_kg - before_kg) > _SURELY * float(np.hypot(u_kg, other_u_kg))
-        if jump > _JUMPS and surely:
+        surely = abs(after_kg - before_kg) > LIMITS.empty_mass_jump_u * float(
+            np.hypot(u_kg, other_u_kg)
+        )
+        if jump > LIMITS.empty_mass_jump and surely:
             found.append((jump, MixedMachines(number, before_kg, after_kg)))
     return max(found, key=lambda each: each[0])[1] if found else None
 
 
-def _empty(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
+def _lightest_mass(mass_kg: Floats, std_kg: Floats) -> tuple[float, float] | None:
     """Mass of the lightest starts, and its deviation; None where none of them is known empty."""
-    if mass_kg.size < _FEWEST:
+    if mass_kg.size < LIMITS.side_min_starts:
         return None
-    low, high = (float(x) for x in np.quantile(mass_kg, [_EMPTY, _LOADED]))
-    if low <= 0.0 or high < (1.0 + _CARRIES) * low:
+    low, high = (
+        float(x)
+        for x in np.quantile(mass_kg, [LIMITS.empty_start_quantile, LIMITS.loaded_start_quantile])
+    )
+    if low <= 0.0 or high < (1.0 + LIMITS.loaded_start_excess) * low:
         return None
     return low, float(np.median(std_kg))

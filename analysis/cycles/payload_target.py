@@ -1,16 +1,10 @@
 """Payloads against the target of a truck or a bucket: the 10/10/20 rule."""
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import polars as pl
 
-#: At most this share of loads above 110 % of the target, the mean at most the target, none above
-#: 120 % (Caterpillar, Mining Truck Payload Policy 10/10/20).
-_MOST: Final = 0.10
-_ABOVE: Final = 1.1
-_NEVER: Final = 1.2
-#: So many of its deviations a load lies beyond a border for sure.
-_SURE: Final = 2.0
+from analysis.cycles.cycle_limits import LIMITS
 
 
 class TargetCheck(NamedTuple):
@@ -45,9 +39,12 @@ def check_target(counted: pl.DataFrame, target_kg: float) -> TargetCheck | None:
     if counted.is_empty():
         return None
     payload, u_kg = counted["payload_kg"], counted["payload_u_kg"]
-    above = int((payload > _ABOVE * target_kg).sum())
-    never = int((payload > _NEVER * target_kg).sum())
-    close = ((payload - border * target_kg).abs() < _SURE * u_kg for border in (_ABOVE, _NEVER))
+    above = int((payload > LIMITS.above_target_ratio * target_kg).sum())
+    never = int((payload > LIMITS.never_above_ratio * target_kg).sum())
+    close = (
+        (payload - border * target_kg).abs() < LIMITS.sure_border_std * u_kg
+        for border in (LIMITS.above_target_ratio, LIMITS.never_above_ratio)
+    )
     first, second = close
     mean_kg = float(payload.mean())  # pyright: ignore[reportArgumentType]
     return TargetCheck(
@@ -57,5 +54,7 @@ def check_target(counted: pl.DataFrame, target_kg: float) -> TargetCheck | None:
         above,
         never,
         int((first | second).sum()),
-        above <= _MOST * counted.height and not never and mean_kg <= target_kg,
+        above <= LIMITS.above_target_fraction * counted.height
+        and not never
+        and mean_kg <= target_kg,
     )

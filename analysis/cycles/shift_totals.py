@@ -15,10 +15,10 @@ from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.cycles_without_mass import price_kg, uncounted_cycles
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.cycles.lost_cycles import holes, lost_cycles
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
 from analysis.model.windows import runs_of
 
-_NS: Final = 1e9
 _NO_SCALE: Final = ShiftScale()
 
 
@@ -39,8 +39,8 @@ def shift(
     gaps = holes(excitation, aligned)
     lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
     t_ns = excitation["t_ns"].to_numpy()
-    duration_s = float(t_ns[-1] - t_ns[0]) / _NS if t_ns.size else 0.0
-    gap_s = sum(end - start for start, end in gaps) / _NS
+    duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0
+    gap_s = sum(end - start for start, end in gaps) / NS_PER_S
     idle_s = _idle_s(excitation)
     row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
@@ -65,12 +65,12 @@ def shift(
         "idle_s": idle_s,
         "utilisation_1": max(duration_s - gap_s - idle_s, 0.0) / max(duration_s - gap_s, 1e-9),
     }
-    row |= _total(row)
+    row |= _total_payload(row)
     declared = FRAMES["shift"].columns
     return build("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
 
 
-def recounted(
+def recount_shift(
     summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
 ) -> pl.DataFrame:
     """The same with other cycles: calibrated ones, or without some that a reviewer rejects.
@@ -93,13 +93,13 @@ def recounted(
     }
     if (cycles["scale_from"] == BY_CALIBRATION).any():
         found |= {"scale_from": BY_CALIBRATION, "scale_unknown": ""}
-    found |= _total(row | found)
+    found |= _total_payload(row | found)
     return summary.with_columns(
         pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
     )
 
 
-def _total(row: Mapping[str, Any]) -> dict[str, float]:
+def _total_payload(row: Mapping[str, Any]) -> dict[str, float]:
     """What was dumped in the shift: counted, uncounted and lost, under one uncertainty.
 
     What is common to all payloads is common to those that are priced by them.
@@ -121,7 +121,7 @@ def _total(row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def sum_cycles(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
-    """What cycles add up to.
+    """Sum up cycles.
 
     Random parts of the passes add up in squares, each with its whole weight in the sum: an empty
     pass is in the payload before it and in the one after. Common parts add up as they are.
@@ -185,5 +185,5 @@ def _idle_s(excitation: pl.DataFrame) -> float:
     stands = standing(excitation)
     t_ns = excitation["t_ns"].to_numpy()
     begins, ends = runs_of(stands)
-    lengths = (t_ns[ends] - t_ns[begins]) / _NS
+    lengths = (t_ns[ends] - t_ns[begins]) / NS_PER_S
     return float(lengths[lengths > IDLE_S].sum())

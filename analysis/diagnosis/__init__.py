@@ -2,17 +2,17 @@
 
 from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.diagnosis.checks import CHECKS, verdict
-from analysis.diagnosis.excluded_stretches import without_named
+from analysis.diagnosis.excluded_stretches import refit_without_stretches
 from analysis.diagnosis.measured_channels import signals
 from analysis.diagnosis.method_disagreement import disagreements
-from analysis.diagnosis.worthless import withhold_by_causes
+from analysis.diagnosis.worthless import withhold_by_findings
 
 __all__ = [
     "CHECKS",
     "CheckInputs",
     "disagreements",
+    "refit_without_stretches",
     "signals",
     "verdict",
-    "withhold_by_causes",
-    "without_named",
+    "withhold_by_findings",
 ]

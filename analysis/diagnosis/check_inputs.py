@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.diagnosis.empty_mass import EmptyMassDifference, empty_mass_difference
+from analysis.diagnosis.empty_mass import EmptyMassDifference, compare_empty_mass
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import Signals
 from analysis.diagnosis.side_comparison import SideDifference, side_differences
@@ -107,7 +107,7 @@ class CheckInputs:
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
         """The lightest load against the machine's empty mass; None without either."""
-        return empty_mass_difference(self.weighing, self.machine)
+        return compare_empty_mass(self.weighing, self.machine)
 
     @cached_property
     def sides(self) -> Mapping[str, SideDifference]:

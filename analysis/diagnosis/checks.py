@@ -17,7 +17,7 @@ from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.axes import X
 from analysis.model.schema import build, values
-from analysis.model.verdict import About
+from analysis.model.verdict import EvidenceSubject
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.motion.phases import beside_speed_rate, span_rows
@@ -32,10 +32,10 @@ _SCALE_REMEDY: Final = (
 _SHORTEST_MOVING_S: Final = 1.0
 
 
-def verdict(evidence: CheckInputs) -> pl.DataFrame:
+def verdict(inputs: CheckInputs) -> pl.DataFrame:
     """Judge the log, a row a check; `passed` is null where a check does not apply."""
-    machine = evidence.machine
-    motions = {"mass": evidence.straight, "inertia": evidence.spins}
+    machine = inputs.machine
+    motions = {"mass": inputs.straight, "inertia": inputs.spins}
     judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
     limits = machine.settings.verdict.model_dump()
 
@@ -46,20 +46,18 @@ def verdict(evidence: CheckInputs) -> pl.DataFrame:
         {
             "check": [row.name for row, _ in judged],
             "about": [row.about for row, _ in judged],
-            "value": numbers([row.number(evidence, motion) for row, motion in judged]).fill_nan(
-                None
-            ),
+            "value": numbers([row.number(inputs, motion) for row, motion in judged]).fill_nan(None),
             "minimum": numbers([limits[row.minimum] if row.minimum else None for row, _ in judged]),
             "maximum": numbers([limits[row.maximum] if row.maximum else None for row, _ in judged]),
-            "meaning": [row.text(evidence, motion) for row, motion in judged],
-            "consequence": [row.leads_to(evidence, motion) for row, motion in judged],
+            "meaning": [row.text(inputs, motion) for row, motion in judged],
+            "consequence": [row.leads_to(inputs, motion) for row, motion in judged],
             "remedy": [row.remedy for row, _ in judged],
         }
     )
     inside = (pl.col("value") >= pl.col("minimum").fill_null(-np.inf)) & (
         pl.col("value") <= pl.col("maximum").fill_null(np.inf)
     )
-    applies = pl.Series([row.applies(evidence, motion) for row, motion in judged], dtype=pl.Boolean)
+    applies = pl.Series([row.applies(inputs, motion) for row, motion in judged], dtype=pl.Boolean)
     optional = pl.Series([row.optional for row, _ in judged], dtype=pl.Boolean)
     told = frame["value"].is_finite().fill_null(value=False)
     passed = pl.when(applies & (told | ~optional)).then(inside.fill_null(False))
@@ -70,11 +68,11 @@ def _partial_correlation(_: CheckInputs, motion: Motion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def _sign(evidence: CheckInputs, motion: Motion) -> float:
-    rate_hz = evidence.machine.settings.align.rate_hz
+def _driving_sign(inputs: CheckInputs, motion: Motion) -> float:
+    rate_hz = inputs.machine.settings.align.rate_hz
     fewest = rows_in(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
     few = np.count_nonzero(motion.moving) < fewest
-    return np.nan if few else _partial_correlation(evidence, motion)
+    return np.nan if few else _partial_correlation(inputs, motion)
 
 
 def _relative_std(_: CheckInputs, motion: Motion) -> float:
@@ -94,19 +92,19 @@ def _driving_share(_: CheckInputs, motion: Motion) -> float:
     return fit_quality.along_share(motion.speed, motion.f, motion.speeding)
 
 
-def _acceleration_gain(evidence: CheckInputs, motion: Motion) -> float:
+def _acceleration_gain(inputs: CheckInputs, motion: Motion) -> float:
     """Slope of the accelerometer on the wheels' acceleration over all straight motion."""
-    used = motion.known & evidence.is_phase("accelerating", "cruising", "braking")
-    measured = values(evidence.excitation, "specific_force_x_m_s2")
-    imu = beside_speed_rate(measured, evidence.machine.settings)
-    rate = values(evidence.excitation, "speed_rate_x_m_s2")
-    return fit_quality.slope(rate, imu, used, _rate_noise(evidence))
+    used = motion.known & inputs.is_phase("accelerating", "cruising", "braking")
+    measured = values(inputs.excitation, "specific_force_x_m_s2")
+    imu = beside_speed_rate(measured, inputs.machine.settings)
+    rate = values(inputs.excitation, "speed_rate_x_m_s2")
+    return fit_quality.slope(rate, imu, used, _rate_noise(inputs))
 
 
-def _rate_noise(evidence: CheckInputs) -> float:
+def _rate_noise(inputs: CheckInputs) -> float:
     """Variance of the wheels' acceleration by the noise of their speed, in m²/s⁴."""
-    settings = evidence.machine.settings
-    known = None if evidence.noise is None else ColumnNoise.of(X, evidence.noise, settings.noise)
+    settings = inputs.machine.settings
+    known = None if inputs.noise is None else ColumnNoise.of(X, inputs.noise, settings.noise)
     if known is None:
         return 0.0
     # both ends of its span are moving means
@@ -114,45 +112,45 @@ def _rate_noise(evidence: CheckInputs) -> float:
     return 2.0 * of_mean * (settings.align.rate_hz / span_rows(settings)) ** 2
 
 
-def _accepted_stretches(evidence: CheckInputs, _: Motion) -> float:
-    accepted = accepted_samples(evidence.excitation, evidence.gated, evidence.machine.settings)
+def _accepted_stretches(inputs: CheckInputs, _: Motion) -> float:
+    accepted = accepted_samples(inputs.excitation, inputs.gated, inputs.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 
-def _empty_mass_ratio(evidence: CheckInputs, motion: Motion) -> float:
-    empty_kg = evidence.machine.machine.empty_mass_kg
+def _empty_mass_ratio(inputs: CheckInputs, motion: Motion) -> float:
+    empty_kg = inputs.machine.machine.empty_mass_kg
     return motion.fit.value / empty_kg if empty_kg else np.nan
 
 
-def _below_empty_u(evidence: CheckInputs, _: Motion) -> float:
-    found = evidence.empty_mass
+def _below_empty_u(inputs: CheckInputs, _: Motion) -> float:
+    found = inputs.empty_mass
     return np.nan if found is None else -found.in_u
 
 
-def _from_empty_u(evidence: CheckInputs, _: Motion) -> float:
-    found = evidence.empty_mass
+def _from_empty_u(inputs: CheckInputs, _: Motion) -> float:
+    found = inputs.empty_mass
     if found is None or not found.tells:
         return np.nan
     # what is so far below that it is withheld is said once
-    withheld = -found.in_u > evidence.machine.settings.verdict.negative_payload_max_u
+    withheld = -found.in_u > inputs.machine.settings.verdict.negative_payload_max_u
     return np.nan if withheld else abs(found.in_u)
 
 
-def _factor(evidence: CheckInputs, _: Motion) -> str:
-    found = evidence.empty_mass
-    limit_u = evidence.machine.settings.verdict.empty_mass_max_u
+def _empty_mass_factor(inputs: CheckInputs, _: Motion) -> str:
+    found = inputs.empty_mass
+    limit_u = inputs.machine.settings.verdict.empty_mass_max_u
     far = found is not None and found.tells and abs(found.in_u) > limit_u
     return found.text if found is not None and far else ""
 
 
-def _spin_centre(evidence: CheckInputs, motion: Motion) -> float:
-    x, y = (values(evidence.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
+def _spin_centre(inputs: CheckInputs, motion: Motion) -> float:
+    x, y = (values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
 
 
 @dataclass(frozen=True, slots=True)
-class _Words:
-    """What an axis calls its quantities."""
+class _AxisWords:
+    """Names of the quantities of an axis."""
 
     prefix: str
     acceleration: str
@@ -162,7 +160,7 @@ class _Words:
     moves: str
 
 
-def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
+def _model_checks(about: EvidenceSubject, words: _AxisWords) -> tuple[CheckRow, ...]:
     """The checks that every axis must pass: they ask whether its model fits what moved."""
     force, moves = words.force, words.moves
     return (
@@ -215,13 +213,13 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        _sign,
+        _driving_sign,
         "correlation of acceleration and force; strongly negative: inverted sign",
         minimum="force_sign_min",
         optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
     ),
-    *_of_model("mass", _Words("", "acceleration", "speed", "mass", "force", "motion")),
+    *_model_checks("mass", _AxisWords("", "acceleration", "speed", "mass", "force", "motion")),
     CheckRow(
         "acceleration_gain",
         "mass",
@@ -229,7 +227,7 @@ CHECKS: Final = (
         "accelerometer over the derivative of the wheel speed; 1: they agree",
         minimum="acceleration_gain_min",
         maximum="acceleration_gain_max",
-        applies=lambda evidence, _: evidence.has("specific_force_x_m_s2"),
+        applies=lambda inputs, _: inputs.has("specific_force_x_m_s2"),
     ),
     CheckRow(
         "accepted_stretches",
@@ -245,7 +243,7 @@ CHECKS: Final = (
         "mass without gating over the machine's empty mass",
         minimum="empty_mass_ratio_min",
         maximum="empty_mass_ratio_max",
-        applies=lambda evidence, _: evidence.machine.machine.empty_mass_kg is not None,
+        applies=lambda inputs, _: inputs.machine.machine.empty_mass_kg is not None,
     ),
     CheckRow(
         "negative_payload",
@@ -255,7 +253,7 @@ CHECKS: Final = (
         "the scale's",
         maximum="negative_payload_max_u",
         optional=True,
-        names=_factor,
+        names=_empty_mass_factor,
         remedy=_SCALE_REMEDY,
     ),
     CheckRow(
@@ -266,14 +264,15 @@ CHECKS: Final = (
         "only the part beyond one",
         maximum="empty_mass_max_u",
         optional=True,
-        names=_factor,
+        names=_empty_mass_factor,
         consequence="tell",
         remedy=_SCALE_REMEDY,
     ),
     *FIT_CHECKS,
     *SIGNAL_CHECKS,
-    *_of_model(
-        "inertia", _Words("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin")
+    *_model_checks(
+        "inertia",
+        _AxisWords("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
     ),
     CheckRow(
         "spin_centre",
@@ -282,6 +281,6 @@ CHECKS: Final = (
         "distance of the centre of rotation in spins from the origin, m, by the accelerometer; "
         "off it, mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",
-        applies=lambda evidence, _: evidence.has("specific_force_x_m_s2", "specific_force_y_m_s2"),
+        applies=lambda inputs, _: inputs.has("specific_force_x_m_s2", "specific_force_y_m_s2"),
     ),
 )

@@ -101,9 +101,7 @@ class EmptyMassDifference:
         return [gear if self.factor > 1.0 else f"{gear} the other way", *named[:3]]
 
 
-def empty_mass_difference(
-    weighing: Weighing | None, machine: Machine
-) -> EmptyMassDifference | None:
+def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMassDifference | None:
     """Compare the lightest load with the empty machine.
 
     Args:

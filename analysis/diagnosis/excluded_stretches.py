@@ -16,10 +16,10 @@ from analysis.diagnosis.measured_channels import Signals, Spans
 from analysis.model.machine import Machine
 from analysis.model.settings import VerdictLimits
 from analysis.model.windows import windows_with
-from analysis.stages.gating.gate import refused
+from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows
 from analysis.weighing.motion_samples import Bools
-from analysis.weighing.weigh import Weighing, apart_kg
+from analysis.weighing.weigh import Weighing, mean_difference_kg
 
 #: So many standard uncertainties of the answer without a stretch are no other answer.
 MOVES_U: Final = 1.0
@@ -29,7 +29,7 @@ _SMEARS: Final = 1.0
 
 @dataclass(frozen=True)
 class ExcludedStretches:
-    """What a check names, and the answer without it.
+    """Stretches that a check names, and the answer without them.
 
     Attributes:
         fitted_s: how much of it the fit had.
@@ -47,7 +47,7 @@ class ExcludedStretches:
 
     @property
     def text(self) -> str:
-        """What became of it, in words."""
+        """The outcome in words."""
         if not self.fitted_s:
             return "none of it is in what is weighed"
         part = f"{self.fitted_s:.1f} s of it in what is weighed"
@@ -73,14 +73,14 @@ class RefitWithoutStretches:
     named: Mapping[str, ExcludedStretches]
 
 
-def without_named(
+def refit_without_stretches(
     signals: Signals,
     grid: tuple[pl.DataFrame, int],
     gated: pl.DataFrame,
     machine: Machine,
     weighed: Callable[[pl.DataFrame], Weighing | None],
 ) -> RefitWithoutStretches:
-    """Weigh, and once more without what each check of the readings names, if it names anything.
+    """Weigh, and weigh again without the stretches that checks of the readings name.
 
     Args:
         signals: the channels as measured.
@@ -93,26 +93,26 @@ def without_named(
     weighing = weighed(aligned)
     rows = np.zeros(aligned.height, np.bool_)
     named: dict[str, ExcludedStretches] = {}
-    for check, spans, why in _named(signals, machine.settings.verdict):
-        held = _held(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
+    for check, spans, why in _named_stretches(signals, machine.settings.verdict):
+        held = _covered_rows(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
-        fitted = int(np.count_nonzero(held & _in_what_is_weighed(weighing)))
+        fitted = int(np.count_nonzero(held & _is_weighed(weighing)))
         found = ExcludedStretches(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = ExcludedStretches(found.fitted_s, _moved_u(weighing, without))
+            found = ExcludedStretches(found.fitted_s, _mass_shift_u(weighing, without))
             weighing = without if found.is_harmless else weighing
         named[check] = found
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
-            seen = windows_with(held, _looks_back(machine))
-            gated = refused(gated, seen, why, machine.settings)
+            seen = windows_with(held, _lookback_samples(machine))
+            gated = refuse_windows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 
 
-def _named(
+def _named_stretches(
     signals: Signals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Each check that fails, where its stretches are, and why the gate refuses them."""
@@ -122,24 +122,24 @@ def _named(
         yield "clipped", signals.at_limit, "saturated"
 
 
-def _in_what_is_weighed(weighing: Weighing) -> Bools:
+def _is_weighed(weighing: Weighing) -> Bools:
     """The samples of the fit, and of manoeuvres whose load would seem to change, (n,)."""
     motion = weighing.fit.motion
     return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def _moved_u(whole: Weighing, without: Weighing | None) -> float:
+def _mass_shift_u(whole: Weighing, without: Weighing | None) -> float:
     if without is None:
         return np.inf
-    moved_u = abs(apart_kg(without.fit, whole.fit)) / without.fit.u_kg
+    moved_u = abs(mean_difference_kg(without.fit, whole.fit)) / without.fit.u_kg
     return moved_u if np.isfinite(moved_u) else np.inf
 
 
-def _looks_back(machine: Machine) -> int:
+def _lookback_samples(machine: Machine) -> int:
     return span_rows(machine.settings) + machine.settings.smooth.samples
 
 
-def _held(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:
+def _covered_rows(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:
     """The rows of the grid that a stretch of any channel reaches, (n,)."""
     reach_ns = int(_SMEARS / machine.settings.filter.cutoff_hz * 1e9)
     held = np.zeros(unix_ns.size, np.bool_)

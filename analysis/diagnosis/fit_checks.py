@@ -10,53 +10,55 @@ from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.method_disagreement import disagreements
 from analysis.model.schema import values
 from analysis.weighing.mass_budget import relative_u
-from analysis.weighing.other_motion import disagreement
+from analysis.weighing.other_motion import motion_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
-from analysis.weighing.wheel_kinematics import Kinematics
+from analysis.weighing.wheel_kinematics import WheelKinematics
 
 
-def _of_fit(number: Callable[[Weighing], float]) -> Callable[[CheckInputs, Motion], float]:
-    def of(evidence: CheckInputs, _: Motion) -> float:
-        return np.nan if evidence.weighing is None else number(evidence.weighing)
+def _number_of_fit(number: Callable[[Weighing], float]) -> Callable[[CheckInputs, Motion], float]:
+    def of(inputs: CheckInputs, _: Motion) -> float:
+        return np.nan if inputs.weighing is None else number(inputs.weighing)
 
     return of
 
 
-def _of_wheels(number: Callable[[Kinematics], float]) -> Callable[[CheckInputs, Motion], float]:
-    def of(evidence: CheckInputs, _: Motion) -> float:
-        wheels = None if evidence.weighing is None else evidence.weighing.fit.kinematics
+def _number_of_wheels(
+    number: Callable[[WheelKinematics], float],
+) -> Callable[[CheckInputs, Motion], float]:
+    def of(inputs: CheckInputs, _: Motion) -> float:
+        wheels = None if inputs.weighing is None else inputs.weighing.fit.kinematics
         return np.nan if wheels is None else number(wheels)
 
     return of
 
 
-def _fitted(evidence: CheckInputs, _: Motion) -> bool:
-    return evidence.weighing is not None
+def _is_fitted(inputs: CheckInputs, _: Motion) -> bool:
+    return inputs.weighing is not None
 
 
-def _has_wheels(evidence: CheckInputs, _: Motion) -> bool:
-    return evidence.weighing is not None and evidence.weighing.fit.kinematics is not None
+def _has_wheels(inputs: CheckInputs, _: Motion) -> bool:
+    return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
-def _relative_u(evidence: CheckInputs, _: Motion) -> float:
+def _relative_u(inputs: CheckInputs, _: Motion) -> float:
     """Of the load that most manoeuvres are of."""
-    weighing = evidence.weighing
+    weighing = inputs.weighing
     if weighing is None:
         return np.nan
-    return relative_u(weighing, evidence.machine, weighing.fit.main)
+    return relative_u(weighing, inputs.machine, weighing.fit.main_state)
 
 
-def _answers(evidence: CheckInputs, _: Motion) -> bool:
+def _needs_answer(inputs: CheckInputs, _: Motion) -> bool:
     """Whether there is to be an answer: frames alone have none."""
-    return evidence.totals is not None
+    return inputs.totals is not None
 
 
-def _why_none(evidence: CheckInputs, _: Motion) -> str:
-    return "" if evidence.weighing is not None else NOTHING_FITTED
+def _no_answer_text(inputs: CheckInputs, _: Motion) -> str:
+    return "" if inputs.weighing is not None else NOTHING_FITTED
 
 
-def _farthest_term(evidence: CheckInputs, _: Motion) -> str:
-    widths = {} if evidence.weighing is None else evidence.weighing.own.from_priors
+def _farthest_term(inputs: CheckInputs, _: Motion) -> str:
+    widths = {} if inputs.weighing is None else inputs.weighing.own.prior_distances
     return max(widths, key=widths.__getitem__, default="")
 
 
@@ -74,14 +76,14 @@ def _scatter(weighing: Weighing) -> float:
     return np.nan if states is None else states.birge_ratio
 
 
-def _moved_by_other(evidence: CheckInputs, _: Motion) -> float | None:
-    weighing = evidence.weighing
+def _shift_by_other_motion(inputs: CheckInputs, _: Motion) -> float | None:
+    weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
     return None if other is None else other.moved_u
 
 
-def _by_other_motion(evidence: CheckInputs, _: Motion) -> str:
-    weighing = evidence.weighing
+def _other_motion_text(inputs: CheckInputs, _: Motion) -> str:
+    weighing = inputs.weighing
     if weighing is None or weighing.other_motion is None:
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
@@ -89,33 +91,33 @@ def _by_other_motion(evidence: CheckInputs, _: Motion) -> str:
     return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.moved_u:.1f} u"
 
 
-def _contradicted(evidence: CheckInputs, _: Motion) -> float:
-    return float(sum(each.contradicted for each in disagreements(evidence)))
+def _contradicted_methods(inputs: CheckInputs, _: Motion) -> float:
+    return float(sum(each.contradicted for each in disagreements(inputs)))
 
 
-def _gated(evidence: CheckInputs, motion: Motion) -> float:
+def _gating_bias_u(inputs: CheckInputs, motion: Motion) -> float:
     """Deviations between the gated and the ungated pooled mass; NaN where both miss a spring."""
-    if evidence.totals is None or evidence.force_by_place is not None:
+    if inputs.totals is None or inputs.force_by_place is not None:
         return np.nan
-    pooled = evidence.totals.filter(evidence.totals["method"] == "pooled")
+    pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
     mass_kg, std_kg = (values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
     if not mass_kg.size:
         return np.nan
-    apart_kg = abs(mass_kg[0] - motion.fit.value)
+    mean_difference_kg = abs(mass_kg[0] - motion.fit.value)
     u_kg = float(np.hypot(std_kg[0], motion.fit.std))
-    return float(apart_kg / u_kg) if u_kg > 0.0 else np.nan
+    return float(mean_difference_kg / u_kg) if u_kg > 0.0 else np.nan
 
 
-def _told(name: str, meaning: str) -> CheckRow:
+def _is_term_present(name: str, meaning: str) -> CheckRow:
     """A term that the fit has: its check tells that it is there."""
     return CheckRow(
         name,
         "mass",
-        _of_fit(lambda weighing: weighing.own.terms_t.get(name, np.nan)),
+        _number_of_fit(lambda weighing: weighing.own.term_t_values.get(name, np.nan)),
         meaning,
         maximum="term_t_max",
-        applies=lambda evidence, _: (
-            evidence.weighing is not None and name in evidence.weighing.own.terms_t
+        applies=lambda inputs, _: (
+            inputs.weighing is not None and name in inputs.weighing.own.term_t_values
         ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",
@@ -129,25 +131,25 @@ FIT_CHECKS: Final = (
         _relative_u,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
-        applies=_answers,
-        names=_why_none,
+        applies=_needs_answer,
+        names=_no_answer_text,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
     CheckRow(
         "beyond_prior",
         "mass",
-        _of_fit(lambda weighing: max(weighing.own.from_priors.values())),
+        _number_of_fit(lambda weighing: max(weighing.own.prior_distances.values())),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
-        applies=_fitted,
+        applies=_is_fitted,
         names=_farthest_term,
         remedy="the cause that findings name, or settings.priors: what the machine may have",
     ),
     CheckRow(
         "filling",
         "mass",
-        _of_fit(lambda weighing: weighing.filling.deviations),
+        _number_of_fit(lambda weighing: weighing.filling.deviations),
         "evidence for a load that grows during every start, in standard deviations",
         maximum="filling_max",
         optional=True,
@@ -156,34 +158,34 @@ FIT_CHECKS: Final = (
     CheckRow(
         "friction_sign",
         "mass",
-        _of_fit(_friction_t),
+        _number_of_fit(_friction_t),
         "viscous friction over its standard deviation; negative friction is unphysical",
         minimum="friction_t_min",
-        applies=_fitted,
+        applies=_is_fitted,
         remedy="channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong",
     ),
     CheckRow(
         "channel_noise",
         "mass",
-        _of_fit(lambda weighing: weighing.fit.fit.noise_share),
+        _number_of_fit(lambda weighing: weighing.fit.fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
-        applies=_fitted,
+        applies=_is_fitted,
         remedy="an accelerometer, a lower settings.filter.cutoff_hz, or stronger starts",
     ),
     CheckRow(
         "lag",
         "mass",
-        _of_fit(lambda weighing: abs(weighing.fit.lag_s)),
+        _number_of_fit(lambda weighing: abs(weighing.fit.lag_s)),
         "estimated delay of the force, s, of either sign",
         maximum="lag_max_s",
-        applies=_fitted,
+        applies=_is_fitted,
         remedy="channels.force_x_N.delay_s (or of both torques)",
     ),
     CheckRow(
         "lag_v",
         "mass",
-        _of_wheels(lambda wheels: abs(wheels.delay_s[0])),
+        _number_of_wheels(lambda wheels: abs(wheels.delay_s[0])),
         "estimated delay of the speed against the accelerometer, s, of either sign",
         maximum="lag_max_s",
         applies=_has_wheels,
@@ -192,7 +194,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "gain",
         "mass",
-        _of_wheels(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
+        _number_of_wheels(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
         "gain difference of wheel speed and accelerometer; either may be wrong",
         maximum="gain_max",
         applies=_has_wheels,
@@ -202,22 +204,22 @@ FIT_CHECKS: Final = (
     CheckRow(
         "wheels",
         "mass",
-        _of_fit(lambda weighing: disagreement(weighing.fit)),
+        _number_of_fit(lambda weighing: motion_disagreement(weighing.fit)),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
         applies=_has_wheels,
-        names=_by_other_motion,
-        moved_u=_moved_by_other,
+        names=_other_motion_text,
+        moved_u=_shift_by_other_motion,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(
         "scatter",
         "mass",
-        _of_fit(_scatter),
+        _number_of_fit(_scatter),
         "scatter of manoeuvres about their load over what their noise explains",
         maximum="scatter_max",
-        applies=lambda evidence, _: (
-            evidence.weighing is not None and np.isfinite(_scatter(evidence.weighing))
+        applies=lambda inputs, _: (
+            inputs.weighing is not None and np.isfinite(_scatter(inputs.weighing))
         ),
         consequence="widen",
         remedy="machine.repeatability_kg, where it is known; starts that are alike",
@@ -225,11 +227,11 @@ FIT_CHECKS: Final = (
     CheckRow(
         "misfit",
         "mass",
-        _of_fit(lambda weighing: weighing.fit.fit.misfit_ratio),
+        _number_of_fit(lambda weighing: weighing.fit.fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
         maximum="misfit_max",
-        applies=lambda evidence, _: (
-            evidence.weighing is not None and evidence.weighing.fit.fit.groups > 2
+        applies=lambda inputs, _: (
+            inputs.weighing is not None and inputs.weighing.fit.fit.groups > 2
         ),
         consequence="widen",
         remedy="filters, brakes or tyres that the equation does not have",
@@ -237,17 +239,17 @@ FIT_CHECKS: Final = (
     CheckRow(
         "aa",
         "mass",
-        _of_fit(lambda weighing: abs(weighing.curvature.t)),
+        _number_of_fit(lambda weighing: abs(weighing.curvature.t)),
         "t-value of a force in a·|a|: the force is not linear in the acceleration",
         maximum="curvature_t_max",
-        applies=_fitted,
+        applies=_is_fitted,
         consequence="widen",
         remedy="force measured on all wheels, machine.force_share",
     ),
     CheckRow(
         "braking",
         "mass",
-        _of_fit(_braking),
+        _number_of_fit(_braking),
         "relative change of the mass when braking is included; the force may not see all brakes",
         maximum="braking_max",
         optional=True,
@@ -257,13 +259,13 @@ FIT_CHECKS: Final = (
     CheckRow(
         "methods",
         "mass",
-        _contradicted,
+        _contradicted_methods,
         "methods that disagree with the joint fit, or whose standard deviation is too small here",
         maximum="methods_max",
-        applies=lambda evidence, _: (
-            evidence.totals is not None
-            and evidence.weighing is not None
-            and evidence.weighing.fit.count == 1
+        applies=lambda inputs, _: (
+            inputs.totals is not None
+            and inputs.weighing is not None
+            and inputs.weighing.fit.count == 1
         ),
         consequence="method",
         remedy="none: those methods have no nuisance terms, and are not shown",
@@ -271,14 +273,14 @@ FIT_CHECKS: Final = (
     CheckRow(
         "gated",
         "mass",
-        _gated,
+        _gating_bias_u,
         "pooled mass with and without gating: difference in standard deviations",
         maximum="gated_max",
         optional=True,
         consequence="tell",
         remedy="the model holds in a part of the motion only: see the gate's reasons",
     ),
-    _told("const", "t-value of a constant force: offset, tilt, slope or friction"),
-    _told("quadratic", "t-value of a resistance in v·|v|"),
-    _told("direction", "t-value of Coulomb friction"),
+    _is_term_present("const", "t-value of a constant force: offset, tilt, slope or friction"),
+    _is_term_present("quadratic", "t-value of a resistance in v·|v|"),
+    _is_term_present("direction", "t-value of Coulomb friction"),
 )

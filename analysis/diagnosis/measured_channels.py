@@ -83,11 +83,11 @@ class Signals:
         return self.drift.drift_ppm * 1e-6 * self.span_s
 
     @cached_property
-    def _repeated(self) -> dict[str, list[RepeatedReading]]:
+    def _repeated_readings(self) -> dict[str, list[RepeatedReading]]:
         """By force or motion channel: where it repeats itself while another one changes."""
         told = (*_FORCES, *_MOTION, *_BESIDE)
         looked = {name: series for name, series in self.channels.items() if name in told}
-        return {name: _repeated(name, looked) for name in looked if name not in _BESIDE}
+        return {name: _repeated_readings(name, looked) for name in looked if name not in _BESIDE}
 
     @cached_property
     def limits(self) -> dict[str, dict[float, float]]:
@@ -97,7 +97,7 @@ class Signals:
         sensor clips, or an engine gives no more.
         """
         return {
-            name: {**_piles(x), **_levels(self._repeated[name], x)}
+            name: {**_extreme_piles(x), **_recurring_levels(self._repeated_readings[name], x)}
             for name, (_, x) in self.channels.items()
             if name in _FORCES
         }
@@ -111,16 +111,18 @@ class Signals:
                 for run in runs
                 if run.value not in self.limits.get(name, {})
             ]
-            for name, runs in self._repeated.items()
+            for name, runs in self._repeated_readings.items()
         }
 
     @cached_property
     def stands(self) -> Spans:
         """Where every speed reads exactly 0, in ns: no channel has to change there."""
-        by_speed = [_stands(*self.channels[name]) for name in _SPEEDS if name in self.channels]
+        by_speed = [
+            _zero_speed_spans(*self.channels[name]) for name in _SPEEDS if name in self.channels
+        ]
         common = by_speed[0] if by_speed else []
         for spans in by_speed[1:]:
-            common = _common(common, spans)
+            common = _intersect_spans(common, spans)
         return common
 
     @property
@@ -142,7 +144,7 @@ class Signals:
     def at_limit(self) -> dict[str, Spans]:
         """By force channel: where it stays at a limit, in ns."""
         return {
-            name: _spans_at(list(found), *self.channels[name])
+            name: _limit_spans(list(found), *self.channels[name])
             for name, found in self.limits.items()
             if found
         }
@@ -157,7 +159,7 @@ class Signals:
         names = [name for name in _FORCES if name in self.channels]
         if not names:
             return None
-        return np.sum([_at(*self.channels[name], unix_ns) for name in names], axis=0)
+        return np.sum([_interpolate_at(*self.channels[name], unix_ns) for name in names], axis=0)
 
 
 def signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> Signals:
@@ -171,12 +173,12 @@ def signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> 
     return Signals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
 
 
-def _at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
+def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
     origin = t_ns[0]
     return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), x)
 
 
-def _runs(x: Floats) -> tuple[Ints, Ints]:
+def _equal_runs(x: Floats) -> tuple[Ints, Ints]:
     """First and last reading of each run of equal ones."""
     first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
     return first, np.append(first[1:], x.size) - 1
@@ -184,7 +186,7 @@ def _runs(x: Floats) -> tuple[Ints, Ints]:
 
 def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     """Where a channel repeats one reading for long, and whether it hardly ever does otherwise."""
-    first, last = _runs(x)
+    first, last = _equal_runs(x)
     long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
     runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
     others = int((last - first + 1)[~long].sum())
@@ -194,9 +196,9 @@ def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     ], never
 
 
-def _stands(t: Ints, x: Floats) -> Spans:
+def _zero_speed_spans(t: Ints, x: Floats) -> Spans:
     """Where a speed reads exactly 0 for long, and comes to it and leaves it gradually, in ns."""
-    first, last = _runs(x)
+    first, last = _equal_runs(x)
     before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
     small = _BESIDE_STAND * float(np.quantile(np.abs(x), 0.98))
     stands = (x[first] == 0.0) & (before <= small) & (after <= small)
@@ -204,13 +206,13 @@ def _stands(t: Ints, x: Floats) -> Spans:
     return [(int(b), int(e)) for b, e in zip(t[first[stands]], t[last[stands]], strict=True)]
 
 
-def _common(some: Spans, others: Spans) -> Spans:
+def _intersect_spans(some: Spans, others: Spans) -> Spans:
     """Where both are."""
     pairs = ((max(b, c), min(e, d)) for b, e in some for c, d in others)
     return [(begin, end) for begin, end in pairs if begin < end]
 
 
-def _repeated(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
+def _repeated_readings(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     t, x = channels[name]
     runs, never = long_runs(t, x)
     if runs and float(np.ptp(x)) == 0.0:
@@ -227,7 +229,7 @@ def _repeated(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading
         if key != name and (never or key not in _BESIDE)
     ]
     surely = [
-        run for run in runs if any(_changes(*each, run.begin_ns, run.end_ns) for each in others)
+        run for run in runs if any(_is_changing(*each, run.begin_ns, run.end_ns) for each in others)
     ]
     # what froze there, and has noise elsewhere, froze wherever it repeats itself
     return runs if surely and never else surely
@@ -243,7 +245,7 @@ def _is_dead(name: str, channels: Mapping[str, Series]) -> bool:
     return any(float(np.ptp(x)) > 0.0 for x in beside)
 
 
-def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
+def _is_changing(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
     """Whether a channel changes by more than `least` from one half of a stretch to the other."""
     part = x[np.searchsorted(t, begin_ns) : np.searchsorted(t, end_ns, side="right")]
     if part.size < 4:
@@ -252,7 +254,7 @@ def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bo
     return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
 
 
-def _piles(x: Floats) -> dict[float, float]:
+def _extreme_piles(x: Floats) -> dict[float, float]:
     """The extremes that readings pile up at, and the share of the readings at each."""
     values, counts = np.unique(x, return_counts=True)
     if values.size < 10:
@@ -264,7 +266,7 @@ def _piles(x: Floats) -> dict[float, float]:
     }
 
 
-def _levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
+def _recurring_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
     """Likewise the values that long runs come back to, and few readings are beyond."""
     often = Counter(run.value for run in runs)
     return {
@@ -274,7 +276,7 @@ def _levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
     }
 
 
-def _spans_at(limits: list[float], t: Ints, x: Floats) -> Spans:
+def _limit_spans(limits: list[float], t: Ints, x: Floats) -> Spans:
     near = max(round(_NEAR_S * 1e9 / period_ns(t)), _FEWEST_RUN)
     at = np.isin(x, limits).astype(np.float64)
     first, last = runs_of(uniform_filter1d(at, near, mode="nearest") >= _AT_LIMIT)

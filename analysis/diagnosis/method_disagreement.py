@@ -22,7 +22,7 @@ class Disagreement(NamedTuple):
     contradicted: bool
 
 
-def disagreements(evidence: CheckInputs) -> list[Disagreement]:
+def disagreements(inputs: CheckInputs) -> list[Disagreement]:
     """Compare every method that has a mass with the joint fit.
 
     A method without nuisance terms says that they are 0, but for the Coulomb term where it is set.
@@ -30,12 +30,12 @@ def disagreements(evidence: CheckInputs) -> list[Disagreement]:
     where starts disagree, since then its deviation, which is of noise alone, is too small. None
     holds where there are several loads: each has one mass.
     """
-    weighing, totals = evidence.weighing, evidence.totals
+    weighing, totals = inputs.weighing, inputs.totals
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
-    modelled = _modelled(evidence)
-    shows = any(t > _TERM_IS_THERE for term, t in fit.terms_t.items() if term not in modelled)
+    modelled = _modelled_nuisances(inputs)
+    shows = any(t > _TERM_IS_THERE for term, t in fit.term_t_values.items() if term not in modelled)
     shows = shows or bool(fit.fit.misfit.any())
     shows = shows or (fit.states is not None and fit.states.scatters)
     out: list[Disagreement] = []
@@ -43,19 +43,19 @@ def disagreements(evidence: CheckInputs) -> list[Disagreement]:
     for method, mass_kg, std_kg in zip(*columns, strict=True):
         if not np.isfinite(mass_kg):
             continue
-        apart_kg = mass_kg - fit.mass_kg
+        difference_kg = mass_kg - fit.mass_kg
         if fit.count > 1 or not np.isfinite(std_kg):
             out.append(Disagreement(method, np.inf, contradicted=True))
             continue
-        deviations = apart_kg / float(np.hypot(std_kg, fit.u_kg))
-        far = abs(deviations) > _CONTRADICTS and abs(apart_kg) > _MATTERS * abs(fit.mass_kg)
-        misses = shows and abs(apart_kg) + fit.u_kg > 1.96 * std_kg
+        deviations = difference_kg / float(np.hypot(std_kg, fit.u_kg))
+        far = abs(deviations) > _CONTRADICTS and abs(difference_kg) > _MATTERS * abs(fit.mass_kg)
+        misses = shows and abs(difference_kg) + fit.u_kg > 1.96 * std_kg
         out.append(Disagreement(method, float(deviations), contradicted=far or misses))
     return out
 
 
-def _modelled(evidence: CheckInputs) -> set[str]:
+def _modelled_nuisances(inputs: CheckInputs) -> set[str]:
     """The nuisances that the methods have as well: their Coulomb term, a constant one way."""
-    if evidence.weighing is None or not evidence.machine.settings.forces.coulomb:
+    if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()
-    return {"direction" if evidence.weighing.fit.motion.both_ways else "const"}
+    return {"direction" if inputs.weighing.fit.motion.both_ways else "const"}

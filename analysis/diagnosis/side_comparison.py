@@ -125,8 +125,10 @@ def side_differences(
     if torques[0] is not None and torques[1] is not None:
         turning = [] if turns is None else [turns, np.clip(turns / _SCRUBS_RAD_S, -1.0, 1.0)]
         stands = in_phase("standstill")
-        ahead = _direction(speeds, torques)
-        found["torque"] = _torque(torques[0], torques[1], turning, ahead, driving, stands)
+        ahead = _driving_direction(speeds, torques)
+        found["torque"] = _torque_difference(
+            torques[0], torques[1], turning, ahead, driving, stands
+        )
     width_m = machine.machine.track_width_m
     if speeds[0] is not None and speeds[1] is not None and turns is not None and width_m:
         apart = speeds[1] - speeds[0] - width_m * turns
@@ -134,17 +136,17 @@ def side_differences(
         push = None
         if torques[0] is not None and torques[1] is not None:
             push = np.maximum(np.abs(torques[0]), np.abs(torques[1]))
-        found |= _speed(apart, mean, push, driving)
+        found |= _speed_difference(apart, mean, push, driving)
     return {kind: each for kind, each in found.items() if each is not None}
 
 
-def _direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
+def _driving_direction(speeds: Sequence[Floats | None], torques: Sequence[Floats | None]) -> Floats:
     """(n,) which way the machine goes, by its wheels, else by what drives them."""
     known = next(each for each in (*speeds, *torques) if each is not None)
     return np.sign(known)
 
 
-def _torque(
+def _torque_difference(
     left: Floats, right: Floats, turning: list[Floats], ahead: Floats, driving: Bools, stands: Bools
 ) -> SideDifference | None:
     """By how much more one side pushes where both push more.
@@ -155,24 +157,26 @@ def _torque(
     if driving.sum() < _FEWEST:
         return None
     both_ways = np.ptp(ahead[driving]) > 0.0
-    found = _slope("torque", apart, mean, [*turning, *([ahead] if both_ways else [])], driving)
+    found = _difference_slope(
+        "torque", apart, mean, [*turning, *([ahead] if both_ways else [])], driving
+    )
     if found is None or found.std_1 > _SURE_1:  # one throttle tells a resistance from no share
-        rough = _slope("torque", apart, mean, turning, driving | stands)
+        rough = _difference_slope("torque", apart, mean, turning, driving | stands)
         found = found if rough is None else replace(rough, resistance_1=_ONE_SIDED_RESISTANCE_1)
     return found
 
 
-def _speed(
+def _speed_difference(
     apart: Floats, mean: Floats, push: Floats | None, driving: Bools
 ) -> dict[str, SideDifference | None]:
     """By how much faster one side turns, and by how much more in hard starts."""
-    everywhere = _slope("speed", apart, mean, [], driving)
+    everywhere = _difference_slope("speed", apart, mean, [], driving)
     if push is None or driving.sum() < _FEWEST:
         return {"speed": everywhere}
     largest = float(np.quantile(push[driving], 0.95))
     soft = driving & (push < _SOFT * largest)
     hard = driving & (push > _HARD * largest)
-    in_soft, in_hard = (_slope("speed", apart, mean, [], rows) for rows in (soft, hard))
+    in_soft, in_hard = (_difference_slope("speed", apart, mean, [], rows) for rows in (soft, hard))
     if in_soft is None or in_hard is None:
         return {"speed": everywhere}
     more = in_hard.value_1 - in_soft.value_1
@@ -180,7 +184,7 @@ def _speed(
     return {"speed": in_soft, "slip": SideDifference("slip", more, std)}
 
 
-def _slope(
+def _difference_slope(
     kind: str, apart: Floats, mean: Floats, others: list[Floats], rows: Bools
 ) -> SideDifference | None:
     """The slope of the difference on the mean, with a constant and the other columns."""

@@ -11,65 +11,65 @@ from analysis.stages.estimation import fit_quality
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg
 
 
-def _raw_opposing_share(evidence: CheckInputs, motion: Motion) -> float:
+def _raw_opposing_share(inputs: CheckInputs, motion: Motion) -> float:
     """As `opposing_share`, of the unfiltered force: a low-pass undershoots below 0."""
-    force = _raw_force(evidence)
+    force = _raw_force(inputs)
     if force is None:
         return np.nan
     return 1.0 - fit_quality.along_share(motion.speed, force, motion.braking)
 
 
-def _raw_force(evidence: CheckInputs) -> Floats | None:
+def _raw_force(inputs: CheckInputs) -> Floats | None:
     """The unfiltered force on the grid, (n,)."""
-    if evidence.signals is None:
+    if inputs.signals is None:
         return None
-    return evidence.signals.force_on(evidence.excitation["t_ns"].to_numpy() + evidence.t0_unix_ns)
+    return inputs.signals.force_on(inputs.excitation["t_ns"].to_numpy() + inputs.t0_unix_ns)
 
 
-def _has_signals(evidence: CheckInputs, _: Motion) -> bool:
-    return evidence.signals is not None
+def _has_signals(inputs: CheckInputs, _: Motion) -> bool:
+    return inputs.signals is not None
 
 
-def _tilt(evidence: CheckInputs, _: Motion) -> float:
-    return gravity_tilt_deg(evidence.excitation, evidence.machine)
+def _imu_tilt_rad(inputs: CheckInputs, _: Motion) -> float:
+    return gravity_tilt_deg(inputs.excitation, inputs.machine)
 
 
-def _apart_s(evidence: CheckInputs, _: Motion) -> float:
-    return np.nan if evidence.signals is None else evidence.signals.apart_s
+def _clock_distance_s(inputs: CheckInputs, _: Motion) -> float:
+    return np.nan if inputs.signals is None else inputs.signals.apart_s
 
 
-def _moved_u(check: str) -> Callable[[CheckInputs, Motion], float | None]:
+def _mass_shift_u(check: str) -> Callable[[CheckInputs, Motion], float | None]:
     """How far the answer moves without what this check names."""
 
-    def of(evidence: CheckInputs, _: Motion) -> float | None:
-        found = evidence.left_out.get(check)
+    def of(inputs: CheckInputs, _: Motion) -> float | None:
+        found = inputs.left_out.get(check)
         return None if found is None else found.moved_u
 
     return of
 
 
-def _became(check: str) -> Callable[[CheckInputs, Motion], str]:
-    """What became of what this check names."""
+def _refit_outcome(check: str) -> Callable[[CheckInputs, Motion], str]:
+    """Outcome of refitting without the stretches of this check."""
 
-    def of(evidence: CheckInputs, _: Motion) -> str:
-        found = evidence.left_out.get(check)
+    def of(inputs: CheckInputs, _: Motion) -> str:
+        found = inputs.left_out.get(check)
         return "" if found is None else found.text
 
     return of
 
 
-def _unlike(evidence: CheckInputs, _: Motion) -> float:
+def _side_difference_1(inputs: CheckInputs, _: Motion) -> float:
     """The largest difference of left and right; NaN without two sides."""
-    return max((each.least_1 for each in evidence.sides.values()), default=np.nan)
+    return max((each.least_1 for each in inputs.sides.values()), default=np.nan)
 
 
-def _one_sided(evidence: CheckInputs, _: Motion) -> float:
-    torque = evidence.sides.get("torque")
+def _one_sided_resistance(inputs: CheckInputs, _: Motion) -> float:
+    torque = inputs.sides.get("torque")
     return np.nan if torque is None else torque.least_1
 
 
-def _which_sides(evidence: CheckInputs, _: Motion) -> str:
-    worst = max(evidence.sides.values(), key=lambda each: each.least_1, default=None)
+def _side_text(inputs: CheckInputs, _: Motion) -> str:
+    worst = max(inputs.sides.values(), key=lambda each: each.least_1, default=None)
     return "" if worst is None else worst.kind
 
 
@@ -86,40 +86,40 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "frozen",
         "mass",
-        lambda evidence, _: np.nan if evidence.signals is None else evidence.signals.frozen_s,
+        lambda inputs, _: np.nan if inputs.signals is None else inputs.signals.frozen_s,
         "time that a channel repeats its value while another changes, s",
         maximum="frozen_max_s",
         applies=_has_signals,
-        names=_became("frozen"),
-        moved_u=_moved_u("frozen"),
+        names=_refit_outcome("frozen"),
+        moved_u=_mass_shift_u("frozen"),
         remedy="leave the stretch out, or mend the sensor",
     ),
     CheckRow(
         "clipped",
         "mass",
-        lambda evidence, _: np.nan if evidence.signals is None else evidence.signals.clipped_share,
+        lambda inputs, _: np.nan if inputs.signals is None else inputs.signals.clipped_share,
         "fraction of a force channel's readings at a limit of the sensor or the engine",
         maximum="clipped_max",
         applies=_has_signals,
-        names=_became("clipped"),
-        moved_u=_moved_u("clipped"),
+        names=_refit_outcome("clipped"),
+        moved_u=_mass_shift_u("clipped"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
     CheckRow(
         "sides",
         "mass",
-        _unlike,
+        _side_difference_1,
         "difference of left and right on straight drives over their mean, where it is beyond noise",
         maximum="sides_max",
         optional=True,
-        names=_which_sides,
+        names=_side_text,
         consequence="tell",
         remedy="channels.torque_left_N_m and torque_right_N_m, or the speeds: their scales",
     ),
     CheckRow(
         "one_sided",
         "mass",
-        _one_sided,
+        _one_sided_resistance,
         "the same of the torques alone: more says that one of them is not measured",
         maximum="one_sided_max",
         optional=True,
@@ -128,7 +128,7 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "clocks",
         "mass",
-        _apart_s,
+        _clock_distance_s,
         "drift between the clocks of two topics over the log, s, by header stamps and log times",
         maximum="clocks_max_s",
         applies=_has_signals,
@@ -137,12 +137,10 @@ SIGNAL_CHECKS: Final = (
     CheckRow(
         "imu_tilt",
         "mass",
-        _tilt,
+        _imu_tilt_rad,
         "angle between gravity at standstill and the machine's upward axis, degrees",
         maximum="imu_tilt_max_deg",
-        applies=lambda evidence, _: (
-            evidence.machine.settings.forces.acceleration == "specific_force"
-        ),
+        applies=lambda inputs, _: inputs.machine.settings.forces.acceleration == "specific_force",
         optional=True,
         remedy="machine.imu: payscope init proposes roll, pitch and yaw",
     ),

@@ -13,7 +13,7 @@ _MEANING: Final = "named causes that invalidate a mass which no other check with
 _REMEDY: Final = "payscope explain names what mends each"
 
 
-def withhold_by_causes(
+def withhold_by_findings(
     judged: pl.DataFrame, findings: pl.DataFrame, machine: Machine
 ) -> pl.DataFrame:
     """Add the check that withholds what a finding withholds.

@@ -102,12 +102,14 @@ class Filters:
         Returns:
             (n, 2, 6) regressor and (n, 2) force and torque.
         """
-        force, torque, s_x, s_y, speed, yaw_rate = (_filtered(each, self.mean) for each in raw)
-        turn = _filtered(raw.yaw_rate_rad_s, self.difference)
+        force, torque, s_x, s_y, speed, yaw_rate = (
+            _filter_columns(each, self.mean) for each in raw
+        )
+        turn = _filter_columns(raw.yaw_rate_rad_s, self.difference)
         return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
 
 
-def _filtered(raw: Floats, weights: Floats) -> Floats:
+def _filter_columns(raw: Floats, weights: Floats) -> Floats:
     return np.convolve(raw, weights[::-1], "valid")
 
 

@@ -27,7 +27,7 @@ _FEWEST: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Determined:
+class DeterminedParameters:
     """What the motion determines.
 
     Attributes:
@@ -45,9 +45,9 @@ class Determined:
     trade_offs: tuple[tuple[str, str, float], ...]
 
 
-def determined(
+def determine_parameters(
     excitation: pl.DataFrame, rows: Bools, noise: pl.DataFrame | None, settings: Settings
-) -> Determined | None:
+) -> DeterminedParameters | None:
     """Find what some samples determine.
 
     Args:
@@ -76,7 +76,7 @@ def determined(
     found = identify(A, _NAMES, std)
     named = [name for name, alone in zip(_NAMES, found.identifiable, strict=True) if alone]
     joined = [name for row in found.combinations for name, c in zip(_NAMES, row, strict=True) if c]
-    return Determined(
+    return DeterminedParameters(
         samples=samples,
         alone=tuple(named),
         combinations=tuple(found.texts()),

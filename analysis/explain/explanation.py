@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from analysis.explain.determined_parameters import Determined, determined
+from analysis.explain.determined_parameters import DeterminedParameters, determine_parameters
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
@@ -17,10 +17,10 @@ from analysis.explain.worst_manoeuvres import (
     worst_manoeuvres,
 )
 from analysis.model.answer import Answer, answer
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from analysis.model.windows import samples_of
 
-_NS: Final = 1e9
 #: How far around a moment the gate is told, in s either way.
 AROUND_S: Final = 15.0
 #: Columns that an explanation looks at, by frame; all of a frame that is not here.
@@ -67,8 +67,8 @@ class Finding:
         kept: dict[str, Any] = {n: row[n] for n in cls.__dataclass_fields__ if n in row}
         start, end = (row[name] for name in ("start_t_ns", "end_t_ns"))
         kept["says"] = says.get(row["cause"], row["cause"].replace("_", " "))
-        kept["start_s"] = None if start is None else start / _NS
-        kept["end_s"] = None if end is None else end / _NS
+        kept["start_s"] = None if start is None else start / NS_PER_S
+        kept["end_s"] = None if end is None else end / NS_PER_S
         kept["alternatives"] = tuple(filter(None, (row["alternatives"] or "").split(", ")))
         return cls(**kept)
 
@@ -101,7 +101,7 @@ class Explanation:
     worst: tuple[ManoeuvreReport, ...]
     gate: tuple[GateStretch, ...]
     shares: Mapping[str, float]
-    determined: Determined | None
+    determined: DeterminedParameters | None
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values."""
@@ -130,7 +130,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     gate = frames.get("gate", pl.DataFrame())
     stretches: tuple[GateStretch, ...] = ()
     if at_s is not None and gate.height:
-        begin, end = (round((at_s + way * AROUND_S) * _NS) for way in (-1, 1))
+        begin, end = (round((at_s + way * AROUND_S) * NS_PER_S) for way in (-1, 1))
         stretches = gate_along(gate, settings, begin, end)
     manoeuvre = None if at_s is None else manoeuvre_at(frames, at_s)
     return Explanation(
@@ -141,7 +141,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
         worst=worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
         shares=reason_shares(gate),
-        determined=_determined(run, manoeuvre, at_s),
+        determined=_determined_at(run, manoeuvre, at_s),
     )
 
 
@@ -150,19 +150,19 @@ def _findings(frames: Mapping[str, pl.DataFrame], at_s: float | None) -> tuple[F
         return None
     found = [Finding.of(row) for row in frames["findings"].iter_rows(named=True)]
     if at_s is not None:
-        found = [each for each in found if _near(each, at_s)]
+        found = [each for each in found if _is_near(each, at_s)]
     return tuple(found)
 
 
-def _near(finding: Finding, at_s: float) -> bool:
+def _is_near(finding: Finding, at_s: float) -> bool:
     if finding.start_s is None or finding.end_s is None:
         return True
     return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S
 
 
-def _determined(
+def _determined_at(
     run: Run, manoeuvre: ManoeuvreReport | None, at_s: float | None
-) -> Determined | None:
+) -> DeterminedParameters | None:
     """Of the manoeuvre, or of the window that ends at the moment; else of all that is used."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     settings = run.provenance.settings
@@ -173,7 +173,7 @@ def _determined(
         start, end = (
             (at_s - window, at_s) if manoeuvre is None else (manoeuvre.start_s, manoeuvre.end_s)
         )
-        inside = pl.col("t_ns").is_between(round(start * _NS), round(end * _NS))
+        inside = pl.col("t_ns").is_between(round(start * NS_PER_S), round(end * NS_PER_S))
         excitation = excitation.filter(inside)
         rows = np.ones(excitation.height, np.bool_)
     elif gate is not None and "accepted_x" in gate.columns and gate.height == excitation.height:
@@ -183,7 +183,7 @@ def _determined(
             rows = _moving(excitation)
     else:
         rows = _moving(excitation)
-    return determined(excitation, rows, run.frames.get("noise"), settings)
+    return determine_parameters(excitation, rows, run.frames.get("noise"), settings)
 
 
 def _moving(excitation: pl.DataFrame) -> np.ndarray:

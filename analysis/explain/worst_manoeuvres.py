@@ -7,9 +7,9 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
 
-_NS: Final = 1e9
 #: Shorter stretches of a reason are told with their neighbours.
 _SHORTEST_S: Final = 0.05
 _MOST_STRETCHES: Final = 24
@@ -90,7 +90,7 @@ def gate_along(
         start=pl.col("t_ns").first(),
         end=pl.col("t_ns").last(),
     )
-    long = spans.filter((pl.col("end") - pl.col("start")) >= _SHORTEST_S * _NS)
+    long = spans.filter((pl.col("end") - pl.col("start")) >= _SHORTEST_S * NS_PER_S)
     kept = (long if long.height else spans).head(_MOST_STRETCHES)
     found: list[GateStretch] = []
     for span in kept.iter_rows(named=True):
@@ -100,7 +100,7 @@ def gate_along(
 
 
 def _stretch(span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings) -> GateStretch:
-    start_s, end_s, reason = span["start"] / _NS, span["end"] / _NS, str(span["reason"])
+    start_s, end_s, reason = span["start"] / NS_PER_S, span["end"] / NS_PER_S, str(span["reason"])
     decides = _DECIDES.get(reason)
     if reason == "negative_dependence" and "corr_x_1" in rows.columns:
         return GateStretch(start_s, end_s, reason, "corr_x_1", _median(rows, "corr_x_1"), "> 0")
@@ -157,7 +157,7 @@ def _of_loads(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
         apart = None
         if mass is not None and std and load is not None:
             apart = (mass - load) / std
-        times = row["start_t_ns"] / _NS, row["end_t_ns"] / _NS
+        times = row["start_t_ns"] / NS_PER_S, row["end_t_ns"] / NS_PER_S
         found.append(ManoeuvreReport(*times, row["load_id"], mass, std, load, apart, "accepted"))
     return found
 
@@ -168,8 +168,8 @@ def _of_segments(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
         return []
     return [
         ManoeuvreReport(
-            row["start_t_ns"] / _NS,
-            row["end_t_ns"] / _NS,
+            row["start_t_ns"] / NS_PER_S,
+            row["end_t_ns"] / NS_PER_S,
             None,
             row.get("mass_kg"),
             row.get("mass_std_kg"),

@@ -132,12 +132,12 @@ class _Parser:
         return left
 
     def _product(self, depth: int) -> Expression:
-        left = self._signed(depth)
+        left = self._parse_signed(depth)
         while sign := self._take("*", "/"):
-            left = Call(sign, (left, self._signed(depth)))
+            left = Call(sign, (left, self._parse_signed(depth)))
         return left
 
-    def _signed(self, depth: int) -> Expression:
+    def _parse_signed(self, depth: int) -> Expression:
         negative = False
         while sign := self._take("-", "+"):
             negative ^= sign == "-"

@@ -53,21 +53,21 @@ def evaluate(tree: Expression, values: Mapping[str, Floats], size: int) -> tuple
             return np.broadcast_to(values[node.name], size)
         if node.function == SLOPE:
             (argument,) = node.arguments
-            scale, name = _scaled(argument)
+            scale, name = _scale(argument)
             return scale * values[f"{SLOPE} {name}"]
         parts = [walk(argument) for argument in node.arguments]
         if node.function == "/":
-            quotient, bad = _divided(parts[0], parts[1])
+            quotient, bad = _divide(parts[0], parts[1])
             near_zero += bad
             return quotient
-        return _combined(node, parts)
+        return _combine_units(node, parts)
 
     with np.errstate(over="ignore", invalid="ignore"):
         found = walk(tree)
     return np.where(np.isfinite(found), found, np.nan), near_zero
 
 
-def _combined(node: Call, parts: list[Floats]) -> Floats:
+def _combine_units(node: Call, parts: list[Floats]) -> Floats:
     if node.function in _OF_TWO:
         return _OF_TWO[node.function](parts[0], parts[1])
     if node.function in _OF_ONE:
@@ -87,7 +87,7 @@ def _combined(node: Call, parts: list[Floats]) -> Floats:
     return np.where(parts[0].astype(np.bool_), parts[1], otherwise)
 
 
-def _divided(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
+def _divide(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
     """The quotient, NaN where the divisor is near zero, and how often that is."""
     known = np.abs(divisor[np.isfinite(divisor)])
     limit = NEAR_ZERO * float(np.percentile(known, _HIGH)) if known.size else 0.0
@@ -97,7 +97,7 @@ def _divided(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
     )
 
 
-def _scaled(tree: Expression) -> tuple[float, str]:
+def _scale(tree: Expression) -> tuple[float, str]:
     """The gain and the name of a channel that is differentiated."""
     if isinstance(tree, Name):
         return 1.0, tree.name

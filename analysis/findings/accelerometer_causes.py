@@ -5,19 +5,17 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.accelerometer_share import share_of_accelerometer
-from analysis.findings.altered_motion import accelerated
+from analysis.findings.accelerometer_share import fit_accelerometer_gain
+from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import (
-    DEVIATIONS,
-    INDEPENDENT_S,
-    LEAST_M_S2,
-    constants,
-    gravity,
+    explain_constant_force,
+    gravity_by_pitch,
     has_pitch,
 )
-from analysis.findings.delay_causes import low_pass
+from analysis.findings.delay_causes import find_filter_delay
 from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import values
@@ -54,35 +52,35 @@ _ALL_AXES: Final = (
 )
 
 
-def without_gravity(case: FindingInputs) -> bool:
+def without_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
-    z, _ = case.level(_Z)
-    return bool(abs(z) < _GRAVITY * case.machine.machine.gravity_m_s2)
+    z, _ = inputs.level(_Z)
+    return bool(abs(z) < _GRAVITY * inputs.machine.machine.gravity_m_s2)
 
 
-def tilted(case: FindingInputs) -> list[Symptom]:
+def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     """Gravity on the forward axis at standstill, and motion across the axis that drives."""
-    over = _upside_down(case)
+    over = _upside_down_symptom(inputs)
     if over:
         return over
-    upright = _zero(case, ("tilt", ""))
-    found = [*upright, *_yaw(case)]
+    upright = _zero_reading_symptom(inputs, ("tilt", ""))
+    found = [*upright, *_mounting_yaw(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _upside_down(case: FindingInputs) -> list[Symptom]:
+def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
     """Gravity the other way along z: rolled over, or pitched over where x reads backwards."""
-    z, std = case.level(_Z)
-    pull = case.machine.machine.gravity_m_s2
-    if not z < -_GRAVITY * pull or not case.measured(_Z):
+    z, std = inputs.level(_Z)
+    pull = inputs.machine.machine.gravity_m_s2
+    if not z < -_GRAVITY * pull or not inputs.measured(_Z):
         return []
-    seen = share_of_accelerometer(case)
+    seen = fit_accelerometer_gain(inputs)
     backwards = seen is not None and seen[0] < -_SURELY * seen[1]
     angle = "pitch_deg" if backwards else "roll_deg"
-    whole = len(case.measured(*_ALL_AXES)) == len(_ALL_AXES)
+    whole = len(inputs.measured(*_ALL_AXES)) == len(_ALL_AXES)
     turned = (ACC, "roll_rate_rad_s") if backwards else (_Y, "pitch_rate_rad_s")
-    keys, scales = case.scaled(case.measured(_Z, *turned, "yaw_rate_rad_s"), -1.0)
-    stated = getattr(case.machine.machine.imu, angle)
+    keys, scales = inputs.scale_channels(inputs.measured(_Z, *turned, "yaw_rate_rad_s"), -1.0)
+    stated = getattr(inputs.machine.machine.imu, angle)
     kind = "pitched" if backwards else "rolled"
     return [
         Symptom(
@@ -92,42 +90,46 @@ def _upside_down(case: FindingInputs) -> list[Symptom]:
             channel=_Z,
             setting=f"machine.imu.{angle}" if whole else keys,
             value=f"{stated + 180.0 if stated <= 0.0 else stated - 180.0:g}" if whole else scales,
-            change=None if backwards else lambda: refit_mended(case, lambda motion: motion),
+            change=None if backwards else lambda: refit_mended(inputs, lambda motion: motion),
         )
     ]
 
 
-def biased(case: FindingInputs) -> list[Symptom]:
+def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
     """The same with all of gravity on z: what is on x is none of it."""
-    return _zero(case, ("bias",))
+    return _zero_reading_symptom(inputs, ("bias",))
 
 
-def _zero(case: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
-    seen = constants(case)
+def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
+    seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
-    if not np.isfinite(error) or seen.tilt is False or without_gravity(case):
+    if not np.isfinite(error) or seen.tilt is False or without_gravity(inputs):
         return []
-    kind = _kind(case, error)
+    kind = _is_tilt(inputs, error)
     if kind not in kinds:
         return []
     # ground that slopes leaves no constant force, a tilt does
     others = () if kind else ("imu_bias",)
-    if not (seen.tilt or has_pitch(case)):
+    if not (seen.tilt or has_pitch(inputs)):
         others = (*others, "slope")
-    names = case.measured(ACC)
-    degrees = np.degrees(np.arcsin(np.clip(error / case.machine.machine.gravity_m_s2, -1.0, 1.0)))
+    names = inputs.measured(ACC)
+    degrees = np.degrees(np.arcsin(np.clip(error / inputs.machine.machine.gravity_m_s2, -1.0, 1.0)))
     said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
     return [
         Symptom(
-            float(abs(error) / max(DEVIATIONS * std, LEAST_M_S2)),
+            float(
+                abs(error) / max(LIMITS.standing_reading_std * std, LIMITS.standing_reading_m_s2)
+            ),
             f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
             f"{degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
-            value=f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}" if names else None,
+            value=f"{inputs.machine.channels[ACC].offset - _in_channel_unit(inputs, error):.5g}"
+            if names
+            else None,
             change=lambda: refit_mended(
-                case,
-                lambda motion: accelerated(motion, lambda x: x - error),
+                inputs,
+                lambda motion: change_accelerometer(motion, lambda x: x - error),
                 min(std / abs(error), 1.0),
             ),
             alternatives=others,
@@ -135,13 +137,13 @@ def _zero(case: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
     ]
 
 
-def _kind(case: FindingInputs, error: float) -> str:
+def _is_tilt(inputs: FindingInputs, error: float) -> str:
     """Whether the z axis tells a tilt from a bias: a tilt takes its share of gravity off it."""
-    z, _ = case.level(_Z)
-    pull = case.machine.machine.gravity_m_s2
-    if not np.isfinite(z) or not has_pitch(case) or abs(error) >= pull:
+    z, _ = inputs.level(_Z)
+    pull = inputs.machine.machine.gravity_m_s2
+    if not np.isfinite(z) or not has_pitch(inputs) or abs(error) >= pull:
         return ""
-    pitch = case.level(_PITCH)[0]
+    pitch = inputs.level(_PITCH)[0]
     share = np.arcsin(error / pull)
     upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
     if upright - turned < _TELLS_M_S2:
@@ -149,19 +151,23 @@ def _kind(case: FindingInputs, error: float) -> str:
     return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
 
 
-def _yaw(case: FindingInputs) -> list[Symptom]:
-    if _Y not in case.evidence.excitation.columns or ACC not in case.evidence.excitation.columns:
+def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
+    if (
+        _Y not in inputs.check_inputs.excitation.columns
+        or ACC not in inputs.check_inputs.excitation.columns
+    ):
         return []
-    settings = case.machine.settings
-    rate = values(case.evidence.excitation, "speed_rate_x_m_s2")
+    settings = inputs.machine.settings
+    rate = values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        beside_speed_rate(values(case.evidence.excitation, name), settings) for name in (ACC, _Y)
+        beside_speed_rate(values(inputs.check_inputs.excitation, name), settings)
+        for name in (ACC, _Y)
     )
-    used = case.evidence.is_phase("accelerating", "braking", "cruising")
+    used = inputs.check_inputs.is_phase("accelerating", "braking", "cruising")
     used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
     if used.sum() < 200:
         return []
-    step = rows_in(INDEPENDENT_S, settings.align.rate_hz)
+    step = rows_in(LIMITS.independent_rows_s, settings.align.rate_hz)
     x, a, y = (each[used][::step] for each in (rate, ahead, left))
     x, a, y = x - x.mean(), a - a.mean(), y - y.mean()
     power = float(x @ x)
@@ -174,13 +180,13 @@ def _yaw(case: FindingInputs) -> list[Symptom]:
     angle = float(np.arctan2(across, along))
     # noise of the wheels' rate makes both components small, and the angle no surer
     std /= float(np.hypot(along, across))
-    strength = abs(angle) / max(DEVIATIONS * std, _LEAST_YAW_RAD)
-    if len(case.measured(*_ALL_AXES)) == len(_ALL_AXES):
+    strength = abs(angle) / max(LIMITS.standing_reading_std * std, _LEAST_YAW_RAD)
+    if len(inputs.measured(*_ALL_AXES)) == len(_ALL_AXES):
         setting = "machine.imu.yaw_deg"
-        value = f"{case.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
+        value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
     else:
         # what drives straight is seen by its share alone
-        setting, value = case.scaled(case.measured(ACC), 1.0 / float(np.cos(angle)))
+        setting, value = inputs.scale_channels(inputs.measured(ACC), 1.0 / float(np.cos(angle)))
     return [
         Symptom(
             strength,
@@ -190,17 +196,17 @@ def _yaw(case: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=lambda: refit_mended(
-                case,
-                lambda motion: accelerated(motion, lambda x: x / np.cos(angle)),
+                inputs,
+                lambda motion: change_accelerometer(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
             ),
         )
     ]
 
 
-def low_passed(case: FindingInputs) -> list[Symptom]:
+def find_low_passed_accelerometer(inputs: FindingInputs) -> list[Symptom]:
     """An accelerometer that sees a part of the wheels' acceleration, in whatever moves."""
-    late, found = low_pass(case), share_of_accelerometer(case)
+    late, found = find_filter_delay(inputs), fit_accelerometer_gain(inputs)
     if found is None:
         return late
     gain, std = found
@@ -219,16 +225,21 @@ def low_passed(case: FindingInputs) -> list[Symptom]:
     return [max((*seen, *late), key=lambda sign: sign.strength)]
 
 
-def slope(case: FindingInputs) -> list[Symptom]:
+def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     """Ground that slopes under an acceleration that has no gravity in it."""
-    kinematic = case.machine.settings.forces.acceleration == "kinematic"
-    if kinematic or not case.measured(ACC) or not has_pitch(case) or not without_gravity(case):
+    kinematic = inputs.machine.settings.forces.acceleration == "kinematic"
+    if (
+        kinematic
+        or not inputs.measured(ACC)
+        or not has_pitch(inputs)
+        or not without_gravity(inputs)
+    ):
         return []
-    pitch, std = case.level(_PITCH)
+    pitch, std = inputs.level(_PITCH)
     if not np.isfinite(pitch):
         return []
-    strength = abs(pitch) / max(DEVIATIONS * std, _LEAST_PITCH_RAD)
-    channel = case.machine.channels[ACC]
+    strength = abs(pitch) / max(LIMITS.standing_reading_std * std, _LEAST_PITCH_RAD)
+    channel = inputs.machine.channels[ACC]
     keys = ["settings.forces.acceleration"]
     new = ['"kinematic"']
     for name in ("topic", "field", "scale", "offset", "unit", "delay_s"):
@@ -236,7 +247,7 @@ def slope(case: FindingInputs) -> list[Symptom]:
         if of_channel is not None and of_channel not in (1.0, 0.0):
             keys.append(f"channels.acc_x_m_s2.{name}")
             new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
-    pull = gravity(case)
+    pull = gravity_by_pitch(inputs)
 
     def with_gravity(motion: MotionSamples) -> MotionSamples:
         return replace(
@@ -246,7 +257,7 @@ def slope(case: FindingInputs) -> list[Symptom]:
             without_gravity=motion.specific_force,
         )
 
-    z, _ = case.level(_Z)
+    z, _ = inputs.level(_Z)
     return [
         Symptom(
             strength,
@@ -255,14 +266,14 @@ def slope(case: FindingInputs) -> list[Symptom]:
             channel=ACC,
             setting=", ".join(keys),
             value=", ".join(new),
-            change=lambda: refit_mended(case, with_gravity, min(std / abs(pitch), 1.0)),
+            change=lambda: refit_mended(inputs, with_gravity, min(std / abs(pitch), 1.0)),
         )
     ]
 
 
-def _raw(case: FindingInputs, error: float) -> float:
+def _in_channel_unit(inputs: FindingInputs, error: float) -> float:
     """An acceleration in the channel's own unit."""
-    channel = case.machine.channels[ACC]
+    channel = inputs.machine.channels[ACC]
     if channel.unit is None:
         return error
     return error / to_si(channel.unit, "m/s²")[0]

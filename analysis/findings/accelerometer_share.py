@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
-from analysis.findings.constant_forces import gravity
+from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import values
 
@@ -18,30 +18,30 @@ _MOTION: Final = 0.3
 _NOISE: Final = 0.2
 
 
-def share_of_accelerometer(case: FindingInputs) -> tuple[float, float] | None:
+def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
     """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
-    if ACC not in case.aligned.columns or not case.measured(ACC):
+    if ACC not in inputs.aligned.columns or not inputs.measured(ACC):
         return None
-    rate_hz = case.machine.settings.align.rate_hz
+    rate_hz = inputs.machine.settings.align.rate_hz
     size = max(round(_SPAN_S * rate_hz), 1)
     span_s = size / rate_hz
-    count = case.aligned.height // size
+    count = inputs.aligned.height // size
     if count < _FEWEST_SPANS:
         return None
 
     def means(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
-    speed = means(values(case.aligned, "speed_x_m_s"))
-    reads = means(values(case.aligned, ACC) - gravity(case))
-    moves = means((~case.stands).astype(float)) > 0.0
+    speed = means(values(inputs.aligned, "speed_x_m_s"))
+    reads = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+    moves = means((~inputs.stands).astype(float)) > 0.0
     x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
     if used.sum() < _FEWEST_SPANS:
         return None
     x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
     # noise of the speed is no acceleration, and would look like one that is not seen
-    reads_speed = 0.0 if case.column_noise is None else case.column_noise.covariance(size)[1, 1]
+    reads_speed = 0.0 if inputs.column_noise is None else inputs.column_noise.covariance(size)[1, 1]
     seen = float(x @ x)
     power = seen - x.size * 2.0 * reads_speed / span_s**2
     if not power > _MOTION * seen:

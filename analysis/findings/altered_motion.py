@@ -12,18 +12,18 @@ from analysis.weighing.motion_samples import MotionSamples
 def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:
     """The motion with `force`, `speed` or `imu` moved back by how late it is."""
     if channel == "force":
-        return motion.with_force_moved_back(late_s)
+        return motion.shift_force(late_s)
     if channel == "speed":
-        return motion.with_speed_moved_back(late_s)
+        return motion.shift_speed(late_s)
     rows = np.arange(motion.force.size, dtype=np.float64)
 
     def back(x: Floats) -> Floats:
         return np.interp(rows + late_s * motion.rate_hz, rows, x)
 
-    return accelerated(motion, back)
+    return change_accelerometer(motion, back)
 
 
-def accelerated(motion: MotionSamples, of: Callable[[Floats], Floats]) -> MotionSamples:
+def change_accelerometer(motion: MotionSamples, of: Callable[[Floats], Floats]) -> MotionSamples:
     """The motion with its accelerometer changed."""
     measured, level = motion.specific_force, motion.without_gravity
     return replace(

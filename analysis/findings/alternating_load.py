@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.findings.constant_forces import constants
+from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.whitened_rows import Explained, force_system
+from analysis.findings.whitened_rows import ProjectedEquation, force_system
 
 
 class ShareOfForce(NamedTuple):
@@ -31,17 +31,17 @@ class ShareOfForce(NamedTuple):
     loads: int
 
 
-def share_instead_of_loads(case: FindingInputs) -> ShareOfForce | None:
+def compare_share_with_loads(inputs: FindingInputs) -> ShareOfForce | None:
     """One load with a share that changes, against the loads; None where there is one anyway."""
-    fit, noise, motion = case.fit, case.column_noise, constants(case).motion
+    fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
     if fit is None or noise is None or motion is None or fit.count == 1 or not motion.both_ways:
         return None
-    viscous, own_kg = max(fit.viscous, 0.0), case.mass_of_samples(motion)
+    viscous, own_kg = max(fit.viscous, 0.0), inputs.sample_masses_kg(motion)
     one_kg = np.full_like(own_kg, np.median(own_kg[motion.used]))
     # with the share as well: loads that change otherwise than with the direction stay loads
-    by_loads = Explained.of(force_system(motion, noise, own_kg, viscous), ("driveline",))
+    by_loads = ProjectedEquation.of(force_system(motion, noise, own_kg, viscous), ("driveline",))
     one = force_system(motion, noise, one_kg, viscous)
-    before, after = Explained.of(one, ()), Explained.of(one, ("driveline",))
+    before, after = ProjectedEquation.of(one, ()), ProjectedEquation.of(one, ("driveline",))
     square = before.square("driveline")
     if not square > 0.0:
         return None

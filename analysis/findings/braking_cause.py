@@ -11,7 +11,8 @@ import numpy as np
 from analysis.diagnosis.check_inputs import Bools, CheckInputs
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.fit_causes import POOR, share_of_u
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.fit_causes import relative_mass_u
 from analysis.stages.estimation import fit_quality
 
 #: Braking takes a large part of the windows from this share on.
@@ -23,14 +24,17 @@ _AGREE: Final = 0.04
 _KNOWN: Final = 0.02
 
 
-def seen(case: FindingInputs) -> list[Symptom]:
+def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
     """Braking that takes most windows, of a log that tells little, and that the force sees."""
-    if not case.machine.settings.gate.exclude_braking or share_of_u(case) < POOR:
+    if (
+        not inputs.machine.settings.gate.exclude_braking
+        or relative_mass_u(inputs) < LIMITS.poor_answer_u
+    ):
         return []
-    reasons = case.evidence.gated["reason_x"].cast(str)
+    reasons = inputs.check_inputs.gated["reason_x"].cast(str)
     told = int((reasons != "warming_up").sum())
     refused = float((reasons == "braking").sum()) / max(told, 1)
-    ratio = _braking_over_driving(case.evidence)
+    ratio = _braking_over_driving(inputs.check_inputs)
     if not abs(ratio - 1.0) < _AGREE:
         return []
     return [
@@ -38,7 +42,7 @@ def seen(case: FindingInputs) -> list[Symptom]:
             refused / _REFUSED,
             f"braking refuses {refused:.0%} of the windows, and tells {ratio:.1%} of the mass that "
             "driving tells: the force sees the brakes",
-            channel=case.force_channel,
+            channel=inputs.force_channel,
             setting="settings.gate.exclude_braking",
             value="false",
         )
@@ -50,12 +54,12 @@ def _braking_over_driving(evidence: CheckInputs) -> float:
     motion = evidence.straight
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
     driving = motion.known & evidence.is_phase("accelerating", "cruising")
-    found = [_mass(A, motion.f, of) for of in (driving, motion.braking)]
+    found = [_fit_mass(A, motion.f, of) for of in (driving, motion.braking)]
     if not all(std_kg < _KNOWN * abs(kg) for kg, std_kg in found):
         return float("nan")
     return found[1][0] / found[0][0]
 
 
-def _mass(A: np.ndarray, f: np.ndarray, of: Bools) -> tuple[float, float]:
+def _fit_mass(A: np.ndarray, f: np.ndarray, of: Bools) -> tuple[float, float]:
     mass_kg, std_kg, _ = fit_quality.ungated_fit(A, f, of)
     return mass_kg, std_kg

@@ -8,7 +8,7 @@ from analysis.findings.finding_inputs import FindingInputs
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What mending a cause would do to the headline mass.
+    """Change of the headline mass if a cause is mended.
 
     Attributes:
         kg: mass afterwards less the mass now.
@@ -21,7 +21,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Symptom:
-    """What a log shows of a cause.
+    """A symptom of a cause in a log.
 
     Attributes:
         strength: evidence over the limit that chance stays below; a finding from 1 on.

@@ -35,6 +35,7 @@ _MOST_DEVIATIONS: Final = 1000.0
 _BLOCK: Final = 200
 #: Force and acceleration, which a stop or a knock moves at once: by so many deviations,
 _FELT: Final = (*FORCES, ACC, "acc_x_m_s2")
+#: Standard deviations from which both are moved at once,
 _JOLT: Final = 5.0
 #: within so many periods, from the median of what is around.
 _BESIDE_PERIODS: Final = 1.5
@@ -51,57 +52,58 @@ _DEAD_1: Final = 0.5
 _OF_DEAD: Final = ("unsigned", "offset")
 
 
-def frozen(case: FindingInputs) -> list[Symptom]:
+def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     """A channel that repeats itself while another one changes."""
-    signals = case.evidence.signals
+    signals = inputs.check_inputs.signals
     if signals is None:
         return []
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
         name: spans
-        for name in case.needed
-        if not _coarse(case, name) and (spans := signals.frozen.get(name) or _noiseless(case, name))
+        for name in inputs.needed
+        if not _is_coarse(inputs, name)
+        and (spans := signals.frozen.get(name) or _noiseless_stretches(inputs, name))
     }
     if not of_channel:
         return []
     total_s = {name: sum(e - b for b, e in spans) / 1e9 for name, spans in of_channel.items()}
     name = max(total_s, key=lambda each: total_s[each])
     spans = of_channel[name]
-    holds = np.zeros(case.aligned.height, np.bool_)
-    t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
+    holds = np.zeros(inputs.aligned.height, np.bool_)
+    t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     for begin, end in (span for spans in of_channel.values() for span in spans):
         holds |= (t >= begin) & (t <= end)
-    found = case.evidence.left_out.get("frozen")
+    found = inputs.check_inputs.left_out.get("frozen")
     return [
         Symptom(
             total_s[name] / _FROZEN_S,
             f"it repeats one reading {len(spans)} times, {total_s[name]:.1f} s in all, while "
-            f"others change{_became(found)}",
+            f"others change{_outcome_of_refit(found)}",
             channel=name,
-            span_ns=case.since_start(*spans[0]),
-            change=lambda: left_out(case, holds),
-            harmless=_harmless(case, found),
+            span_ns=inputs.since_start(*spans[0]),
+            change=lambda: left_out(inputs, holds),
+            harmless=_is_harmless(inputs, found),
             explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
         )
     ]
 
 
-def _became(found: ExcludedStretches | None) -> str:
+def _outcome_of_refit(found: ExcludedStretches | None) -> str:
     return "" if found is None else f"; {found.text}"
 
 
-def _harmless(case: FindingInputs, found: ExcludedStretches | None) -> bool | None:
+def _is_harmless(inputs: FindingInputs, found: ExcludedStretches | None) -> bool | None:
     """Whether the answer is the same without it, or there is none; None where nobody has looked."""
-    return None if found is None or case.fit is None else found.is_harmless
+    return None if found is None or inputs.fit is None else found.is_harmless
 
 
-def _noiseless(case: FindingInputs, name: str) -> list[tuple[int, int]]:
+def _noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, int]]:
     """Where a channel that otherwise never repeats a reading does so for long, and is driven."""
-    signals = case.evidence.signals
+    signals = inputs.check_inputs.signals
     if signals is None:
         return []
     limits = signals.limits.get(name, {})
-    runs, never = long_runs(*case.series[name])
+    runs, never = long_runs(*inputs.series[name])
     # the last readings of a stand are of a slower channel beyond it, or the speed's first ones
     return [
         (run.begin_ns, run.end_ns)
@@ -115,44 +117,44 @@ def _noiseless(case: FindingInputs, name: str) -> list[tuple[int, int]]:
     ]
 
 
-def saturated(case: FindingInputs) -> list[Symptom]:
+def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     """Readings of a force that pile up at its extreme."""
-    signals = case.evidence.signals
+    signals = inputs.check_inputs.signals
     if signals is None or not signals.clipped:
         return []
     name = max(signals.clipped, key=lambda each: signals.clipped[each][0])
     share, extreme = signals.clipped[name]
     if not share:
         return []
-    at = case.force_per(name) * abs(extreme)
+    at = inputs.newtons_per_unit(name) * abs(extreme)
     count = sum(1 for each, _ in signals.clipped.values() if each > 0.0)
-    found = case.evidence.left_out.get("clipped")
+    found = inputs.check_inputs.left_out.get("clipped")
     limit_N = 0.98 * at * max(count, 1)
 
     def cut() -> Change | None:
-        if case.fit is None:
+        if inputs.fit is None:
             return None
-        near = np.abs(case.fit.motion.force) > limit_N
-        return left_out(case, windows_with(near, 5) | windows_with(near[::-1], 5)[::-1])
+        near = np.abs(inputs.fit.motion.force) > limit_N
+        return left_out(inputs, windows_with(near, 5) | windows_with(near[::-1], 5)[::-1])
 
     return [
         Symptom(
             share / _CLIPPED,
-            f"{share:.1%} of its readings are {extreme:.4g}, a limit{_became(found)}",
+            f"{share:.1%} of its readings are {extreme:.4g}, a limit{_outcome_of_refit(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
             change=cut,
-            harmless=_harmless(case, found),
+            harmless=_is_harmless(inputs, found),
         )
     ]
 
 
-def quantised(case: FindingInputs) -> list[Symptom]:
+def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Moving readings that repeat the one before: the noise is below the resolution."""
     found: list[Symptom] = []
-    for name in case.needed:
-        repeats, lsb = _steps(case, name)
+    for name in inputs.needed:
+        repeats, lsb = _reading_steps(inputs, name)
         if not lsb:
             continue
         found.append(
@@ -163,31 +165,31 @@ def quantised(case: FindingInputs) -> list[Symptom]:
                 channel=name,
             )
         )
-    return _largest(found)
+    return _strongest_symptom(found)
 
 
-def _steps(case: FindingInputs, name: str) -> tuple[float, float]:
+def _reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
     """The share of moving readings that repeat the one before, and what all steps are multiples of.
 
     0 where they are no multiples: then a channel holds its value, but resolves more.
     """
     key = f"steps {name}"
-    if key not in case.kept:
-        t, x = case.series[name]
-        steps = np.diff(x)[case.moves_at(t)[1:] & (x[1:] != 0.0)]
+    if key not in inputs.kept:
+        t, x = inputs.series[name]
+        steps = np.diff(x)[inputs.is_moving_at(t)[1:] & (x[1:] != 0.0)]
         sizes = np.abs(steps[steps != 0.0])
-        case.kept[key] = 0.0, 0.0
+        inputs.kept[key] = 0.0, 0.0
         if steps.size >= _FEWEST and sizes.size:
             lsb = float(np.min(sizes))
             whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
             repeats = float((steps == 0.0).mean())
-            case.kept[key] = repeats, lsb if whole > _WHOLE else 0.0
-    return case.kept[key]  # type: ignore[return-value]
+            inputs.kept[key] = repeats, lsb if whole > _WHOLE else 0.0
+    return inputs.kept[key]  # type: ignore[return-value]
 
 
-def _coarse(case: FindingInputs, name: str) -> bool:
+def _is_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether what repeats is the resolution."""
-    repeats, lsb = _steps(case, name)
+    repeats, lsb = _reading_steps(inputs, name)
     return bool(lsb) and repeats > _REPEATS
 
 
@@ -208,43 +210,43 @@ class _Spikes:
     near: Bools
 
 
-def spikes(case: FindingInputs) -> list[Symptom]:
+def find_spikes(inputs: FindingInputs) -> list[Symptom]:
     """Single readings far from both neighbours, which agree."""
-    return _largest(
+    return _strongest_symptom(
         [
             Symptom(
                 each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / _ALONE,
                 f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
                 f"{each.ratio:.0f} deviations",
                 channel=name,
-                span_ns=case.since_start(int(each.unix_ns[0]), int(each.unix_ns[-1])),
-                change=lambda near=each.near: left_out(case, near),
+                span_ns=inputs.since_start(int(each.unix_ns[0]), int(each.unix_ns[-1])),
+                change=lambda near=each.near: left_out(inputs, near),
             )
-            for name, each in _spikes(case).items()
+            for name, each in _spikes(inputs).items()
         ]
     )
 
 
-def _spikes(case: FindingInputs) -> dict[str, _Spikes]:
+def _spikes(inputs: FindingInputs) -> dict[str, _Spikes]:
     """By channel; nothing of those without any."""
-    if "spikes" not in case.kept:
-        case.kept["spikes"] = _found_spikes(case)
-    return case.kept["spikes"]  # type: ignore[return-value]
+    if "spikes" not in inputs.kept:
+        inputs.kept["spikes"] = _detect_spikes(inputs)
+    return inputs.kept["spikes"]  # type: ignore[return-value]
 
 
-def _found_spikes(case: FindingInputs) -> dict[str, _Spikes]:
+def _detect_spikes(inputs: FindingInputs) -> dict[str, _Spikes]:
     found: dict[str, _Spikes] = {}
-    for name in case.needed:
-        t, x = case.series[name]
+    for name in inputs.needed:
+        t, x = inputs.series[name]
         if x.size < 3 * _BLOCK:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        scale = np.maximum(_local_deviation(middle), _steps(case, name)[1] / np.sqrt(12.0))
+        scale = np.maximum(_local_std(middle), _reading_steps(inputs, name)[1] / np.sqrt(12.0))
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
-        places = places[~_jolts(case, name, t[places], np.sign(middle[places - 1]))]
+        places = places[~_are_jolts(inputs, name, t[places], np.sign(middle[places - 1]))]
         if not places.size:
             continue
         size = np.abs(middle[places - 1])
@@ -252,23 +254,23 @@ def _found_spikes(case: FindingInputs) -> dict[str, _Spikes]:
             t[places],
             float(np.median(size)),
             min(float(np.max(size / scale[places - 1])), _MOST_DEVIATIONS),
-            _beside(case, t[places]),
+            _samples_beside(inputs, t[places]),
         )
     return found
 
 
-def _jolts(case: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
+def _are_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
     """(k,) whether force and acceleration are off at once, and alike: that is a stop or a knock."""
-    topic = case.machine.channels[name].topic
+    topic = inputs.machine.channels[name].topic
     felt = np.zeros(unix_ns.size, np.bool_)
     if name not in _FELT:
         return felt
-    for other in case.measured(*_FELT):
-        t, x = case.series[other]
-        if case.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
+    for other in inputs.measured(*_FELT):
+        t, x = inputs.series[other]
+        if inputs.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
             continue
-        scale = _local_deviation(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
-        near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(case.series[name][0]))
+        scale = _local_std(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(inputs.series[name][0]))
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(t, unix_ns[:, None] + np.array([-_AROUND_NS, _AROUND_NS]))
         for k, (here, about) in enumerate(zip(ends, around, strict=True)):
@@ -279,7 +281,7 @@ def _jolts(case: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools
     return felt
 
 
-def _local_deviation(x: Floats) -> Floats:
+def _local_std(x: Floats) -> Floats:
     """(n,) by the median of the distances within its block, and not below the log's."""
     size = x.size // _BLOCK * _BLOCK
     blocks = 1.4826 * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
@@ -290,21 +292,21 @@ def _local_deviation(x: Floats) -> Floats:
     return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
 
 
-def _beside(case: FindingInputs, unix_ns: Ints) -> Bools:
+def _samples_beside(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     """Grid samples beside these stamps, (n,)."""
-    t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
+    t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
     return windows_with(at, _BESIDE) | windows_with(at[::-1], _BESIDE)[::-1]
 
 
-def spiked(case: FindingInputs) -> Bools:
+def is_beside_spike(inputs: FindingInputs) -> Bools:
     """Grid samples beside a spike of any channel, (n,)."""
-    near = np.zeros(case.aligned.height, np.bool_)
-    for each in _spikes(case).values():
+    near = np.zeros(inputs.aligned.height, np.bool_)
+    for each in _spikes(inputs).values():
         near |= each.near
     return near
 
 
-def _largest(found: list[Symptom]) -> list[Symptom]:
+def _strongest_symptom(found: list[Symptom]) -> list[Symptom]:
     return [max(found, key=lambda sign: sign.strength)] if found else []

@@ -11,30 +11,21 @@ from typing import Final
 
 import numpy as np
 
-from analysis.findings.altered_motion import accelerated
+from analysis.findings.altered_motion import change_accelerometer
 from analysis.findings.finding_inputs import ACC, FindingInputs
-from analysis.findings.whitened_rows import Explained, force_system
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.whitened_rows import ProjectedEquation, force_system
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.weighing.motion_samples import MotionSamples
 
-#: Each cause more must explain so much (squared deviations) to be there.
-_A_CAUSE: Final = 9.0
-#: Rows so far apart, in s, are taken for independent where motions are compared.
-INDEPENDENT_S: Final = 0.2
-#: So many deviations a standing reading must be, and this size, to be one.
-DEVIATIONS: Final = 5.0
-LEAST_M_S2: Final = 0.004
-LEAST_SHARE: Final = 0.002
-#: Fewer rows tell nothing.
-_FEWEST: Final = 30
 #: One that pitch vouches for is there whether driving sees it or not.
 _PITCH: Final = "pitch_rad"
 
 
 @dataclass(frozen=True)
 class Constants:
-    """What stands and what drives.
+    """Constant forces at rest and in motion.
 
     Attributes:
         rest_N: force at rest, and its deviation; NaN where it never stands.
@@ -51,85 +42,91 @@ class Constants:
     motion: MotionSamples | None
 
 
-def has_pitch(case: FindingInputs) -> bool:
+def has_pitch(inputs: FindingInputs) -> bool:
     """Whether the log knows the slope."""
-    return _PITCH in case.aligned.columns
+    return _PITCH in inputs.aligned.columns
 
 
-def gravity(case: FindingInputs) -> np.typing.NDArray[np.float64]:
+def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
     """Gravity along x by the pitch, (n,) in m/s²; 0 where there is none."""
-    if not has_pitch(case):
-        return np.zeros(case.aligned.height)
-    if "gravity" not in case.kept:
-        pitch = values(case.aligned, _PITCH)
-        case.kept["gravity"] = case.machine.machine.gravity_m_s2 * np.sin(pitch)
-    return case.kept["gravity"]  # type: ignore[return-value]
+    if not has_pitch(inputs):
+        return np.zeros(inputs.aligned.height)
+    if "gravity" not in inputs.kept:
+        pitch = values(inputs.aligned, _PITCH)
+        inputs.kept["gravity"] = inputs.machine.machine.gravity_m_s2 * np.sin(pitch)
+    return inputs.kept["gravity"]  # type: ignore[return-value]
 
 
-def constants(case: FindingInputs) -> Constants:
+def explain_constant_force(inputs: FindingInputs) -> Constants:
     """Explain the constant force of driving by as few causes as do."""
-    if "constants" not in case.kept:
-        case.kept["constants"] = _explained(case)
-    found = case.kept["constants"]
+    if "constants" not in inputs.kept:
+        inputs.kept["constants"] = _fit_explanation(inputs)
+    found = inputs.kept["constants"]
     assert isinstance(found, Constants)
     return found
 
 
-def _explained(case: FindingInputs) -> Constants:
-    rest = case.level_of(longitudinal_force(case.aligned, case.machine.machine))
+def _fit_explanation(inputs: FindingInputs) -> Constants:
+    rest = inputs.level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
     error = np.nan, np.nan
-    if ACC in case.aligned.columns:
-        error = case.level_of(values(case.aligned, ACC) - gravity(case))
-    fit, noise = case.fit, case.column_noise
+    if ACC in inputs.aligned.columns:
+        error = inputs.level_of(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+    fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
         return Constants(rest, error, None, None, None)
     motion = fit.motion
-    offset = abs(rest[0]) > max(DEVIATIONS * rest[1], LEAST_SHARE * motion.largest_force)
-    tilt = abs(error[0]) > max(DEVIATIONS * error[1], LEAST_M_S2) and motion.by_accelerometer
+    offset = abs(rest[0]) > max(
+        LIMITS.standing_reading_std * rest[1],
+        LIMITS.standing_reading_fraction * motion.largest_force,
+    )
+    tilt = (
+        abs(error[0]) > max(LIMITS.standing_reading_std * error[1], LIMITS.standing_reading_m_s2)
+        and motion.by_accelerometer
+    )
     # with a pitch an error of the accelerometer is one, and acts
-    tilts = (False, True) if tilt and not has_pitch(case) else (bool(tilt),)
+    tilts = (False, True) if tilt and not has_pitch(inputs) else (bool(tilt),)
     offsets = (False, True) if offset else (False,)
     friction = "direction" if motion.both_ways else "const"
     way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
-    mass_kg, viscous = case.mass_of_samples(motion), max(fit.viscous, 0.0)
+    mass_kg, viscous = inputs.sample_masses_kg(motion), max(fit.viscous, 0.0)
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []
     for acts, tilted in product(offsets, tilts):
         system = force_system(
-            _without(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
+            _subtract_constants(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
-        if system.y.size < _FEWEST:
+        if system.y.size < LIMITS.constant_min_rows:
             return Constants(rest, error, None, None, None)
-        own = Explained.of(system, ())
+        own = ProjectedEquation.of(system, ())
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
         square = own.square(friction)
         if square > 0.0 and own.product(friction) * way > 0.0:
             gain = own.product(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
-    cost = {of: each / min(variances) + _A_CAUSE * sum(of) for of, each in left.items()}
+    cost = {of: each / min(variances) + LIMITS.cause_cost * sum(of) for of, each in left.items()}
     best = min(cost, key=lambda each: cost[each])
     of_rest, of_error = (rest[0] if best[0] else 0.0), (error[0] if best[1] else 0.0)
     return Constants(
         rest,
         error,
-        _said(cost, best, 0),
-        _said(cost, best, 1),
-        _without(motion, of_rest, of_error),
+        _is_in_explanation(cost, best, 0),
+        _is_in_explanation(cost, best, 1),
+        _subtract_constants(motion, of_rest, of_error),
     )
 
 
-def _without(motion: MotionSamples, rest_N: float, error_m_s2: float) -> MotionSamples:
+def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float) -> MotionSamples:
     if rest_N:
         motion = replace(motion, force=motion.force - rest_N)
-    return accelerated(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
+    return change_accelerometer(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
 
 
-def _said(
+def _is_in_explanation(
     cost: dict[tuple[bool, bool, bool], float], best: tuple[bool, bool, bool], place: int
 ) -> bool | None:
     """Whether a cause is in the best explanation; None where one without it is nearly as good."""
     others = [each for of, each in cost.items() if of[place] != best[place]]
-    if others and min(others) - cost[best] < _A_CAUSE / 2.0:
+    if others and min(others) - cost[best] < LIMITS.cause_cost / 2.0:
         return None
     return best[place]

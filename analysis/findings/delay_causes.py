@@ -8,18 +8,11 @@ import numpy as np
 from analysis.findings.altered_motion import delay_channel
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
-from analysis.findings.likelihood_search import NO_FAULTS, Pick, pick_causes
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.likelihood_search import NO_FAULTS, PickedCause, search_likelihood
 from analysis.findings.long_delays import LongDelay, long_delay
 from analysis.findings.refit import refit_mended
 
-#: Likelihood gains are this times the square root's limit.
-_LIMIT: Final = 3.45
-#: No stamps are trusted to less.
-_LEAST_S: Final = 0.002
-#: An accelerometer that is later has been filtered.
-_SMOOTH_S: Final = 0.06
-#: A delay of the whole motion stands before what it makes of everything else,
-_LONG_STANDS_FIRST: Final = 100.0
 #: which is this.
 EXPLAINED_BY_LONG: Final = (
     *("sign_flipped", "unsigned", "wrong_unit", "wrong_scale", "unlike_sides", "frozen"),
@@ -31,38 +24,38 @@ EXPLAINED_BY_LONG: Final = (
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 
-def delays(case: FindingInputs) -> list[Symptom]:
+def find_delays(inputs: FindingInputs) -> list[Symptom]:
     """The channels that are late, by the likelihood of f(t - d) = m a + b v with m, b refitted."""
-    late = long_delay(case)
+    late = long_delay(inputs)
     if late is not None:
-        return [_of_long(case, late)]
-    found = [pick for name, pick in pick_causes(case).items() if name.startswith("delay")]
-    return [_sign(case, pick) for pick in found if not is_low_pass(pick)]
+        return [_long_delay_symptom(inputs, late)]
+    found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
+    return [_symptom(inputs, pick) for pick in found if not is_filter_delay(pick)]
 
 
-def low_pass(case: FindingInputs) -> list[Symptom]:
+def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     """An accelerometer that is later than stamps are."""
-    found = pick_causes(case).get("delay:imu")
-    if found is None or not is_low_pass(found):
+    found = search_likelihood(inputs).get("delay:imu")
+    if found is None or not is_filter_delay(found):
         return []
-    return [replace(_sign(case, found), alternatives=("delay",), setting=None, value=None)]
+    return [replace(_symptom(inputs, found), alternatives=("delay",), setting=None, value=None)]
 
 
 def is_long(cause: str, strength: float | None) -> bool:
     """Whether a finding is a delay that hides all else."""
-    return cause == "delay" and strength is not None and strength >= _LONG_STANDS_FIRST
+    return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
 
-def is_low_pass(pick: Pick) -> bool:
+def is_filter_delay(pick: PickedCause) -> bool:
     """Whether a delay is rather an accelerometer that a filter makes late."""
-    return pick.name == "delay:imu" and pick.value > _SMOOTH_S
+    return pick.name == "delay:imu" and pick.value > LIMITS.filter_delay_s
 
 
-def _sign(case: FindingInputs, pick: Pick) -> Symptom:
+def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     channel = pick.name.partition(":")[2]
     late_s, std_s = pick.value, pick.std
-    names = _channels(case, channel)
-    setting, value = case.shifted(names, late_s)
+    names = _delayed_channels(inputs, channel)
+    setting, value = inputs.shift_channels(names, late_s)
     rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
     words = "late" if late_s > 0 else "early"
     against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
@@ -74,7 +67,10 @@ def _sign(case: FindingInputs, pick: Pick) -> Symptom:
     # what is early against an accelerometer may be in time, and the accelerometer filtered
     filtered = smooth or (late_s < 0.0 and "imu" in rivals)
     return Symptom(
-        min(float(np.sqrt(pick.gain)) / _LIMIT, abs(late_s) / _LEAST_S),
+        min(
+            float(np.sqrt(pick.gain)) / LIMITS.likelihood_gain_root,
+            abs(late_s) / LIMITS.trusted_stamp_s,
+        ),
         said,
         channel=next(iter(names), None),
         setting=setting if names else None,
@@ -83,7 +79,7 @@ def _sign(case: FindingInputs, pick: Pick) -> Symptom:
         change=None
         if smooth
         else lambda: refit_mended(
-            case,
+            inputs,
             lambda motion: delay_channel(motion, channel, late_s),
             min(std_s / abs(late_s), 1.0),
         ),
@@ -91,15 +87,15 @@ def _sign(case: FindingInputs, pick: Pick) -> Symptom:
     )
 
 
-def _of_long(case: FindingInputs, late: LongDelay) -> Symptom:
-    names = _channels(case, late.channel)
-    setting, value = case.shifted(names, late.late_s)
+def _long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
+    names = _delayed_channels(inputs, late.channel)
+    setting, value = inputs.shift_channels(names, late.late_s)
     words = "late" if late.late_s > 0.0 else "early"
     rest = [late.rival] if late.rival else [each for each in _SHOWN if each != late.channel]
     against = " and ".join(_SHOWN[each] for each in rest)
     others = f"; as likely the {_SHOWN[late.rival]} is off" if late.rival else ""
     return Symptom(
-        _LONG_STANDS_FIRST,
+        LIMITS.long_delay_rank,
         f"{abs(late.late_s):.2f} s {words} against {against}: so they correlate by "
         f"{late.correlation[0]:.2f}, as they are by {late.correlation[1]:.2f}{others}",
         channel=next(iter(names), None),
@@ -111,9 +107,11 @@ def _of_long(case: FindingInputs, late: LongDelay) -> Symptom:
     )
 
 
-def _channels(case: FindingInputs, name: str) -> tuple[str, ...]:
+def _delayed_channels(inputs: FindingInputs, name: str) -> tuple[str, ...]:
     if name == "force":
-        return case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+        return inputs.measured("force_x_N") or inputs.measured(
+            "torque_left_N_m", "torque_right_N_m"
+        )
     if name == "speed":
-        return case.speed_channels
-    return case.measured(ACC)
+        return inputs.speed_channels
+    return inputs.measured(ACC)

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from itertools import permutations
-from typing import Final
 
 import numpy as np
 import polars as pl
@@ -10,23 +9,21 @@ import polars as pl
 from analysis.findings.cause import Cause, Change, Symptom
 from analysis.findings.cause_table import CAUSES, UNKNOWN
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.unexplained import SHOWN
 from analysis.model.schema import build, frame_schema
 
-#: A change of so many of the answer's standard uncertainties widens it.
-_MATTERS: Final = 1.0
 
-
-def findings(case: FindingInputs) -> pl.DataFrame:
+def findings(inputs: FindingInputs) -> pl.DataFrame:
     """Look for every cause of the table.
 
     Args:
-        case: the log.
+        inputs: the log.
 
     Returns:
         `findings`: a row a cause that shows, those that another one explains behind it.
     """
-    shown = [(cause, sign) for cause, sign in suspected(case) if sign.strength >= 1.0]
+    shown = [(cause, sign) for cause, sign in find_symptoms(inputs) if sign.strength >= 1.0]
     explained = Counter(
         other[0].key
         for other, cause in permutations(shown, 2)
@@ -35,9 +32,9 @@ def findings(case: FindingInputs) -> pl.DataFrame:
         and (cause[1].strength >= other[1].strength or not _explains(other, cause))
     )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
-    case.kept[SHOWN] = tuple(cause.key for cause, _ in shown)
-    shown += [(UNKNOWN, sign) for sign in UNKNOWN.find(case)]
-    rows = [_row(rank, cause, sign, case) for rank, (cause, sign) in enumerate(shown, 1)]
+    inputs.kept[SHOWN] = tuple(cause.key for cause, _ in shown)
+    shown += [(UNKNOWN, sign) for sign in UNKNOWN.find(inputs)]
+    rows = [_finding_row(rank, cause, sign, inputs) for rank, (cause, sign) in enumerate(shown, 1)]
     columns = frame_schema("findings").columns
     return build(
         "findings",
@@ -52,20 +49,22 @@ def _explains(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) -> bool:
     return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
 
 
-def suspected(case: FindingInputs) -> list[tuple[Cause, Symptom]]:
-    """What the log shows of every cause, whether chance does as much or not."""
+def find_symptoms(inputs: FindingInputs) -> list[tuple[Cause, Symptom]]:
+    """Symptoms of every cause, below the limit of chance as well."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = [(cause, sign) for cause in CAUSES for sign in cause.find(case)]
+        found = [(cause, sign) for cause in CAUSES for sign in cause.find(inputs)]
     return [(cause, sign) for cause, sign in found if np.isfinite(sign.strength)]
 
 
-def _row(rank: int, cause: Cause, sign: Symptom, case: FindingInputs) -> dict[str, object]:
+def _finding_row(
+    rank: int, cause: Cause, sign: Symptom, inputs: FindingInputs
+) -> dict[str, object]:
     change = None if sign.change is None else sign.change()
     start, end = sign.span_ns or (None, None)
     return {
         "rank": rank,
         "cause": cause.key,
-        "severity": _severity(cause, sign, change, case),
+        "severity": _severity(cause, sign, change, inputs),
         "channel": sign.channel,
         "start_t_ns": start,
         "end_t_ns": end,
@@ -79,11 +78,11 @@ def _row(rank: int, cause: Cause, sign: Symptom, case: FindingInputs) -> dict[st
     }
 
 
-def _severity(cause: Cause, sign: Symptom, change: Change | None, case: FindingInputs) -> str:
+def _severity(cause: Cause, sign: Symptom, change: Change | None, inputs: FindingInputs) -> str:
     if sign.harmless:
         return "tell"
-    if cause.withholds and not (cause.as_judged and case.can_weigh):
+    if cause.withholds and not (cause.as_judged and inputs.can_weigh):
         return "withhold"
-    if change is None or case.fit is None:
+    if change is None or inputs.fit is None:
         return "tell"
-    return "widen" if abs(change.kg) > _MATTERS * case.fit.u_kg else "tell"
+    return "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.fit.u_kg else "tell"

@@ -10,6 +10,7 @@ import polars as pl
 
 from analysis.diagnosis.check_inputs import Bools, CheckInputs, Floats
 from analysis.diagnosis.measured_channels import Ints, Series
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
 from analysis.model.machine import Channel, Machine
 from analysis.model.schema import values
@@ -17,19 +18,13 @@ from analysis.model.verdict import Verdict
 from analysis.model.windows import windows_with
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import KeptNoise, MotionSamples, NoiseOfColumns
+from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
 from estimators.compiled import compiled
 
 #: Channels of the force and of the speed, as a machine file may have them.
 FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 ACC: Final = "specific_force_x_m_s2"
-#: Standing is judged so long after motion, and before it,
-_AFTER_S: Final = 1.2
-_BEFORE_S: Final = 0.2
-#: by means of so long, and not fewer of them.
-_BLOCK_S: Final = 0.5
-_FEWEST_BLOCKS: Final = 6
 
 
 @dataclass(frozen=True)
@@ -37,7 +32,7 @@ class FindingInputs:
     """A log as the causes see it.
 
     Attributes:
-        evidence: as the checks see it.
+        check_inputs: as the checks see it.
         aligned: the grid, before the moving mean.
         noise: of the columns.
         raw: stamps by topic.
@@ -47,7 +42,7 @@ class FindingInputs:
         kept: what one cause found and another one needs.
     """
 
-    evidence: CheckInputs
+    check_inputs: CheckInputs
     aligned: pl.DataFrame
     noise: pl.DataFrame
     raw: Mapping[str, pl.DataFrame]
@@ -59,12 +54,12 @@ class FindingInputs:
     @property
     def machine(self) -> Machine:
         """Channels and settings."""
-        return self.evidence.machine
+        return self.check_inputs.machine
 
     @property
     def fit(self) -> JointFit | None:
         """The joint fit, by what this log says itself; None where there is none."""
-        weighing = self.evidence.weighing
+        weighing = self.check_inputs.weighing
         return None if weighing is None else weighing.own
 
     @cached_property
@@ -79,29 +74,30 @@ class FindingInputs:
         return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
 
     @cached_property
-    def column_noise(self) -> NoiseOfColumns | None:
+    def column_noise(self) -> ColumnNoiseModel | None:
         """Noise of acceleration, speed and force."""
         found = ColumnNoise.of(X, self.noise, self.machine.settings.noise)
-        return None if found is None else KeptNoise(found)
+        return None if found is None else CachedNoise(found)
 
     @cached_property
     def stands(self) -> Bools:
         """Which grid samples stand, (n,)."""
-        return self.evidence.is_phase("standstill")
+        return self.check_inputs.is_phase("standstill")
 
     @cached_property
     def stands_still(self) -> Bools:
         """Those of them with no motion near, (n,): a machine swings after it has stopped."""
         near = ~self.stands
         after, before = (
-            round(s * self.machine.settings.align.rate_hz) for s in (_AFTER_S, _BEFORE_S)
+            round(s * self.machine.settings.align.rate_hz)
+            for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
         return ~(windows_with(near, after) | windows_with(near[::-1], before)[::-1])
 
     @property
     def series(self) -> Mapping[str, Series]:
         """By channel: unix stamps in ns and readings in SI units, not filtered."""
-        signals = self.evidence.signals
+        signals = self.check_inputs.signals
         return {} if signals is None else signals.channels
 
     def measured(self, *names: str) -> tuple[str, ...]:
@@ -130,22 +126,22 @@ class FindingInputs:
 
     def since_start(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
         """The same in ns since the first aligned sample."""
-        t0 = self.evidence.t0_unix_ns
+        t0 = self.check_inputs.t0_unix_ns
         return int(begin_unix_ns) - t0, int(end_unix_ns) - t0
 
-    def moves_at(self, unix_ns: Ints) -> Bools:
+    def is_moving_at(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
-        t = self.aligned["t_ns"].to_numpy() + self.evidence.t0_unix_ns
+        t = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
         return ~self.stands[np.minimum(_places(t, unix_ns), t.size - 1)]
 
-    def force_per(self, channel: str) -> float:
+    def newtons_per_unit(self, channel: str) -> float:
         """The longitudinal force in N that one of a force channel stands for (17)."""
         body = self.machine.machine
         if channel == "force_x_N":
             return 1.0 / body.force_share
         return 1.0 / (float(body.wheel_radius_m or np.nan) * body.force_share)
 
-    def scaled(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
+    def scale_channels(self, names: tuple[str, ...], times: float) -> tuple[str, str]:
         """Keys and values that multiply channels.
 
         A speed that is read as it is gets its unit: a scale alone would pass for a wheel's radius.
@@ -159,7 +155,7 @@ class FindingInputs:
             ", ".join([*values, *('"m/s"' for _ in as_read)]),
         )
 
-    def shifted(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
+    def shift_channels(self, names: tuple[str, ...], late_s: float) -> tuple[str, str]:
         """Keys and values that move channels back by how late they are."""
         channels = self.machine.channels
         return (
@@ -177,21 +173,21 @@ class FindingInputs:
         """Likewise of (n,) values: of means of half a second, which hardly know of each other."""
         x = x[self.stands_still]
         x = x[np.isfinite(x)]
-        size = max(round(_BLOCK_S * self.machine.settings.align.rate_hz), 1)
+        size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)
         count = x.size // size
-        if count < _FEWEST_BLOCKS:
+        if count < LIMITS.stand_min_blocks:
             return float("nan"), float("nan")
         blocks = x[: count * size].reshape(count, size).mean(axis=1)
         return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
 
-    def mass_of_samples(self, motion: MotionSamples) -> Floats:
+    def sample_masses_kg(self, motion: MotionSamples) -> Floats:
         """(n,) the mass that the joint fit has for the load of each sample, in kg."""
         fit = self.fit
         assert fit is not None
         if fit.states is None or fit.count == 1:
             return np.full(motion.force.size, fit.mass_kg)
         place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
-        return fit.masses_kg[fit.states.of[place.clip(0, fit.states.unit.size - 1)]]
+        return fit.masses_kg[fit.states.membership[place.clip(0, fit.states.unit.size - 1)]]
 
 
 def _is_as_read(channel: Channel) -> bool:

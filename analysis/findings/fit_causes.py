@@ -1,16 +1,16 @@
 """What the joint fit finds besides mass and friction, each against what chance gives."""
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 import polars as pl
 
-from analysis.findings.alternating_load import share_instead_of_loads
+from analysis.findings.alternating_load import compare_share_with_loads
 from analysis.findings.cause import Change, Symptom
-from analysis.findings.constant_forces import DEVIATIONS, LEAST_SHARE, constants
+from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.likelihood_search import APART, NO_FAULTS, Pick, pick_causes
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.likelihood_search import NO_FAULTS, PickedCause, search_likelihood
 from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import CHANNEL_COLUMNS
@@ -18,48 +18,21 @@ from analysis.stages.gating.digging import SURELY
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.errors import counted
 
-#: So many deviations a term of the fit must be from 0.
-_TERM: Final = 3.45
-#: So many of the wheels' radius: a boom that moves is in the accelerometer alone.
-_WHEELS: Final = 4.0
-#: Of the acceleration, an IMU that rocks on its mount adds this and more.
-_ROCKS: Final = 0.03
-#: No accelerometer's scale is trusted to less.
-_LEAST_GAIN: Final = 0.003
-#: Nor Coulomb friction to a smaller share of the largest force.
-_LEAST_SHARE: Final = 0.002
-#: Nor the share of the force that is measured to less, by m/s².
-_LEAST_CHANGE: Final = 0.01
-#: Nor a gain to drift by less over a log: friction that warms looks like 0.02.
-_LEAST_DRIFT: Final = 0.03
-#: An answer whose standard uncertainty is this share of it has too little to go by.
-POOR: Final = 0.06
-#: Share of the mass that priors alone leave open where regressors go together.
-_OPEN: Final = 0.06
-#: Of the empty machine's weight: what resists by less is no pile.
-_PILE: Final = 0.01
-#: Braking moves the mass by so many of the answer's standard uncertainties.
-_BRAKING: Final = 1.5
-#: Brakes of which the force does not see a smaller share are seen.
-_UNSEEN: Final = 0.002
-#: Of the answer's uncertainty with braking: less motion says less.
-_OF_BRAKING: Final = 4.0
 
-
-def wheel_radius(case: FindingInputs) -> list[Symptom]:
+def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     """The wheels' speed against the accelerometer's: a radius is in the force as well."""
-    pick = pick_causes(case).get("wheel_radius")
+    pick = search_likelihood(inputs).get("wheel_radius")
     if pick is None:
         return []
     gain, std = pick.value, pick.std
     if gain <= -1.0:  # no radius makes wheels follow that do not
         return []
-    body = case.machine.machine
-    torques = bool(case.measured("torque_left_N_m", "torque_right_N_m"))
+    body = inputs.machine.machine
+    torques = bool(inputs.measured("torque_left_N_m", "torque_right_N_m"))
     setting, value = [], []
     if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
-    keys, scales = case.scaled(case.speed_channels, 1.0 / (1.0 + gain))
+    keys, scales = inputs.scale_channels(inputs.speed_channels, 1.0 / (1.0 + gain))
 
     def larger(motion: MotionSamples) -> MotionSamples:
         force = motion.force * (1.0 + gain) if torques else motion.force
@@ -67,20 +40,26 @@ def wheel_radius(case: FindingInputs) -> list[Symptom]:
 
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / _WHEELS, abs(gain) / _LEAST_GAIN),
+            min(
+                float(np.sqrt(pick.gain)) / LIMITS.wheel_radius_min_std,
+                abs(gain) / LIMITS.trusted_gain_1,
+            ),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
             "says: their radius, or the accelerometer's scale",
-            channel=next(iter(case.speed_channels), None),
+            channel=next(iter(inputs.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
-            change=lambda: refit_mended(case, larger, min(std / abs(gain), 1.0)),
+            change=lambda: refit_mended(inputs, larger, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
-            alternatives=(*_others(pick), *(("imu_loose",) if gain < -_ROCKS else ())),
+            alternatives=(
+                *_rival_causes(pick),
+                *(("imu_loose",) if gain < -LIMITS.rocking_imu_fraction else ()),
+            ),
         )
     ]
 
 
-def _others(pick: Pick) -> tuple[str, ...]:
+def _rival_causes(pick: PickedCause) -> tuple[str, ...]:
     """Keys of the causes that this log does not tell from one."""
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
@@ -88,27 +67,32 @@ def _others(pick: Pick) -> tuple[str, ...]:
     return tuple(key for key in dict.fromkeys(named) if key not in (own, *NO_FAULTS))
 
 
-def offset(case: FindingInputs) -> list[Symptom]:
+def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     """A force while the machine stands, which driving has as well."""
-    seen = constants(case)
+    seen = explain_constant_force(inputs)
     rest, std = seen.rest_N
     if not np.isfinite(rest):
-        return _constant_alone(case)
-    if seen.offset is False or case.fit is None:
+        return _constant_force_symptom(inputs)
+    if seen.offset is False or inputs.fit is None:
         return []
-    strength = abs(rest) / max(DEVIATIONS * std, LEAST_SHARE * case.fit.motion.largest_force)
-    names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
-    at_rest = [case.level(name)[0] for name in names]
+    strength = abs(rest) / max(
+        LIMITS.standing_reading_std * std,
+        LIMITS.standing_reading_fraction * inputs.fit.motion.largest_force,
+    )
+    names = inputs.measured("force_x_N") or inputs.measured("torque_left_N_m", "torque_right_N_m")
+    at_rest = [inputs.level(name)[0] for name in names]
     return [
         Symptom(
             float(strength),
             f"standing, it reads {rest:+.0f} ± {std:.0f} N, and driving has it",
-            channel=case.force_channel,
+            channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
-            value=", ".join(_zeroed(case, name, x) for name, x in zip(names, at_rest, strict=True))
+            value=", ".join(
+                _zeroing_change(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
+            )
             or None,
             change=lambda: refit_mended(
-                case,
+                inputs,
                 lambda motion: replace(motion, force=motion.force - rest),
                 min(std / abs(rest), 1.0),
             ),
@@ -117,8 +101,8 @@ def offset(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _zeroed(case: FindingInputs, name: str, reads: float) -> str:
-    channel = case.machine.channels[name]
+def _zeroing_change(inputs: FindingInputs, name: str, reads: float) -> str:
+    channel = inputs.machine.channels[name]
     if channel.unit is None:
         return f"{channel.offset - reads:.6g}"
     unit = next(column.unit for column in CHANNEL_COLUMNS if column.name == name)
@@ -126,59 +110,62 @@ def _zeroed(case: FindingInputs, name: str, reads: float) -> str:
     return f"{channel.offset - reads / gain:.6g}"
 
 
-def _constant_alone(case: FindingInputs) -> list[Symptom]:
+def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
     """A constant force of a log that never stands: nothing tells whose it is."""
-    fit = case.fit
+    fit = inputs.fit
     if fit is None:
         return []
     place = [term.name for term in fit.terms].index("const")
     const, std = (float(each[place]) for each in fit.posterior)
     return [
         Symptom(
-            abs(const) / (_TERM * std),
+            abs(const) / (LIMITS.term_min_std * std),
             f"driving has {const:+.0f} ± {std:.0f} N besides mass and friction",
-            channel=case.force_channel,
+            channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
         )
     ]
 
 
-def coulomb(case: FindingInputs) -> list[Symptom]:
+def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     """A force against the motion that does not depend on it."""
-    fit, found = case.fit, pick_causes(case)
-    if fit is None or case.machine.settings.forces.coulomb:  # then it is not missing
+    fit, found = inputs.fit, search_likelihood(inputs)
+    if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
     name = "direction" if motion.both_ways else "const"
     way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
-    pick = found.get(name) or _own_term(case, name)
+    pick = found.get(name) or _fitted_term(inputs, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
     prior = "direction_share" if motion.both_ways else "const_share"
-    share = max(getattr(case.machine.settings.priors, prior), force / motion.largest_force)
-    others = _others(pick)
-    seen = constants(case)
+    share = max(getattr(inputs.machine.settings.priors, prior), force / motion.largest_force)
+    others = _rival_causes(pick)
+    seen = explain_constant_force(inputs)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / _TERM, force / (_LEAST_SHARE * motion.largest_force)),
+            min(
+                float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+                force / (LIMITS.trusted_coulomb_fraction * motion.largest_force),
+            ),
             f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
-            change=lambda: _without_friction(case, force, pick.std, others),
+            change=lambda: _without_friction(inputs, force, pick.std, others),
             alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
 
 
-def _own_term(case: FindingInputs, name: str) -> Pick | None:
+def _fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
     """A term as the joint fit has it, beyond what standing explains of it.
 
     Where all starts have one throttle, their samples hardly tell it from mass and friction; the
     fit does, by its priors.
     """
-    fit, seen = case.fit, constants(case)
+    fit, seen = inputs.fit, explain_constant_force(inputs)
     names = [] if fit is None else [term.name for term in fit.terms]
     if fit is None or name not in names or not np.isfinite(seen.rest_N[0]):
         return None
@@ -186,88 +173,94 @@ def _own_term(case: FindingInputs, name: str) -> Pick | None:
     if name == "const":
         error_m_s2 = seen.error_m_s2[0] if np.isfinite(seen.error_m_s2[0]) else 0.0
         value -= seen.rest_N[0] - fit.mass_kg * error_m_s2
-    return Pick(name, value, std, (value / std) ** 2, ())
+    return PickedCause(name, value, std, (value / std) ** 2, ())
 
 
 def _without_friction(
-    case: FindingInputs, force: float, std: float, others: tuple[str, ...]
+    inputs: FindingInputs, force: float, std: float, others: tuple[str, ...]
 ) -> Change | None:
     """What the mass would be without Coulomb friction, or whichever of the others it is."""
     change = refit_mended(
-        case,
+        inputs,
         lambda motion: replace(motion, force=motion.force - force * motion.direction),
         min(std / force, 1.0),
     )
-    weighing = case.evidence.weighing
+    weighing = inputs.check_inputs.weighing
     if change is None or weighing is None or "braking_inside" not in others:
         return change
     return Change(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
 
 
-def _none(case: FindingInputs) -> Change | None:
-    fit = case.fit
+def _no_symptom(inputs: FindingInputs) -> Change | None:
+    fit = inputs.fit
     return None if fit is None else Change(0.0, 0.5 * fit.u_kg)
 
 
-def slip(case: FindingInputs) -> list[Symptom]:
+def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
     """Wheels that turn faster than the ground under force."""
-    pick, fit = pick_causes(case).get("slip"), case.fit
+    pick, fit = search_likelihood(inputs).get("slip"), inputs.fit
     if pick is None or fit is None or pick.value <= 0.0:
         return []
     at = pick.value * fit.motion.largest_force
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / _TERM, at / 0.005),
+            min(float(np.sqrt(pick.gain)) / LIMITS.term_min_std, at / 0.005),
             f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
             "full force",
-            channel=next(iter(case.speed_channels), None),
-            change=lambda: _none(case),
-            alternatives=_others(pick),
+            channel=next(iter(inputs.speed_channels), None),
+            change=lambda: _no_symptom(inputs),
+            alternatives=_rival_causes(pick),
         )
     ]
 
 
-def driveline(case: FindingInputs) -> list[Symptom]:
+def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     """A force that is not linear in the acceleration: load transfer, or losses of the drive."""
-    found = _one_load(case)
-    pick = pick_causes(case).get("driveline")
+    found = _is_one_load(inputs)
+    pick = search_likelihood(inputs).get("driveline")
     if pick is not None:
         found.append(
             Symptom(
-                min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_CHANGE),
+                min(
+                    float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+                    abs(pick.value) / LIMITS.trusted_share_change_s2_m,
+                ),
                 _share_changes(pick.value, pick.std),
-                channel=case.force_channel,
+                channel=inputs.force_channel,
                 change=lambda: refit_mended(
-                    case,
+                    inputs,
                     lambda motion: replace(
                         motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
                     ),
                     1.0,
                 ),
-                alternatives=_others(pick),
+                alternatives=_rival_causes(pick),
             )
         )
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def gain_drift(case: FindingInputs) -> list[Symptom]:
+def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     """A force whose gain changes over the log, or a load that changes steadily."""
-    pick = pick_causes(case).get("gain_drift")
-    if pick is None or case.fit is None or case.fit.count > 1:
+    pick = search_likelihood(inputs).get("gain_drift")
+    if pick is None or inputs.fit is None or inputs.fit.count > 1:
         return []
     return [
         Symptom(
-            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_DRIFT),
+            min(
+                float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+                abs(pick.value) / LIMITS.trusted_gain_drift_1,
+            ),
             f"force over acceleration changes by {pick.value:+.1%} ± {pick.std:.1%} from the "
             "beginning of the log to its end: the force's gain, or the load",
-            channel=case.force_channel,
+            channel=inputs.force_channel,
             # its mean over the log is what the masses have
             change=lambda: (
-                Change(0.0, abs(pick.value) / 2.0 * abs(case.fit.mass_kg))
-                if case.fit is not None
+                Change(0.0, abs(pick.value) / 2.0 * abs(inputs.fit.mass_kg))
+                if inputs.fit is not None
                 else None
             ),
-            alternatives=_others(pick),
+            alternatives=_rival_causes(pick),
         )
     ]
 
@@ -276,71 +269,81 @@ def _share_changes(value: float, std: float) -> str:
     return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} a m/s²"
 
 
-def _one_load(case: FindingInputs) -> list[Symptom]:
+def _is_one_load(inputs: FindingInputs) -> list[Symptom]:
     """The same where the answer has loads that take turns with the direction."""
-    found = share_instead_of_loads(case)
-    if found is None or found.worse > APART:
+    found = compare_share_with_loads(inputs)
+    if found is None or found.worse > LIMITS.indistinguishable_gain:
         return []
     return [
         Symptom(
-            min(float(np.sqrt(found.gain)) / _TERM, abs(found.value) / _LEAST_CHANGE),
+            min(
+                float(np.sqrt(found.gain)) / LIMITS.term_min_std,
+                abs(found.value) / LIMITS.trusted_share_change_s2_m,
+            ),
             f"{_share_changes(found.value, found.std)}, and there is one load, or there are "
             f"{found.loads} that go with the direction: this log does not tell",
-            channel=case.force_channel,
+            channel=inputs.force_channel,
         )
     ]
 
 
-def share_of_u(case: FindingInputs) -> float:
+def relative_mass_u(inputs: FindingInputs) -> float:
     """The answer's standard uncertainty as a share of it; infinite where there is none."""
-    weighing = case.evidence.weighing
+    weighing = inputs.check_inputs.weighing
     if weighing is None:
         return float("inf")
-    parts = weighing.fit.parts_kg(weighing.fit.weights(weighing.fit.main))
+    parts = weighing.fit.parts_kg(weighing.fit.weights(weighing.fit.main_state))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
     return u_kg / abs(weighing.fit.mass_kg)
 
 
-def too_little(case: FindingInputs) -> list[Symptom]:
+def find_too_little_excitation(inputs: FindingInputs) -> list[Symptom]:
     """No accepted stretch, or an answer that is hardly one."""
-    if case.evidence.weighing is None:
-        stretches = case.checks.get("accepted_stretches", 0.0)
+    if inputs.check_inputs.weighing is None:
+        stretches = inputs.checks.get("accepted_stretches", 0.0)
         return [Symptom(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
-    share = share_of_u(case)
-    return [Symptom(share / POOR, f"the answer's standard uncertainty is {share:.1%} of it")]
+    share = relative_mass_u(inputs)
+    return [
+        Symptom(
+            share / LIMITS.poor_answer_u, f"the answer's standard uncertainty is {share:.1%} of it"
+        )
+    ]
 
 
-def collinear(case: FindingInputs) -> list[Symptom]:
+def find_collinear_terms(inputs: FindingInputs) -> list[Symptom]:
     """Terms that the motion does not tell from the mass."""
-    fit = case.fit
+    fit = inputs.fit
     if fit is None:
         return []
-    parts = fit.parts_kg(fit.weights(fit.main))
+    parts = fit.parts_kg(fit.weights(fit.main_state))
     by_term = {term.name: parts[term.name] for term in fit.terms}
     worst = max(by_term, key=lambda name: by_term[name])
     share = float(np.linalg.norm(list(by_term.values()))) / abs(fit.mass_kg)
     return [
         Symptom(
-            share / _OPEN,
+            share / LIMITS.open_mass_fraction,
             f"the motion leaves {share:.1%} of the mass to priors, most of it to {worst}",
         )
     ]
 
 
-def braking(case: FindingInputs) -> list[Symptom]:
+def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
     """Braking that counts as driving, and moves the mass."""
-    weighing = case.evidence.weighing
+    weighing = inputs.check_inputs.weighing
     if weighing is None or not np.isfinite(weighing.braking_kg):
         return []
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
-    pick = None if weighing.braking_left_out else pick_causes(case).get("braking")
+    pick = None if weighing.braking_left_out else search_likelihood(inputs).get("braking")
     if pick is None:  # what driving says is all there is
-        strength = float(abs(weighing.braking_kg) / (_BRAKING * weighing.fit.u_kg))
+        strength = float(abs(weighing.braking_kg) / (LIMITS.braking_change_u * weighing.fit.u_kg))
         share, others = "", ()
     else:
-        strength = min(float(np.sqrt(pick.gain)) / _TERM, pick.value / _UNSEEN)
-        share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", _others(pick)
+        strength = min(
+            float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
+            pick.value / LIMITS.seen_braking_fraction,
+        )
+        share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", _rival_causes(pick)
     return [
         Symptom(
             strength,
@@ -348,19 +351,19 @@ def braking(case: FindingInputs) -> list[Symptom]:
             f"of the brakes{share}",
             setting="settings.gate.exclude_braking",
             value="true",
-            change=lambda: Change(left, _OF_BRAKING * weighing.fit.u_kg),
+            change=lambda: Change(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),
             alternatives=others,
         )
     ]
 
 
-def external_force(case: FindingInputs) -> list[Symptom]:
+def find_external_force(inputs: FindingInputs) -> list[Symptom]:
     """Starts against something that pushes back."""
-    if not case.digs.height:
+    if not inputs.digs.height:
         return []
-    body = case.machine.machine
-    least_N = _PILE * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
-    digs = case.digs.filter(pl.col("growth_N") > least_N)
+    body = inputs.machine.machine
+    least_N = LIMITS.pile_weight_fraction * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
+    digs = inputs.digs.filter(pl.col("growth_N") > least_N)
     if digs.is_empty():
         return []
     growth, std = (digs[name].to_numpy() for name in ("growth_N", "growth_std_N"))
@@ -371,7 +374,7 @@ def external_force(case: FindingInputs) -> list[Symptom]:
             float(growth[worst] / std[worst]) / SURELY * np.sqrt(digs.height),
             f"in {counted(digs.height, 'start')} a resistance grows, by up to "
             f"{growth[worst]:.0f} ± {std[worst]:.0f} N; they are left out",
-            channel=case.force_channel,
+            channel=inputs.force_channel,
             span_ns=(begin, end),
         )
     ]

@@ -1,7 +1,6 @@
 """Recursions that forget: an estimate that leaves the mass where nothing tells of it."""
 
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 
@@ -9,52 +8,53 @@ from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.diagnosis.measured_channels import Ints
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.methods import METHODS, Feed
 from analysis.model.schema import values
 from analysis.weighing.load_frames import changes
 
-#: So many times may an estimate's own deviation grow while the machine keeps its speed:
-#: three quarters of what it knew are then forgotten.
-_GROWS: Final = 2.0
-#: Fewer estimates at steady speed tell nothing.
-_FEWEST: Final = 100
 
-
-def wind_up(case: FindingInputs) -> list[Symptom]:
+def find_wind_up(inputs: FindingInputs) -> list[Symptom]:
     """Estimates that forget while the machine keeps its speed (wind-up)."""
-    found = [sign for name in case.estimates if (sign := _of_method(case, name)) is not None]
+    found = [
+        sign for name in inputs.estimates if (sign := _method_growth(inputs, name)) is not None
+    ]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _of_method(case: FindingInputs, name: str) -> Symptom | None:
+def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
     """The growth of the recursion's own deviation, which is there whatever else is wrong.
 
     Without excitation the covariance grows by 1 / forgetting a sample (Åström and Wittenmark 1995,
     Adaptive Control, 11.5); what grows by more has other reasons.
     """
-    frame = case.estimates[name]
-    trace = case.machine.settings.trace
+    frame = inputs.estimates[name]
+    trace = inputs.machine.settings.trace
     recursive = METHODS[name].feed is Feed.SETTLED
     # one that forgets only what is renewed cannot wind up
     renewed = name == "rls" and trace.directional_forgetting
     if not recursive or renewed or trace.forgetting >= 1.0 or frame.is_empty():
         return None
     std_kg = values(frame, "mass_std_kg")
-    rows = np.searchsorted(case.evidence.excitation["t_ns"].to_numpy(), frame["t_ns"].to_numpy())
-    starts, cruises = (case.evidence.is_phase(each)[rows] for each in ("accelerating", "cruising"))
+    rows = np.searchsorted(
+        inputs.check_inputs.excitation["t_ns"].to_numpy(), frame["t_ns"].to_numpy()
+    )
+    starts, cruises = (
+        inputs.check_inputs.is_phase(each)[rows] for each in ("accelerating", "cruising")
+    )
     # a recursion begins anew with each load, and learns in each start
-    load = np.searchsorted(changes(case.evidence.weighing), rows, "right")
-    parts = np.flatnonzero(_begins(starts) | _begins(load))
-    least_kg = _each(np.fmin.accumulate, std_kg, parts)
-    steady = _each(np.cumsum, cruises.astype(np.float64), parts)
+    load = np.searchsorted(changes(inputs.check_inputs.weighing), rows, "right")
+    parts = np.flatnonzero(_run_starts(starts) | _run_starts(load))
+    least_kg = _apply_to_parts(np.fmin.accumulate, std_kg, parts)
+    steady = _apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)
     grown = np.minimum(np.log(std_kg / least_kg), -0.5 * steady * np.log(trace.forgetting))
     grown[~cruises | ~np.isfinite(grown)] = -np.inf
-    if np.count_nonzero(np.isfinite(grown)) < _FEWEST:
+    if np.count_nonzero(np.isfinite(grown)) < LIMITS.wind_up_min_estimates:
         return None
     worst = int(np.argmax(grown))
     mends = name == "rls"  # no other one can
     return Symptom(
-        float(grown[worst] / np.log(_GROWS)),
+        float(grown[worst] / np.log(LIMITS.wind_up_growth)),
         f"{name}'s own deviation grows from {least_kg[worst]:.3g} to {std_kg[worst]:.3g} kg in "
         f"{steady[worst]:.0f} samples at a speed that is kept: it forgets faster than it learns "
         f"(forgetting {trace.forgetting:g})",
@@ -63,11 +63,11 @@ def _of_method(case: FindingInputs, name: str) -> Symptom | None:
     )
 
 
-def _begins(x: Bools | Ints) -> Bools:
+def _run_starts(x: Bools | Ints) -> Bools:
     """(n,) where true begins, or a larger number."""
     return np.diff(x.astype(np.int64), prepend=0) > 0
 
 
-def _each(of: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
+def _apply_to_parts(of: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
     """(n,) what a function makes of each part, which begin there."""
     return np.concatenate([of(part) for part in np.split(x, parts)])

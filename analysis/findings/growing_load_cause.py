@@ -10,28 +10,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from analysis.findings.cause import Symptom
-from analysis.findings.constant_forces import constants
+from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.whitened_rows import FORCE, blocks, force_system, sums, variance_of
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.whitened_rows import blocks, force_system, sums, variance_of
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
 
-#: A log without a load that grows may seem to have one so often.
-_CHANCE: Final = 5e-4
-#: What pours in may pour fast; a load that falls while the machine drives must be surer by this.
-_FALLS: Final = 1.25
-#: One manoeuvre alone must be surer by this: friction that warms reaches 1.21 in sound logs.
-_ALONE: Final = 1.3
-#: Fewer rows, or less of a column that is left, tell nothing.
-_FEWEST: Final = 10
-_LEFT: Final = 0.02
-#: Who drives for longer does not load any more: what then ends the drive would weigh by its time.
-_LONGEST_S: Final = 15.0
 #: What every log may have besides; columns of more noise would leave it in this one's way.
 _USUAL: Final = ("const", "direction")
 
 
-class _Growth(NamedTuple):
+class _LoadRate(NamedTuple):
     """A manoeuvre whose load grows.
 
     Attributes:
@@ -45,19 +35,19 @@ class _Growth(NamedTuple):
     deviations: float
 
 
-def load_changed(case: FindingInputs) -> list[Symptom]:
+def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
     """Manoeuvres whose load grows or falls while they drive."""
-    found = [*_left_out(case), *_fitted(case)]
+    found = [*_excluded_growths(inputs), *_fitted_growths(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _fitted(case: FindingInputs) -> list[Symptom]:
+def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
     """Those that are fitted although their load grows."""
-    found = _growths(case)
+    found = _significant_growths(inputs)
     if not found:
         return []
     worst = max(found, key=lambda each: each.deviations)
-    begin = int(case.aligned["t_ns"].to_numpy()[worst.first])
+    begin = int(inputs.aligned["t_ns"].to_numpy()[worst.first])
     return [
         Symptom(
             worst.deviations * len(found) ** 0.5,
@@ -68,13 +58,13 @@ def _fitted(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _left_out(case: FindingInputs) -> list[Symptom]:
+def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
     """Those that the answer leaves out."""
-    weighing = case.evidence.weighing
+    weighing = inputs.check_inputs.weighing
     if weighing is None or not weighing.growing:
         return []
     worst = max(weighing.growing, key=lambda each: abs(each.kg) / each.std_kg)
-    t = case.aligned["t_ns"].to_numpy()
+    t = inputs.aligned["t_ns"].to_numpy()
     begin = int(t[min(worst.first, t.size - 1)])
     return [
         Symptom(
@@ -86,41 +76,52 @@ def _left_out(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _growths(case: FindingInputs) -> list[_Growth]:
+def _significant_growths(inputs: FindingInputs) -> list[_LoadRate]:
     """The manoeuvres whose load grows, or falls, by more than chance."""
-    fit, noise, motion = case.fit, case.column_noise, constants(case).motion
+    fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
     if fit is None or noise is None or motion is None:
         return []
-    parts = [part for part in group_rows(motion.group) if part.size >= _FEWEST * FORCE]
+    parts = [
+        part
+        for part in group_rows(motion.group)
+        if part.size >= LIMITS.growth_min_rows * LIMITS.force_mean_samples
+    ]
     if len(parts) < 3:  # then nothing says what is usual
         return []
     viscous = max(fit.viscous, 0.0)
-    system = force_system(motion, noise, case.mass_of_samples(motion), viscous)
-    taken = blocks(motion.group, FORCE).reshape(-1, FORCE)
+    system = force_system(motion, noise, inputs.sample_masses_kg(motion), viscous)
+    taken = blocks(motion.group, LIMITS.force_mean_samples).reshape(-1, LIMITS.force_mean_samples)
     group = motion.group[taken[:, 0]]
     usual = [column for name, column in system.columns.items() if name in _USUAL]
     base = np.column_stack([system.base, *usual])
     q = np.linalg.qr(base / np.linalg.norm(base, axis=0))[0]
     left = system.y - q @ (q.T @ system.y)
-    limit = -NormalDist().inv_cdf(_CHANCE / 2.0 / len(parts))
-    found: list[_Growth] = []
+    limit = -NormalDist().inv_cdf(LIMITS.growth_false_alarm_probability / 2.0 / len(parts))
+    found: list[_LoadRate] = []
     for part in parts:
-        loads = taken[:, 0] < part[0] + _LONGEST_S * motion.rate_hz
+        loads = taken[:, 0] < part[0] + LIMITS.longest_loading_s * motion.rate_hz
         rows = np.flatnonzero((group == motion.group[part[0]]) & loads)
         mine = taken[rows].ravel()
         t_s = (mine - part[0]) / motion.rate_hz
-        grown = sums(t_s * motion.acceleration[mine] + motion.speed[mine], FORCE) / FORCE
+        grown = (
+            sums(t_s * motion.acceleration[mine] + motion.speed[mine], LIMITS.force_mean_samples)
+            / LIMITS.force_mean_samples
+        )
         own = np.column_stack([system.base[rows, 0] * system.size_N, grown]) / system.size_N
         across = own - q[rows] @ (q[rows].T @ own)
         gram = own.T @ across
         rest = gram[1, 1] - gram[0, 1] ** 2 / gram[0, 0]
-        if not rest > _LEFT * float(own[:, 1] @ own[:, 1]):
+        if not rest > LIMITS.growth_min_left_fraction * float(own[:, 1] @ own[:, 1]):
             continue
         score = own.T @ left[rows]
         kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
         others = np.delete(left, rows)
         deviations = abs(kg_s) * float(np.sqrt(rest / variance_of(others))) / limit
-        deviations /= _FALLS if kg_s < 0.0 else 1.0
+        deviations /= LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
         if deviations > 1.0:
-            found.append(_Growth(int(part[0]), kg_s, deviations))
-    return found if len(found) > 1 else [each for each in found if each.deviations > _ALONE]
+            found.append(_LoadRate(int(part[0]), kg_s, deviations))
+    return (
+        found
+        if len(found) > 1
+        else [each for each in found if each.deviations > LIMITS.single_growth_factor]
+    )

@@ -12,17 +12,16 @@ from typing import Final
 import numpy as np
 
 from analysis.findings.altered_motion import delay_channel
-from analysis.findings.channel_causes import spiked
-from analysis.findings.constant_forces import constants
+from analysis.findings.channel_causes import is_beside_spike
+from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.refit import whole_stretches
-from analysis.findings.whitened_rows import Explained, force_system, wheel_system
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.refit import renumber_stretches
+from analysis.findings.whitened_rows import ProjectedEquation, force_system, wheel_system
 from analysis.weighing.motion_samples import MotionSamples
 
 #: Columns that sound machines have, and no cause.
 NO_FAULTS: Final = ("viscous_drift", "viscous_bend")
-#: Gains (twice the log likelihood) that differ by less are not told apart.
-APART: Final = 6.0
 #: Parameters below these are no causes.
 _LEAST: Final = {
     **{f"delay:{channel}": 0.002 for channel in ("force", "speed", "imu")},
@@ -31,26 +30,12 @@ _LEAST: Final = {
     "braking": 0.002,
     "gain_drift": 0.03,
 }
-#: So are those of brakes and of what looks alike by less than this share.
-_OF_BRAKES: Final = 0.5
-#: A cause is taken from this gain on, and so many of them.
-_TAKEN: Final = 11.0
-_MOST: Final = 4
-#: A delay from here on is tried whole, and taken when it leaves so much less.
-_LONG_S: Final = 0.03
-_MUCH: Final = 0.5
-#: Wheels of which whatever is left has so many times the variance of noise are not listened to.
-_MISSES: Final = 8.0
 #: Delays that the wheels do not tell apart.
 _BESIDE: Final = {"delay:speed": "delay:imu", "delay:imu": "delay:speed"}
-#: A delay is looked for again where it was found, until it moves by less.
-_FOUND_S: Final = 3e-4
-_ROUNDS: Final = 5
-_LONGEST_S: Final = 0.2
 
 
 @dataclass(frozen=True)
-class Pick:
+class PickedCause:
     """A cause with its parameter.
 
     Attributes:
@@ -68,49 +53,49 @@ class Pick:
     rivals: tuple[str, ...]
 
 
-def pick_causes(case: FindingInputs) -> Mapping[str, Pick]:
-    """What each cause raises the likelihood by, those first that were taken."""
-    if "picks" not in case.kept:
-        case.kept["picks"] = _picked(case)
-    return case.kept["picks"]  # type: ignore[return-value]
+def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
+    """Rank causes by their gain of likelihood, picked ones first."""
+    if "picks" not in inputs.kept:
+        inputs.kept["picks"] = _pick_in_turn(inputs)
+    return inputs.kept["picks"]  # type: ignore[return-value]
 
 
-def _picked(case: FindingInputs) -> dict[str, Pick]:
-    fit, noise = case.fit, case.column_noise
-    if fit is None or noise is None or constants(case).motion is None:
+def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
+    fit, noise = inputs.fit, inputs.column_noise
+    if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
-    motion = constants(case).motion or fit.motion
-    near = spiked(case)
+    motion = explain_constant_force(inputs).motion or fit.motion
+    near = is_beside_spike(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
-        motion = whole_stretches(motion.without(near))
+        motion = renumber_stretches(motion.exclude(near))
         if not motion.used.any():  # there are spikes all along
             return {}
     taken: list[str] = []
-    out: dict[str, Pick] = {}
-    late = _late(case, motion)
+    out: dict[str, PickedCause] = {}
+    late = _try_long_delay(inputs, motion)
     if late is not None:
-        motion, found = _settled(case, motion, taken, late)
+        motion, found = _converge_delay(inputs, motion, taken, late)
         out[late.name] = replace(found, gain=late.gain)
         taken.append(late.name)
-    for _ in range(_MOST):
-        tried = _tried(case, motion, taken)
+    for _ in range(LIMITS.max_picked_causes):
+        tried = _try_causes(inputs, motion, taken)
         if not tried:
             break
-        best = _telling(tried)
-        if best.gain < _TAKEN:
+        best = _best_candidate(tried)
+        if best.gain < LIMITS.picked_gain:
             out.update({name: pick for name, pick in tried.items() if name not in out})
             break
         found = best
         rivals = {
             name
             for name, pick in tried.items()
-            if best.gain - pick.gain < _apart(best, name) and _can_be(pick)
+            if best.gain - pick.gain < _gain_tolerance(best, name) and _is_physical(pick)
         }
         if best.name.startswith("delay"):
             begun = motion
-            motion, found = _settled(case, begun, taken, best)
+            motion, found = _converge_delay(inputs, begun, taken, best)
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
-                motion, found, other = _whose(case, begun, taken, (motion, found))
+                motion, found, other = _attribute_delay(inputs, begun, taken, (motion, found))
                 rivals = rivals - {*_BESIDE} | {*other}
         rivals -= {found.name, *out}
         out[found.name] = replace(
@@ -118,52 +103,59 @@ def _picked(case: FindingInputs) -> dict[str, Pick]:
         )
         taken.append(found.name)
     else:
-        out.update({n: p for n, p in _tried(case, motion, taken).items() if n not in out})
+        out.update({n: p for n, p in _try_causes(inputs, motion, taken).items() if n not in out})
     return out
 
 
-def _apart(best: Pick, name: str) -> float:
+def _gain_tolerance(best: PickedCause, name: str) -> float:
     """Gains that differ by less are not told apart."""
     # under a throttle that is held, brakes of an unknown course are a constant force as well, or
     # one that is not linear in the acceleration
     pair = {best.name, name}
     alike = "braking" in pair and pair & {"const", "direction", "driveline"}
-    return max(APART, _OF_BRAKES * best.gain) if alike else APART
+    return (
+        max(LIMITS.indistinguishable_gain, LIMITS.indistinguishable_brake_fraction * best.gain)
+        if alike
+        else LIMITS.indistinguishable_gain
+    )
 
 
-def _telling(tried: Mapping[str, Pick]) -> Pick:
+def _best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
     """The cause that raises the likelihood most; of its class one that can be and matters."""
     best = max(tried.values(), key=lambda pick: pick.gain)
-    if _can_be(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
+    if _is_physical(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
     others = [
         pick
         for pick in tried.values()
-        if best.gain - pick.gain < _apart(best, pick.name)
-        and _can_be(pick)
+        if best.gain - pick.gain < _gain_tolerance(best, pick.name)
+        and _is_physical(pick)
         and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
-        and pick.gain >= _TAKEN
+        and pick.gain >= LIMITS.picked_gain
     ]
     return max(others, key=lambda pick: pick.gain, default=best)
 
 
-def _can_be(pick: Pick) -> bool:
+def _is_physical(pick: PickedCause) -> bool:
     """Wheels do not turn slower than the ground that they push: that is another one's shape."""
     return pick.name != "slip" or pick.value > 0.0
 
 
-def _late(case: FindingInputs, motion: MotionSamples) -> Pick | None:
+def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause | None:
     """A delay so long that no derivative makes up for it: the joint fit's, tried whole."""
-    fit = case.fit
-    if fit is None or abs(fit.lag_s) < _LONG_S:
+    fit = inputs.fit
+    if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
     late = delay_channel(motion, "force", fit.lag_s)
-    before, after = (_left(case, of)[0] for of in (motion, late))
-    if before.square_left * before.variance < (1.0 + _MUCH) * after.square_left * after.variance:
+    before, after = (_remaining_motion(inputs, of)[0] for of in (motion, late))
+    if (
+        before.square_left * before.variance
+        < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
+    ):
         return None
     # the wheels tell whether it is the accelerometer that is early or late
     turned = delay_channel(motion, "imu", -fit.lag_s)
-    without, with_it = (_left(case, of)[1] for of in (motion, turned))
+    without, with_it = (_remaining_motion(inputs, of)[1] for of in (motion, turned))
     by_imu = (
         without is not None
         and with_it is not None
@@ -171,35 +163,42 @@ def _late(case: FindingInputs, motion: MotionSamples) -> Pick | None:
     )
     gain = before.square_left * before.variance / after.variance - after.square_left
     if by_imu:
-        return Pick("delay:imu", -fit.lag_s, 1e-3, gain, ())
-    return Pick("delay:force", fit.lag_s, 1e-3, gain, ())
+        return PickedCause("delay:imu", -fit.lag_s, 1e-3, gain, ())
+    return PickedCause("delay:force", fit.lag_s, 1e-3, gain, ())
 
 
-def _settled(
-    case: FindingInputs, motion: MotionSamples, taken: list[str], pick: Pick
-) -> tuple[MotionSamples, Pick]:
+def _converge_delay(
+    inputs: FindingInputs, motion: MotionSamples, taken: list[str], pick: PickedCause
+) -> tuple[MotionSamples, PickedCause]:
     """Move the channel back by what was found, until nothing is left of its delay."""
     channel, total, std = pick.name.partition(":")[2], 0.0, pick.std
     begun, step = motion, pick.value
-    for _ in range(_ROUNDS):
-        total = float(np.clip(total + step, -_LONGEST_S, _LONGEST_S))
+    for _ in range(LIMITS.delay_rounds):
+        total = float(
+            np.clip(
+                total + step, -LIMITS.longest_likelihood_delay_s, LIMITS.longest_likelihood_delay_s
+            )
+        )
         motion = delay_channel(begun, channel, total)
-        again = _tried(case, motion, taken).get(pick.name)
+        again = _try_causes(inputs, motion, taken).get(pick.name)
         if again is None:
             break
         step, std = again.value, again.std
-        if abs(step) < _FOUND_S:
+        if abs(step) < LIMITS.delay_tolerance_s:
             break
     return motion, replace(pick, value=total, std=std)
 
 
-def _whose(
-    case: FindingInputs, begun: MotionSamples, taken: list[str], settled: tuple[MotionSamples, Pick]
-) -> tuple[MotionSamples, Pick, tuple[str, ...]]:
+def _attribute_delay(
+    inputs: FindingInputs,
+    begun: MotionSamples,
+    taken: list[str],
+    settled: tuple[MotionSamples, PickedCause],
+) -> tuple[MotionSamples, PickedCause, tuple[str, ...]]:
     """Whether wheels are early or the accelerometer is late: alike to both, not to the force.
 
     Args:
-        case: the log.
+        inputs: the log.
         begun: the motion before either was moved back.
         taken: causes that were found before.
         settled: the motion after the one that was found, and how late it is.
@@ -212,20 +211,22 @@ def _whose(
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
     other = delay_channel(begun, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
-    left, left_other = (_left(case, each, taken)[0] for each in (motion, other))
+    left, left_other = (_remaining_motion(inputs, each, taken)[0] for each in (motion, other))
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
     apart /= min(left.variance, left_other.variance)
-    near = abs(apart) < APART
+    near = abs(apart) < LIMITS.indistinguishable_gain
     if apart > 0.0:
         return other, turned, (own.name,) if near else ()
     return motion, own, (turned.name,) if near else ()
 
 
-def _tried(case: FindingInputs, motion: MotionSamples, taken: list[str]) -> dict[str, Pick]:
-    """Every cause beside those that were taken."""
-    parts = _systems(case, motion, taken)
+def _try_causes(
+    inputs: FindingInputs, motion: MotionSamples, taken: list[str]
+) -> dict[str, PickedCause]:
+    """Try every cause beside those that were picked."""
+    parts = _build_systems(inputs, motion, taken)
     names = list(dict.fromkeys(name for part in parts for name in part.information))
-    out: dict[str, Pick] = {}
+    out: dict[str, PickedCause] = {}
     for name in names:
         if name in taken:
             continue
@@ -233,31 +234,35 @@ def _tried(case: FindingInputs, motion: MotionSamples, taken: list[str]) -> dict
         if not square > 0.0:
             continue
         value = sum(part.product(name) for part in parts) / square
-        out[name] = Pick(name, value, square**-0.5, value**2 * square, ())
+        out[name] = PickedCause(name, value, square**-0.5, value**2 * square, ())
     return out
 
 
-def _systems(case: FindingInputs, motion: MotionSamples, taken: list[str]) -> list[Explained]:
+def _build_systems(
+    inputs: FindingInputs, motion: MotionSamples, taken: list[str]
+) -> list[ProjectedEquation]:
     """Both equations without what was taken; the wheels' where it can be listened to."""
-    force, wheels = _left(case, motion, taken)
+    force, wheels = _remaining_motion(inputs, motion, taken)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
-    together = wheels is not None and wheels.variance < _MISSES
+    together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
     return [force, wheels] if wheels is not None and together else [force]
 
 
-def _left(
-    case: FindingInputs, motion: MotionSamples, taken: Sequence[str] = ()
-) -> tuple[Explained, Explained | None]:
+def _remaining_motion(
+    inputs: FindingInputs, motion: MotionSamples, taken: Sequence[str] = ()
+) -> tuple[ProjectedEquation, ProjectedEquation | None]:
     """Force and wheels without what was taken."""
-    fit, noise = case.fit, case.column_noise
+    fit, noise = inputs.fit, inputs.column_noise
     assert fit is not None
     assert noise is not None
     force = force_system(
         motion,
         noise,
-        case.mass_of_samples(motion),
+        inputs.sample_masses_kg(motion),
         max(fit.viscous, 0.0),
-        brakes=not case.machine.settings.gate.exclude_braking,
+        brakes=not inputs.machine.settings.gate.exclude_braking,
     )
     wheels = wheel_system(motion, noise)
-    return Explained.of(force, taken), None if wheels is None else Explained.of(wheels, taken)
+    return ProjectedEquation.of(force, taken), None if wheels is None else ProjectedEquation.of(
+        wheels, taken
+    )

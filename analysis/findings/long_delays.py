@@ -5,35 +5,17 @@ one motion, and everything else shows: friction, an accelerometer that sees a pa
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
-from analysis.findings.constant_forces import gravity
+from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import values
 from analysis.model.windows import windows_with
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in
-
-#: The longest delay that is looked for, in s,
-_LONGEST_S: Final = 2.5
-#: and the least: the likelihood search finds shorter ones.
-LEAST_S: Final = 0.15
-#: Means of so long are compared, in s.
-_MEAN_S: Final = 0.1
-#: Of a longer log its beginning is compared, in s.
-_BEGINNING_S: Final = 1200.0
-#: Channels that are one motion correlate by this, once the delay is taken off,
-_GOES_TOGETHER: Final = 0.8
-#: and without it by less than this share of that.
-_MUCH_LESS: Final = 0.9
-#: Force and acceleration go together where the force is this share of its largest: brakes are not
-#: in it.
-_DRIVES: Final = 0.3
-#: So long before, in s, it stands, or drives the other way.
-_BEFORE_S: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -53,32 +35,32 @@ class LongDelay:
     rival: str = ""
 
 
-def long_delay(case: FindingInputs) -> LongDelay | None:
+def long_delay(inputs: FindingInputs) -> LongDelay | None:
     """The channel that is late by much against the other two, which go together."""
-    if "long delay" not in case.kept:
-        case.kept["long delay"] = _found(case)
-    return case.kept["long delay"]  # type: ignore[return-value]
+    if "long delay" not in inputs.kept:
+        inputs.kept["long delay"] = _search_delay(inputs)
+    return inputs.kept["long delay"]  # type: ignore[return-value]
 
 
-def _found(case: FindingInputs) -> LongDelay | None:
-    step_s, channels = _accelerations(case)
+def _search_delay(inputs: FindingInputs) -> LongDelay | None:
+    step_s, channels = _channel_accelerations(inputs)
     if not {"speed", "force"} <= channels.keys():
         return None
     speed, force = channels["speed"], channels["force"]
-    drives = np.abs(force) > _DRIVES * float(np.quantile(np.abs(force), 0.98))
+    drives = np.abs(force) > LIMITS.driving_force_fraction * float(np.quantile(np.abs(force), 0.98))
     if "imu" not in channels:
         seen = _lag_of_force(force, speed, channels["v"], drives, step_s)
         return LongDelay("force", seen[0], seen[1:], "speed") if _is_long(seen) else None
     imu = channels["imu"]
-    seen = _lag(speed, imu, step_s)
+    seen = _find_lag(speed, imu, step_s)
     if _is_long(seen):
         # the one that the force begins with is in time
-        before = round(_BEFORE_S / step_s)
+        before = round(LIMITS.driving_start_s / step_s)
         rows = windows_with(drives[::-1], before)[::-1]
         v = channels["v"]
         later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
-            _left(force, np.column_stack([acceleration, along, np.ones(v.size)]), rows)
+            _residual_square(force, np.column_stack([acceleration, along, np.ones(v.size)]), rows)
             for acceleration, along in ((imu, later), (speed, v))
         )
         if by_imu < by_speed:
@@ -91,17 +73,21 @@ def _found(case: FindingInputs) -> LongDelay | None:
 def _is_long(seen: tuple[float, float, float]) -> bool:
     late_s, after, before = seen
     # the other way as they are: a sign
-    return abs(late_s) > LEAST_S and after > _GOES_TOGETHER and abs(before) < _MUCH_LESS * after
+    return (
+        abs(late_s) > LIMITS.shortest_long_delay_s
+        and after > LIMITS.same_motion_correlation
+        and abs(before) < LIMITS.delayed_correlation_ratio * after
+    )
 
 
-def _left(force: Floats, columns: Floats, rows: Bools) -> float:
+def _residual_square(force: Floats, columns: Floats, rows: Bools) -> float:
     """What the equation of motion leaves of the force, in squares."""
     A, f = columns[rows], force[rows]
     left = f - A @ np.linalg.lstsq(A, f, rcond=None)[0]
     return float(left @ left)
 
 
-def _together(force: Floats, acceleration: Floats, v: Floats) -> float:
+def _partial_correlation(force: Floats, acceleration: Floats, v: Floats) -> float:
     """Partial correlation of force and acceleration, about 0, with friction taken out of both.
 
     A force that rubs goes with the speed, which is the acceleration of later.
@@ -116,23 +102,23 @@ def _together(force: Floats, acceleration: Floats, v: Floats) -> float:
 def _lag_of_force(
     force: Floats, acceleration: Floats, v: Floats, drives: Bools, step_s: float
 ) -> tuple[float, float, float]:
-    """As `_lag`, of a force that does not see the brakes."""
-    longest = round(_LONGEST_S / step_s)
+    """As `_find_lag`, of a force that does not see the brakes."""
+    longest = round(LIMITS.longest_delay_s / step_s)
     inside = drives.copy()
     inside[:longest] = inside[-longest:] = False
     seen = [
-        _together(force[inside], np.roll(acceleration, k)[inside], np.roll(v, k)[inside])
+        _partial_correlation(force[inside], np.roll(acceleration, k)[inside], np.roll(v, k)[inside])
         for k in range(-longest, longest + 1)
     ]
     at = int(np.argmax(seen))
     return (at - longest) * step_s, seen[at], seen[longest]
 
 
-def _accelerations(case: FindingInputs) -> tuple[float, dict[str, Floats]]:
+def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floats]]:
     """Step in s; by channel (n,) what goes with the acceleration, less its mean; the speed `v`."""
-    rate_hz = case.machine.settings.align.rate_hz
-    size = rows_in(_MEAN_S, rate_hz)
-    count = min(case.aligned.height, round(_BEGINNING_S * rate_hz)) // size
+    rate_hz = inputs.machine.settings.align.rate_hz
+    size = rows_in(LIMITS.delay_mean_s, rate_hz)
+    count = min(inputs.aligned.height, round(LIMITS.delay_searched_s * rate_hz)) // size
 
     def means(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
@@ -141,25 +127,25 @@ def _accelerations(case: FindingInputs) -> tuple[float, dict[str, Floats]]:
         return np.nan_to_num(x - np.nanmean(x))
 
     # a slope needs two means
-    if count < max(2 * round(_LONGEST_S * rate_hz / size), 2):
+    if count < max(2 * round(LIMITS.longest_delay_s * rate_hz / size), 2):
         return size / rate_hz, {}
-    speed = means(values(case.aligned, "speed_x_m_s"))
-    force = means(longitudinal_force(case.aligned, case.machine.machine))
+    speed = means(values(inputs.aligned, "speed_x_m_s"))
+    force = means(longitudinal_force(inputs.aligned, inputs.machine.machine))
     if not (np.isfinite(speed).any() and np.isfinite(force).any()):
         return size / rate_hz, {}
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
-    if case.measured(ACC):
-        found["imu"] = means(values(case.aligned, ACC) - gravity(case))
+    if inputs.measured(ACC):
+        found["imu"] = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     channels = {
         name: known(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
     }
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 
 
-def _lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
+def _find_lag(one: Floats, other: Floats, step_s: float) -> tuple[float, float, float]:
     """How late one is against another in s, their correlation there, and as they are."""
-    longest = round(_LONGEST_S / step_s)
+    longest = round(LIMITS.longest_delay_s / step_s)
     size = int(2 ** np.ceil(np.log2(one.size + longest)))
     spectrum = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
     product = np.fft.irfft(spectrum, size) / (np.linalg.norm(one) * np.linalg.norm(other))

@@ -4,49 +4,25 @@ What moves slowly against the mount's own frequency only reads as an acceleromet
 x grows by gravity times the angle that the acceleration tilts it by.
 """
 
-from typing import Final
-
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
-from analysis.findings.accelerometer_share import share_of_accelerometer
+from analysis.findings.accelerometer_share import fit_accelerometer_gain
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in
 
-#: Of the wheels' acceleration a loose accelerometer reads so much at least, by so many deviations.
-_READS_MORE: Final = 1.02
-_SURELY: Final = 2.0
-#: A start is looked at for so long, in s, from so long after its force rises,
-_LOOKED_S: Final = 1.28
-_RISES_S: Final = 0.1
-#: where the machine stood before for so long, in s.
-_STOOD_S: Final = 0.4
-#: A start pushes by this share of the largest force, nearly all the while.
-_PUSHES: Final = 0.3
-_HELD: Final = 0.9
-#: Fewer starts, or standstills, tell nothing.
-_FEWEST: Final = 3
-#: Frequencies that a mount rocks at, in Hz.
-_ROCKS_HZ: Final = (2.5, 10.0)
-#: A peak stands out by this power over what is below and above it,
-_STANDS_OUT: Final = 3.4
-#: in these bands, as shares of its frequency,
-_BELOW: Final = (0.4, 0.72)
-_ABOVE: Final = (1.35, 2.2)
-#: and by this over standing at its frequency: an engine shakes always.
-_OVER_STANDING: Final = 4.0
 
-
-def loose(case: FindingInputs) -> list[Symptom]:
+def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     """A peak in what the force leaves of the accelerometer, in the first second of starts."""
-    share = share_of_accelerometer(case)
+    share = fit_accelerometer_gain(inputs)
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
-    if share is None or share[0] - _SURELY * share[1] < _READS_MORE:
+    if share is None or share[0] - LIMITS.loose_gain_std * share[1] < LIMITS.loose_gain_1:
         return []
-    spectra = _spectra(case)
+    spectra = _spectra(inputs)
     if spectra is None:
         return []
     hz, starts, standing, count = spectra
@@ -54,13 +30,13 @@ def loose(case: FindingInputs) -> list[Symptom]:
     smooth = starts.copy()
     smooth[1:-1] = (starts[:-2] + 2.0 * starts[1:-1] + starts[2:]) / 4.0
     best, at = 0.0, 0
-    for k in np.flatnonzero((hz >= _ROCKS_HZ[0]) & (hz <= _ROCKS_HZ[1])):
+    for k in np.flatnonzero((hz >= LIMITS.rocking_band_hz[0]) & (hz <= LIMITS.rocking_band_hz[1])):
         below, above = (
             max(float(np.median(starts[(hz >= low * hz[k]) & (hz <= high * hz[k])])), floor)
-            for low, high in (_BELOW, _ABOVE)
+            for low, high in (LIMITS.below_peak_band, LIMITS.above_peak_band)
         )
-        peak = float(smooth[k]) / float(np.sqrt(below * above)) / _STANDS_OUT
-        own = float(starts[k]) / max(float(standing[k]), 1e-12) / _OVER_STANDING
+        peak = float(smooth[k]) / float(np.sqrt(below * above)) / LIMITS.rocking_peak_ratio
+        own = float(starts[k]) / max(float(standing[k]), 1e-12) / LIMITS.peak_over_standing_ratio
         if min(peak, own) > best:
             best, at = min(peak, own), int(k)
     return [
@@ -68,8 +44,8 @@ def loose(case: FindingInputs) -> list[Symptom]:
             best,
             f"it reads {share[0]:.2f} of the wheels' acceleration, and in the first second of "
             f"{count} starts it rings at {hz[at]:.1f} Hz, with "
-            f"{np.sqrt(_STANDS_OUT * best):.1f} times the size of what is beside that, and the "
-            "force does not",
+            f"{np.sqrt(LIMITS.rocking_peak_ratio * best):.1f} times the size of what is beside "
+            "that, and the force does not",
             channel=ACC,
             # slowly, it is an accelerometer of another scale
             alternatives=("resonance",),
@@ -77,15 +53,15 @@ def loose(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _spectra(case: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
+def _spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
     """Frequencies, mean power after starts and at rest, (k,) each, and the number of starts."""
-    rate_hz = case.machine.settings.align.rate_hz
-    size = rows_in(_LOOKED_S, rate_hz)
-    if not case.measured(ACC) or rate_hz <= 2.5 * _ROCKS_HZ[1]:
+    rate_hz = inputs.machine.settings.align.rate_hz
+    size = rows_in(LIMITS.start_window_s, rate_hz)
+    if not inputs.measured(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
         return None
-    reads = values(case.aligned, ACC)
-    speed = values(case.aligned, "speed_x_m_s")
-    force = longitudinal_force(case.aligned, case.machine.machine)
+    reads = values(inputs.aligned, ACC)
+    speed = values(inputs.aligned, "speed_x_m_s")
+    force = longitudinal_force(inputs.aligned, inputs.machine.machine)
     ramp = np.linspace(-1.0, 1.0, size)
     window = np.hanning(size)
 
@@ -99,10 +75,10 @@ def _spectra(case: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
 
     def mean(places: list[int]) -> Floats | None:
         found = [each for first in places if (each := power(first)) is not None]
-        return np.mean(found, axis=0) if len(found) >= _FEWEST else None
+        return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 
-    starts = _starts(case, force, size)
-    still = case.stands_still
+    starts = _start_windows(inputs, force, size)
+    still = inputs.stands_still
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
     driving, standing = mean(starts), mean(rests[:200])
     if driving is None or standing is None:
@@ -110,14 +86,16 @@ def _spectra(case: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
 
 
-def _starts(case: FindingInputs, force: Floats, size: int) -> list[int]:
+def _start_windows(inputs: FindingInputs, force: Floats, size: int) -> list[int]:
     """Where to look: behind the rise of a force after a standstill, that is then held."""
-    rate_hz = case.machine.settings.align.rate_hz
+    rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
         return []
-    pushes = np.abs(force) > _PUSHES * float(np.nanquantile(np.abs(force), 0.98))
+    pushes = np.abs(force) > LIMITS.start_force_fraction * float(
+        np.nanquantile(np.abs(force), 0.98)
+    )
     rises = np.flatnonzero(pushes[1:] & ~pushes[:-1]) + 1
-    stood, behind = rows_in(_STOOD_S, rate_hz), rows_in(_RISES_S, rate_hz)
+    stood, behind = rows_in(LIMITS.start_stand_s, rate_hz), rows_in(LIMITS.start_rise_s, rate_hz)
     # the moving mean and the phases see a start late
     clear = rows_in(0.2, rate_hz)
     return [
@@ -125,6 +103,6 @@ def _starts(case: FindingInputs, force: Floats, size: int) -> list[int]:
         for k in rises
         if k > stood + clear
         and k + behind + size < force.size
-        and case.stands[k - stood - clear : k - clear].all()
-        and pushes[k + 2 * behind : k + size].mean() > _HELD
+        and inputs.stands[k - stood - clear : k - clear].all()
+        and pushes[k + 2 * behind : k + size].mean() > LIMITS.start_held_fraction
     ]

@@ -13,12 +13,9 @@ import polars as pl
 
 from analysis.findings.cause_table import CAUSES
 from analysis.findings.delay_causes import is_long
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.machine import Machine
 
-#: Of a longer log its beginning is looked at once more.
-_LONGEST_S: Final = 3600.0
-#: A log is looked at so many times more.
-_MOST: Final = 3
 _HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
 #: Keys of a channel that mend one.
 _OF_CHANNEL: Final = ("scale", "unit", "delay_s")
@@ -30,7 +27,9 @@ def first_findings(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     Args:
         raw: by topic: log_time_ns and more, in its order.
     """
-    end_ns = max(int(frame["log_time_ns"][0]) for frame in raw.values()) + int(_LONGEST_S * 1e9)
+    end_ns = max(int(frame["log_time_ns"][0]) for frame in raw.values()) + int(
+        LIMITS.masked_searched_s * 1e9
+    )
     return {topic: frame.filter(pl.col("log_time_ns") < end_ns) for topic, frame in raw.items()}
 
 
@@ -55,11 +54,11 @@ def add_masked_findings(
     """
     hiding: list[pl.DataFrame] = []
     seen = found
-    for _ in range(_MOST):
+    for _ in range(LIMITS.masked_rounds):
         first = seen.head(1)
-        changed = _mended(machine, first)
+        changed = _mend_machine(machine, first)
         others = None if changed is None else look(changed)
-        if changed is None or others is None or _has(others, first["cause"][0]):
+        if changed is None or others is None or _has_cause(others, first["cause"][0]):
             break
         hiding.append(first)
         machine, seen = changed, others
@@ -67,35 +66,41 @@ def add_masked_findings(
         return found
     names = " and ".join(each["cause"][0].replace("_", " ") for each in hiding)
     seen = seen.with_columns(evidence=pl.format("once {} is mended: {}", pl.lit(names), "evidence"))
-    both = pl.concat([*hiding, seen] if whole else [*hiding, seen, _later(found, hiding, seen)])
+    both = pl.concat(
+        [*hiding, seen] if whole else [*hiding, seen, _keep_first_look(found, hiding, seen)]
+    )
     return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))
 
 
-def _has(found: pl.DataFrame, cause: str) -> bool:
+def _has_cause(found: pl.DataFrame, cause: str) -> bool:
     return cause in found["cause"]
 
 
-def _later(found: pl.DataFrame, hiding: list[pl.DataFrame], seen: pl.DataFrame) -> pl.DataFrame:
+def _keep_first_look(
+    found: pl.DataFrame, hiding: list[pl.DataFrame], seen: pl.DataFrame
+) -> pl.DataFrame:
     """What the first look saw and the part that was looked at once more may not have."""
-    explained = [key for each in CAUSES for key in each.explains if _any_has(hiding, each.key)]
+    explained = [
+        key for each in CAUSES for key in each.explains if _is_hidden_by_any(hiding, each.key)
+    ]
     known = [*explained, *seen["cause"], *(each["cause"][0] for each in hiding)]
     return found.filter(~pl.col("cause").is_in(known))
 
 
-def _any_has(hiding: list[pl.DataFrame], cause: str) -> bool:
-    return any(_has(each, cause) for each in hiding)
+def _is_hidden_by_any(hiding: list[pl.DataFrame], cause: str) -> bool:
+    return any(_has_cause(each, cause) for each in hiding)
 
 
-def _mended(machine: Machine, first: pl.DataFrame) -> Machine | None:
+def _mend_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
     """The machine without a cause that hides others; None where no channel mends one."""
     if first.is_empty() or first["setting"][0] is None:
         return None
     if first["cause"][0] not in _HIDES and not is_long(first["cause"][0], first["strength_1"][0]):
         return None
-    return _scaled(machine, first["setting"][0], first["value"][0])
+    return _scale_channels(machine, first["setting"][0], first["value"][0])
 
 
-def _scaled(machine: Machine, keys: str, values: str) -> Machine | None:
+def _scale_channels(machine: Machine, keys: str, values: str) -> Machine | None:
     """The machine with channels read otherwise; None where more would change."""
     channels = dict(machine.channels)
     read = tomllib.loads(f"values = [{values}]")["values"]

@@ -4,13 +4,13 @@ from typing import Final
 
 import polars as pl
 
+from analysis.findings.finding_limits import LIMITS
+
 #: What pushes back in a start that digs.
 _PILE: Final = "external_force"
-#: Counted cycles with digging from which on digging is the work; fewer may be a pile met by chance.
-_FEWEST_CYCLES: Final = 3
 
 
-def without_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
+def drop_work_findings(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
     """The findings without those that the cycles explain, ranked anew.
 
     Args:
@@ -18,7 +18,7 @@ def without_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
         cycles: frame `cycles`.
     """
     dug = cycles.filter("counted")["dig_t_ns"].drop_nulls().len()
-    if dug < _FEWEST_CYCLES:
+    if dug < LIMITS.work_min_cycles:
         return findings
     left = findings.filter(pl.col("cause") != _PILE)
     rank = pl.int_range(1, pl.len() + 1).cast(findings.schema["rank"])

@@ -6,127 +6,108 @@ another mean) is in the uncertainty.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.findings.cause import Change
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.settings import PriorSettings
 from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import MotionSamples, NoiseOfColumns, begins
-from analysis.weighing.wheel_kinematics import Kinematics, kinematics
-
-#: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
-_OF_REPLAY: Final = 0.5
-#: Of the change itself: what is mended is not all that the cause did.
-_OF_SIZE: Final = 0.05
-#: Rounds of a refit; of many stretches the first ones alone find lag and slip, in one round more
-#: where the lag moves by so much, and all of them are fitted once.
-_ROUNDS: Final = 3
-_PILOT: Final = 24
-_LAG_MOVES_S: Final = 1e-3
-#: So far samples are looked for by what moves force and speed in time.
-_REACH_S: Final = 0.4
-
-#: What is left of starts that were cut is not what they were, to this share of the change.
-_CUT: Final = 0.5
-
-#: An accelerometer whose zero alone changes is none to the wheels.
-_SAME_M_S2: Final = 1e-9
-
-#: Stretches of a log that are fitted once more.
-_TRIED: Final = 48
-#: Fewer samples are not fitted.
-_FEWEST: Final = 200
-_SHORTEST: Final = 20
+from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples, begins
+from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
 
 Mend = Callable[[MotionSamples], MotionSamples]
 
 
-def left_out(case: FindingInputs, rows: Bools) -> Change | None:
+def left_out(inputs: FindingInputs, rows: Bools) -> Change | None:
     """Fit once more without samples, which leaves some starts as another answer would have them.
 
     Args:
-        case: the log.
+        inputs: the log.
         rows: (n,) grid samples that say nothing.
     """
-    return refit_from_scratch(case, lambda motion: motion.without(rows), _CUT)
+    return refit_from_scratch(inputs, lambda motion: motion.exclude(rows), LIMITS.cut_start_u)
 
 
-def refit_from_scratch(case: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
-    """Fit once more where the answer as it is says little of what a replay will say.
+def refit_from_scratch(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
+    """Refit from scratch if the present answer predicts a replay badly.
 
     Args:
-        case: the log.
+        inputs: the log.
         mend: makes the motion as it would be.
         relative_u: as of `refit_mended`.
     """
-    change = refit_mended(case, mend, relative_u)
-    if change is None or case.fit is None:
+    change = refit_mended(inputs, mend, relative_u)
+    if change is None or inputs.fit is None:
         return None
-    return Change(change.kg, float(np.hypot(change.u_kg, case.fit.u_kg)))
+    return Change(change.kg, float(np.hypot(change.u_kg, inputs.fit.u_kg)))
 
 
-def refit_mended(case: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
+def refit_mended(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
     """Fit once more from the joint fit on, and compare with the mass of the motion as it is.
 
     Args:
-        case: the log.
+        inputs: the log.
         mend: makes the motion as it would be.
         relative_u: standard uncertainty of what is mended, as a share of it.
     """
-    fit = case.fit
+    fit = inputs.fit
     if fit is None:
         return None
-    before, after = _before_kg(case, fit), _mass_kg(case, mend(fit.motion))
+    before, after = _unmended_mass_kg(inputs, fit), _mass_kg(inputs, mend(fit.motion))
     if before is None or after is None:
         return None
     kg = after - before
-    of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
-    return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
+    of_noise = fit.parts_kg(fit.weights(fit.main_state))["noise"]
+    return Change(
+        kg,
+        float(
+            np.hypot(max(relative_u, LIMITS.change_u) * kg, LIMITS.replay_std_fraction * of_noise)
+        ),
+    )
 
 
-def _before_kg(case: FindingInputs, fit: JointFit) -> float | None:
+def _unmended_mass_kg(inputs: FindingInputs, fit: JointFit) -> float | None:
     """The mass of the motion as it is: the fit's own, or that of the same part of a long log."""
-    if "refitted" not in case.kept:
-        whole = np.unique(fit.motion.group[fit.motion.used]).size <= _TRIED
+    if "refitted" not in inputs.kept:
+        whole = np.unique(fit.motion.group[fit.motion.used]).size <= LIMITS.refit_max_stretches
         if whole and fit.states is not None:
-            case.kept["states"] = fit.states.count
+            inputs.kept["states"] = fit.states.count
         if whole:
-            case.kept["wheels"] = fit.kinematics
-        case.kept["refitted"] = fit.mass_kg if whole else _mass_kg(case, fit.motion)
-    return case.kept["refitted"]  # type: ignore[return-value]
+            inputs.kept["wheels"] = fit.kinematics
+        inputs.kept["refitted"] = fit.mass_kg if whole else _mass_kg(inputs, fit.motion)
+    return inputs.kept["refitted"]  # type: ignore[return-value]
 
 
-def _mass_kg(case: FindingInputs, motion: MotionSamples) -> float | None:
-    fit, noise = case.fit, case.column_noise
+def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
+    fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None:
         return None
-    priors = case.machine.settings.priors
-    known = _goes_alike(fit.motion, motion)
+    priors = inputs.machine.settings.priors
+    known = _wheels_agree(fit.motion, motion)
     # of a long log a part says as much of what a cause does
-    motion = whole_stretches(motion.beginning(_TRIED))
-    if motion.used.sum() < _FEWEST or not motion.drives:
+    motion = renumber_stretches(motion.first_stretches(LIMITS.refit_max_stretches))
+    if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
         return None
-    motion = motion.around_fitted(_REACH_S)
+    motion = motion.near_fitted(LIMITS.refit_reach_s)
     states = None if fit.states is None else fit.states.among(motion)
-    if states is not None and states.count != case.kept.setdefault("states", states.count):
+    if states is not None and states.count != inputs.kept.setdefault("states", states.count):
         return None
-    earlier = case.kept.get("wheels")
-    wheels = earlier if isinstance(earlier, Kinematics) else fit.kinematics
+    earlier = inputs.kept.get("wheels")
+    wheels = earlier if isinstance(earlier, WheelKinematics) else fit.kinematics
     if not known or earlier is None:
-        wheels = kinematics(motion, noise, priors, wheels)
+        wheels = compare_wheels(motion, noise, priors, wheels)
     if known:
-        case.kept["wheels"] = wheels
+        inputs.kept["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    found = _refitted(begun, noise, priors, known=known).mass_kg
+    found = _refit_from(begun, noise, priors, known=known).mass_kg
     return found if np.isfinite(found) else None
 
 
-def _goes_alike(before: MotionSamples, after: MotionSamples) -> bool:
+def _wheels_agree(before: MotionSamples, after: MotionSamples) -> bool:
     """Whether wheels and accelerometer say of each other what they said.
 
     Their comparison takes a constant of the accelerometer off.
@@ -147,11 +128,11 @@ def _goes_alike(before: MotionSamples, after: MotionSamples) -> bool:
 
 
 def _differ_by_constant(old: Floats, new: Floats) -> bool:
-    return float(np.ptp(new - old)) < _SAME_M_S2
+    return float(np.ptp(new - old)) < LIMITS.zero_shift_m_s2
 
 
-def _refitted(
-    begun: JointFit, noise: NoiseOfColumns, priors: PriorSettings, *, known: bool
+def _refit_from(
+    begun: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
 ) -> JointFit:
     """Fit from another one's parameters on; its lag by the first stretches where there are more.
 
@@ -161,23 +142,23 @@ def _refitted(
         priors: of the nuisances.
         known: whether neither force nor speed changes, and with them no lag.
     """
-    part = begun.motion.beginning(_PILOT)
+    part = begun.motion.first_stretches(LIMITS.refit_pilot_stretches)
     if part is begun.motion or not part.drives:
-        return refit(begun, noise, priors, rounds=_ROUNDS - known)
+        return refit(begun, noise, priors, rounds=LIMITS.refit_rounds - known)
     if known:
         return refit(begun, noise, priors)
     states = None if begun.states is None else begun.states.among(part)
     pilot = refit(replace(begun, motion=part, states=states), noise, priors)
-    if abs(pilot.found.lag_s - begun.found.lag_s) > _LAG_MOVES_S:
+    if abs(pilot.found.lag_s - begun.found.lag_s) > LIMITS.refit_lag_moves_s:
         pilot = refit(pilot, noise, priors)
     theta = begun.theta.copy()
     theta[begun.count] = pilot.viscous
     return refit(replace(begun, found=pilot.found, theta=theta), noise, priors)
 
 
-def whole_stretches(motion: MotionSamples) -> MotionSamples:
+def renumber_stretches(motion: MotionSamples) -> MotionSamples:
     """The motion with its stretches numbered anew: what was left out may have cut some in two."""
     parts = np.where(motion.used, np.cumsum(begins(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
-    short = (parts >= 0) & (size[np.maximum(parts, 0)] < _SHORTEST)
-    return replace(motion, group=parts.astype(np.int64)).without(short)
+    short = (parts >= 0) & (size[np.maximum(parts, 0)] < LIMITS.refit_min_stretch_samples)
+    return replace(motion, group=parts.astype(np.int64)).exclude(short)

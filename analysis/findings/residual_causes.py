@@ -4,33 +4,16 @@ The same sum of channels is looked at while the machine stands, where it holds t
 noise alone; its spectrum while it drives is compared with that.
 """
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
-
-#: Samples of a spectrum, half of which the next one shares.
-_LENGTH: Final = 128
-#: Fewer spectra tell nothing, more are not needed.
-_FEWEST: Final = 6
-_MOST: Final = 4000
-#: The share of spectra that is averaged.
-_KEPT: Final = 0.85
-#: Frequencies of a resonance, of slow noise, and of what it is compared with.
-_SWINGS_HZ: Final = (2.0, 20.0)
-_SLOW_HZ: Final = 1.2
-#: From here up to a swing its power must rise.
-_BELOW_HZ: Final = 0.7
-_FAST_HZ: Final = (3.0, 10.0)
-#: Ratios of power that chance and resampling stay below.
-_PEAK: Final = 4.0
-_UNEVEN: Final = 1.9
-_COLOURED: Final = 2.6
 
 
 class Spectra(NamedTuple):
@@ -42,21 +25,21 @@ class Spectra(NamedTuple):
     counts: tuple[int, int]
 
 
-def spectra(case: FindingInputs) -> Spectra | None:
+def spectra(inputs: FindingInputs) -> Spectra | None:
     """Of f - m a - b v; None where there is too little of either, or nothing fast on the grid."""
-    if "spectra" in case.kept:
-        return case.kept["spectra"]  # type: ignore[return-value]
-    case.kept["spectra"] = found = _spectra(case)
+    if "spectra" in inputs.kept:
+        return inputs.kept["spectra"]  # type: ignore[return-value]
+    inputs.kept["spectra"] = found = _spectra(inputs)
     return found
 
 
-def _spectra(case: FindingInputs) -> Spectra | None:
-    fit, aligned, machine = case.fit, case.aligned, case.machine
+def _spectra(inputs: FindingInputs) -> Spectra | None:
+    fit, aligned, machine = inputs.fit, inputs.aligned, inputs.machine
     rate_hz = machine.settings.align.rate_hz
-    if rate_hz <= 2.0 * _FAST_HZ[0]:
+    if rate_hz <= 2.0 * LIMITS.reference_band_hz[0]:
         return None
-    straight = case.evidence.straight
-    mass_kg, viscous = _mass_and_friction(case)
+    straight = inputs.check_inputs.straight
+    mass_kg, viscous = _mass_and_friction(inputs)
     lag = fit.lag_s if fit is not None and fit.shifted else 0.0
     used = straight.moving if fit is None else fit.motion.used
     rows = np.arange(aligned.height, dtype=np.float64)
@@ -65,108 +48,112 @@ def _spectra(case: FindingInputs) -> Spectra | None:
     A = np.column_stack([regressor_acceleration(aligned, machine), values(aligned, "speed_x_m_s")])
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
-    driving = _powers(left, used & known, 2)
-    standing = _powers(left, case.stands_still & known, 1)
-    if min(len(driving), len(standing)) < _FEWEST:
+    driving = _stretch_powers(left, used & known, 2)
+    standing = _stretch_powers(left, inputs.stands_still & known, 1)
+    if min(len(driving), len(standing)) < LIMITS.min_spectra:
         return None
-    hz = np.arange(_LENGTH // 2 + 1) * rate_hz / _LENGTH
+    hz = np.arange(LIMITS.spectrum_samples // 2 + 1) * rate_hz / LIMITS.spectrum_samples
     counts = (len(driving), len(standing))
-    return Spectra(hz, _usual(driving), _usual(standing), counts)
+    return Spectra(hz, _typical_power(driving), _typical_power(standing), counts)
 
 
-def _mass_and_friction(case: FindingInputs) -> tuple[float, float]:
+def _mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
     """By the pooled estimate of moving means: shaking takes the mass of shorter ones away."""
-    totals = case.evidence.totals
+    totals = inputs.check_inputs.totals
     if totals is not None:
         pooled = totals.filter(totals["method"] == "pooled")
         both = [values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
         if pooled.height and np.isfinite(both).all():
             return float(both[0][0]), float(both[1][0])
-    if case.fit is not None:
-        return case.fit.mass_kg, case.fit.viscous
-    return case.evidence.straight.fit.value, 0.0
+    if inputs.fit is not None:
+        return inputs.fit.mass_kg, inputs.fit.viscous
+    return inputs.check_inputs.straight.fit.value, 0.0
 
 
-def _powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
+def _stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
     """Spectra of the stretches that are used, without their own polynomial."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
-    window = np.hanning(_LENGTH)
-    ramp = np.linspace(-1.0, 1.0, _LENGTH)
+    window = np.hanning(LIMITS.spectrum_samples)
+    ramp = np.linspace(-1.0, 1.0, LIMITS.spectrum_samples)
     own = np.vander(ramp, degree + 1)
     out: list[Floats] = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        for first in range(int(begin), int(end) - _LENGTH + 1, _LENGTH // 2):
-            part = slice(first, first + _LENGTH)
+        for first in range(
+            int(begin), int(end) - LIMITS.spectrum_samples + 1, LIMITS.spectrum_samples // 2
+        ):
+            part = slice(first, first + LIMITS.spectrum_samples)
             rest = x[part] - own @ np.linalg.lstsq(own, x[part], rcond=None)[0]
             out.append(np.abs(np.fft.rfft(rest * window)) ** 2)
-            if len(out) >= _MOST:
+            if len(out) >= LIMITS.max_spectra:
                 return out
     return out
 
 
-def _usual(powers: list[Floats]) -> Floats:
+def _typical_power(powers: list[Floats]) -> Floats:
     """Their mean, without the largest: a stretch that holds a stop or a knock is no noise."""
-    kept = max(round(_KEPT * len(powers)), 1)
+    kept = max(round(LIMITS.averaged_spectra_fraction * len(powers)), 1)
     return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)
 
 
-def _level(hz: Floats, power: Floats, low: float, high: float) -> float:
+def _band_level(hz: Floats, power: Floats, low: float, high: float) -> float:
     return float(np.median(power[(hz >= low) & (hz <= high)]))
 
 
-def resonance(case: FindingInputs) -> list[Symptom]:
+def find_resonance(inputs: FindingInputs) -> list[Symptom]:
     """A peak of the driving spectrum over the standing one."""
-    found = spectra(case)
+    found = spectra(inputs)
     if found is None:
         return []
     hz = found.hz
-    band = (hz >= _SWINGS_HZ[0]) & (hz <= _SWINGS_HZ[1])
+    band = (hz >= LIMITS.resonance_band_hz[0]) & (hz <= LIMITS.resonance_band_hz[1])
     # standing noise is smooth in frequency, so its own scatter is taken out
     smooth = np.convolve(found.standing, np.ones(5) / 5.0, "same")
     ratio = found.driving / np.maximum(smooth, 1e-12)
     usual = max(float(np.median(ratio[band])), 1.0)
     # a swing stands out below its frequency too: what a step leaves only grows towards 0 Hz
-    below = np.where(hz >= _BELOW_HZ, ratio, np.inf)
+    below = np.where(hz >= LIMITS.below_resonance_hz, ratio, np.inf)
     stands_out = ratio / np.maximum(np.minimum.accumulate(below), usual)
     at = int(np.argmax(np.where(band, stands_out, 0.0)))
     peak = float(stands_out[at])
     return [
         Symptom(
-            peak / _PEAK,
+            peak / LIMITS.resonance_peak_ratio,
             f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(peak):.1f} times as much as "
             "its noise",
         )
     ]
 
 
-def heteroscedastic(case: FindingInputs) -> list[Symptom]:
+def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
     """More noise while it drives than while it stands."""
-    found = spectra(case)
+    found = spectra(inputs)
     if found is None:
         return []
     driving, standing = (
-        _level(found.hz, power, *_FAST_HZ) for power in (found.driving, found.standing)
+        _band_level(found.hz, power, *LIMITS.reference_band_hz)
+        for power in (found.driving, found.standing)
     )
     ratio = driving / max(standing, 1e-12)
     return [
         Symptom(
-            ratio / _UNEVEN,
+            ratio / LIMITS.driving_noise_ratio,
             f"what the fit leaves has {np.sqrt(ratio):.1f} times the noise of standing",
         )
     ]
 
 
-def coloured(case: FindingInputs) -> list[Symptom]:
+def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
     """Slow noise of the channels at standstill, beyond white noise."""
-    found = spectra(case)
+    found = spectra(inputs)
     if found is None:
         return []
-    slow = _level(found.hz, found.standing, 0.5, _SLOW_HZ)
-    fast = _level(found.hz, found.standing, *_FAST_HZ)
+    slow = _band_level(found.hz, found.standing, 0.5, LIMITS.slow_noise_hz)
+    fast = _band_level(found.hz, found.standing, *LIMITS.reference_band_hz)
     ratio = slow / max(fast, 1e-12)
     return [
         Symptom(
-            ratio / _COLOURED,
-            f"below {_SLOW_HZ:g} Hz the noise has {ratio:.1f} times the power that white noise has",
+            ratio / LIMITS.slow_noise_ratio,
+            f"below {LIMITS.slow_noise_hz:g} Hz the noise has {ratio:.1f} times the power that "
+            "white noise has",
         )
     ]

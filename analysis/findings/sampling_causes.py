@@ -1,85 +1,63 @@
 """Stamps: gaps, uneven sampling, a clock that jumps and clocks that run apart."""
 
-from typing import Final
-
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Bools
 from analysis.diagnosis.measured_channels import Floats, Ints
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
 
-#: Share of a topic's steps that are missing before it counts.
-_MISSING: Final = 0.002
-#: Holes of all topics that are longer are pauses between two logs, but for their edges.
-_PAUSE_NS: Final = 2_000_000_000
-_EDGE_NS: Final = 100_000_000
-#: Scatter of a topic's steps, as a share of its period, that matters where the stamps are wrong,
-#: where the readings do not tell whether they are, and where they show that the stamps are right.
-_UNEVEN_WRONG: Final = 0.15
-_UNEVEN: Final = 0.3
-_UNEVEN_RIGHT: Final = 1.0
-#: Deviations from which readings tell whether they were taken when their stamps say.
-_TELLS: Final = 4.0
-#: Readings in each of the two means of a slope: steady beside noise, and short beside a start.
-_SLOPE_ROWS: Final = 8
-#: A jump is at least so long, and so many deviations of the latency.
-_JUMP_S: Final = 0.003
-_JUMP_DEVIATIONS: Final = 8.0
-#: Latencies are compared in so many parts.
-_PARTS: Final = 40
-#: A drift at least so clear, and so long over the log.
-_DRIFT_DEVIATIONS: Final = 6.0
-_DRIFT_S: Final = 0.003
 
-
-def gaps(case: FindingInputs) -> list[Symptom]:
+def find_gaps(inputs: FindingInputs) -> list[Symptom]:
     """Steps of a topic longer than `gap_periods` of its own period."""
     found: list[Symptom] = []
-    settings = case.machine.settings.align
-    topics = _a_channel_a_topic(case)
+    settings = inputs.machine.settings.align
+    topics = _channel_by_topic(inputs)
     others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
     for name, (t, _) in topics.items():
         period = float(period_ns(t))
         steps = np.diff(t)
         holes = np.flatnonzero(steps > settings.gap_periods * period)
-        holes = holes[~_paused(t[holes], t[holes + 1], others[name])]
+        holes = holes[~_recorder_pauses(t[holes], t[holes + 1], others[name])]
         if not holes.size:
             continue
         missing = float(steps[holes].sum()) / float(t[-1] - t[0])
         longest = int(holes[np.argmax(steps[holes])])
         found.append(
             Symptom(
-                1.0 + missing / _MISSING,
+                1.0 + missing / LIMITS.missing_step_fraction,
                 f"{holes.size} gaps, the longest {steps[longest] / 1e9:.2f} s, together "
                 f"{missing:.1%} of the log",
                 channel=name,
-                span_ns=case.since_start(t[longest], t[longest + 1]),
+                span_ns=inputs.since_start(t[longest], t[longest + 1]),
             )
         )
-    return _largest(found)
+    return _strongest_symptom(found)
 
 
-def _paused(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
+def _recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
     """Which holes are pauses of the recorder: seconds in which no topic has a sample."""
     alone = np.zeros(begin.size, np.bool_)
     for t in others:
-        inside = np.searchsorted(t, end - _EDGE_NS) - np.searchsorted(t, begin + _EDGE_NS)
+        inside = np.searchsorted(t, end - LIMITS.recorder_pause_edge_ns) - np.searchsorted(
+            t, begin + LIMITS.recorder_pause_edge_ns
+        )
         alone |= inside > 0
-    return ~alone & (end - begin > _PAUSE_NS) & bool(others)
+    return ~alone & (end - begin > LIMITS.recorder_pause_ns) & bool(others)
 
 
-def irregular(case: FindingInputs) -> list[Symptom]:
+def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """The scatter of a topic's steps, gaps aside, over its period."""
     found: list[Symptom] = []
-    for name, (t, _) in _a_channel_a_topic(case).items():
-        uneven = uneven_headers(case.raw[case.machine.channels[name].topic or "table"])
+    for name, (t, _) in _channel_by_topic(inputs).items():
+        uneven = uneven_headers(inputs.raw[inputs.machine.channels[name].topic or "table"])
         if uneven is not None:
             found.append(
                 Symptom(
-                    uneven[0] / _UNEVEN_WRONG,
+                    uneven[0] / LIMITS.uneven_steps_wrong_stamps,
                     f"the steps of its header stamps scatter by {uneven[0]:.0%} of the period, "
                     f"those of log time by {uneven[1]:.0%}: log time places it",
                     channel=name,
@@ -88,11 +66,11 @@ def irregular(case: FindingInputs) -> list[Symptom]:
             continue
         period = float(period_ns(t))
         steps = np.diff(t) / period
-        steps = steps[steps < case.machine.settings.align.gap_periods]
+        steps = steps[steps < inputs.machine.settings.align.gap_periods]
         if steps.size < 100:
             continue
         scatter = float(np.std(steps))
-        least, says = _least_scatter(case, name)
+        least, says = _least_scatter(inputs, name)
         found.append(
             Symptom(
                 scatter / least,
@@ -100,36 +78,39 @@ def irregular(case: FindingInputs) -> list[Symptom]:
                 channel=name,
             )
         )
-    return _largest(found)
+    return _strongest_symptom(found)
 
 
-def _least_scatter(case: FindingInputs, name: str) -> tuple[float, str]:
+def _least_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     """The scatter of a topic's steps that matters, and what its readings say of the stamps."""
-    topic = case.machine.channels[name].topic
+    topic = inputs.machine.channels[name].topic
     weight, weighted = 0.0, 0.0
-    for channel in case.needed:
-        if case.machine.channels[channel].topic == topic:
-            share, std = _share_of_stamps(*case.series[channel])
+    for channel in inputs.needed:
+        if inputs.machine.channels[channel].topic == topic:
+            share, std = _stamp_fidelity(*inputs.series[channel])
             if np.isfinite([share, std]).all() and std > 0.0:
                 weight, weighted = weight + std**-2, weighted + share * std**-2
     if not weight:
-        return _UNEVEN, ""
+        return LIMITS.uneven_steps, ""
     share, std = weighted / weight, weight**-0.5
-    if share - _TELLS * std > 0.5:
-        return _UNEVEN_RIGHT, "; its readings were taken when their stamps say"
-    if share + _TELLS * std < 0.5:
-        return _UNEVEN_WRONG, "; its readings were taken evenly: the stamps are wrong"
-    return _UNEVEN, ""
+    if share - LIMITS.stamp_fidelity_std * std > 0.5:
+        return LIMITS.uneven_steps_right_stamps, "; its readings were taken when their stamps say"
+    if share + LIMITS.stamp_fidelity_std * std < 0.5:
+        return (
+            LIMITS.uneven_steps_wrong_stamps,
+            "; its readings were taken evenly: the stamps are wrong",
+        )
+    return LIMITS.uneven_steps, ""
 
 
-def _share_of_stamps(t: Ints, x: Floats) -> tuple[float, float]:
+def _stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
     """Whether readings were taken when their stamps say (1) or evenly (0), ± standard deviation.
 
     A reading that is taken when its stamp says lies beside the mean of its neighbours by the slope
     times how far its stamp is off their middle. Slopes before and after it are instruments of one
     another: the noise of one slope alone would pull the share to 0.
     """
-    n = _SLOPE_ROWS
+    n = LIMITS.slope_rows
     if x.size < 10 * n:
         return np.nan, np.nan
     t_s = (t - t[0]) * 1e-9
@@ -147,78 +128,81 @@ def _share_of_stamps(t: Ints, x: Floats) -> tuple[float, float]:
     left = before * (beside - share * after)
     std = float(np.sqrt(left @ left) / abs(power.sum()))
     # where the slopes do not agree with each other there is nothing to tell it by
-    agree = power.sum() > _TELLS * float(np.sqrt(power @ power))
+    agree = power.sum() > LIMITS.stamp_fidelity_std * float(np.sqrt(power @ power))
     return (share, std) if agree else (np.nan, np.nan)
 
 
-def clock_jump(case: FindingInputs) -> list[Symptom]:
+def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
     """A step in what log time lies behind header stamps, beyond its drift."""
     found: list[Symptom] = []
-    for topic, (log, latency_s) in _latencies(case).items():
-        level, std_s = _levels(latency_s)
+    for topic, (log, latency_s) in _latencies(inputs).items():
+        level, std_s = _latency_levels(latency_s)
         if level is None:
             continue
-        at, jump_s, left_s = _step(level)
+        at, jump_s, left_s = _largest_step(level)
         # a clock that drifts has no one step
-        if left_s > _off_line(level):
+        if left_s > _residual_of_line(level):
             continue
-        strength = abs(jump_s) / max(_JUMP_DEVIATIONS * std_s, _JUMP_S)
-        place = at * log.size // _PARTS
+        strength = abs(jump_s) / max(LIMITS.clock_jump_std * std_s, LIMITS.clock_jump_s)
+        place = at * log.size // LIMITS.latency_parts
         when = int(log[min(place, log.size - 1)])
         found.append(
             Symptom(
                 strength,
                 f"header stamps of {topic} jump by {1e3 * jump_s:.1f} ± {1e3 * std_s:.1f} ms "
                 "against log time",
-                channel=case.channel_of(topic),
-                span_ns=case.since_start(when, when),
+                channel=inputs.channel_of(topic),
+                span_ns=inputs.since_start(when, when),
             )
         )
-    return _largest(found)
+    return _strongest_symptom(found)
 
 
-def clock_drift(case: FindingInputs) -> list[Symptom]:
+def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
     """Two topics' header stamps against their log times."""
-    signals = case.evidence.signals
+    signals = inputs.check_inputs.signals
     if signals is None or signals.drift is None:
         return []
     drift, span_s = signals.drift, signals.span_s
     apart_s = drift.drift_ppm * 1e-6 * span_s
-    strength = min(drift.drift_ppm / (_DRIFT_DEVIATIONS * drift.drift_std_ppm), apart_s / _DRIFT_S)
-    fit = case.fit
+    strength = min(
+        drift.drift_ppm / (LIMITS.clock_drift_std * drift.drift_std_ppm),
+        apart_s / LIMITS.clock_drift_s,
+    )
+    fit = inputs.fit
     # which of the two is wrong the force tells: it becomes late, or does not
-    wrong = _drifting(case, drift.faster, drift.slower)
+    wrong = _drifting_channel(inputs, drift.faster, drift.slower)
     explains = "" if fit is None else f", {1e3 * apart_s:.1f} ms over the log"
     return [
         Symptom(
             float(np.nan_to_num(strength)),
             f"the clock of {drift.faster} runs {drift.drift_ppm:.0f} ± {drift.drift_std_ppm:.0f} "
             f"ppm faster than that of {drift.slower}{explains}",
-            channel=case.channel_of(wrong),
+            channel=inputs.channel_of(wrong),
         )
     ]
 
 
-def _drifting(case: FindingInputs, faster: str, slower: str) -> str:
+def _drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
     """Of two clocks that run apart, the one of the force where there is one."""
-    force = case.force_channel
-    topic = None if force is None else case.machine.channels[force].topic
+    force = inputs.force_channel
+    topic = None if force is None else inputs.machine.channels[force].topic
     return slower if slower == topic else faster
 
 
-def _a_channel_a_topic(case: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def _channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """One channel of each topic that the equation needs."""
     topics: dict[str | None, str] = {}
-    for name in case.needed:
-        topics.setdefault(case.machine.channels[name].topic, name)
-    return {name: case.series[name] for name in topics.values()}
+    for name in inputs.needed:
+        topics.setdefault(inputs.machine.channels[name].topic, name)
+    return {name: inputs.series[name] for name in topics.values()}
 
 
-def _latencies(case: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def _latencies(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """By topic: log times in ns, and log time less header stamp in s, from its least on."""
     out: dict[str, tuple[Ints, Floats]] = {}
-    for topic, frame in case.raw.items():
-        if "header_stamp_ns" not in frame.columns or frame.height < 10 * _PARTS:
+    for topic, frame in inputs.raw.items():
+        if "header_stamp_ns" not in frame.columns or frame.height < 10 * LIMITS.latency_parts:
             continue
         stamps, log = frame["header_stamp_ns"], frame["log_time_ns"].to_numpy()
         if stamps.null_count() or int(stamps.min() or 0) < FIRST_DATE_NS:  # type: ignore[arg-type]
@@ -228,15 +212,15 @@ def _latencies(case: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     return out
 
 
-def _levels(latency_s: Floats) -> tuple[Floats | None, float]:
+def _latency_levels(latency_s: Floats) -> tuple[Floats | None, float]:
     """(parts,) the usual latency of each part, and the deviation of one."""
-    parts = np.array_split(latency_s, _PARTS)
+    parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
     changes = np.abs(np.diff(level))
     return level, max(float(np.median(changes)) * 1.4826, 1e-5)
 
 
-def _step(level: Floats) -> tuple[int, float, float]:
+def _largest_step(level: Floats) -> tuple[int, float, float]:
     """Where the level steps most, by how much, and what a step leaves of its scatter."""
     count = np.arange(1, level.size)
     before = np.cumsum(level)[:-1] / count
@@ -247,11 +231,11 @@ def _step(level: Floats) -> tuple[int, float, float]:
     return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
 
 
-def _off_line(level: Floats) -> float:
+def _residual_of_line(level: Floats) -> float:
     """What a line leaves of its scatter."""
     x = np.arange(level.size, dtype=np.float64)
     return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))
 
 
-def _largest(found: list[Symptom]) -> list[Symptom]:
+def _strongest_symptom(found: list[Symptom]) -> list[Symptom]:
     return [max(found, key=lambda sign: sign.strength)] if found else []

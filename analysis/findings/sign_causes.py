@@ -6,34 +6,15 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
-from analysis.findings.accelerometer_share import share_of_accelerometer
+from analysis.findings.accelerometer_share import fit_accelerometer_gain
 from analysis.findings.cause import Symptom
-from analysis.findings.constant_forces import INDEPENDENT_S
 from analysis.findings.finding_inputs import ACC, FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import refit_from_scratch, refit_mended
 from analysis.model.schema import values
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.motion_samples import MotionSamples
 
-#: A correlation beyond this has a sign.
-_SIGN: Final = 0.3
-#: So has a gain beyond so many of its deviations.
-_SURE_SIGN: Final = 8.0
-#: Of a force that has lost its sign, this share of the samples opposes the motion that decelerate
-#: for so long in all, in s,
-_UNSIGNED: Final = 0.1
-_BRAKES_S: Final = 0.3
-#: at any rate so many of them,
-_FEWEST_BRAKING: Final = 3
-#: and this share of its readings is below zero.
-_BELOW_0: Final = 0.002
-_BACKWARDS_M_S: Final = 0.05
-#: A sign is there or not, so that it stands before what has a size.
-_STANDS_FIRST: Final = 30.0
-#: Left and right that correlate below this oppose each other.
-_OPPOSE: Final = -0.5
-#: A turn must be so much above the gyroscope's noise to tell the sides apart, in rad/s.
-_TURNS_RAD_S: Final = 0.03
 #: Ratios of units that are taken for each other, and what they are.
 _SPEED_UNITS: Final = {
     3.6: "km/h as m/s",
@@ -58,38 +39,37 @@ _FORCE_UNITS: Final = {
     1.0 / 9.80665: "kgf as N",
     8.8507: "lbf·in as N·m",
 }
-#: An ungated mass, or a gain, is taken for one below this relative deviation.
-_SURE: Final = 0.05
-#: So is the fit's mass where its standard uncertainty is a smaller share of it.
-_KNOWN: Final = 0.15
-#: A ratio is a unit's within this share; a load and friction bend a mass more.
-_NEAR: Final = 0.06
-_NEAR_MASS: Final = 0.35
-#: Ratios that are nearer to each other are not told apart.
-_APART: Final = 0.015
 
 
-def flipped(case: FindingInputs) -> list[Symptom]:
+def find_flipped_sign(inputs: FindingInputs) -> list[Symptom]:
     """One of force, speed and accelerometer against the other two; one side against the other."""
-    found = [*_axis_flipped(case), *_side_flipped(case)]
+    found = [*_flipped_axis(inputs), *_flipped_side(inputs)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _axis_flipped(case: FindingInputs) -> list[Symptom]:
-    of_force = case.checks.get("force_sign", np.nan)
-    gain, std = share_of_accelerometer(case) or (np.nan, np.nan)
-    by_imu = abs(gain) > _SURE_SIGN * std
+def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
+    of_force = inputs.checks.get("force_sign", np.nan)
+    gain, std = fit_accelerometer_gain(inputs) or (np.nan, np.nan)
+    by_imu = abs(gain) > LIMITS.signed_gain_std * std
     if not np.isfinite(of_force):
         return []
     names: tuple[str, ...] = ()
-    if of_force < -_SIGN and not (by_imu and gain < 0.0):
-        names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+    if of_force < -LIMITS.signed_correlation and not (by_imu and gain < 0.0):
+        names = inputs.measured("force_x_N") or inputs.measured(
+            "torque_left_N_m", "torque_right_N_m"
+        )
     elif by_imu and gain < 0.0:
-        names = case.measured(ACC) if of_force < -_SIGN else case.speed_channels
+        names = (
+            inputs.measured(ACC) if of_force < -LIMITS.signed_correlation else inputs.speed_channels
+        )
     if not names:
         return []
-    setting, value = case.scaled(names, -1.0)
-    strength = max(abs(of_force if of_force < -_SIGN else gain) / _SIGN, 1.0)
+    setting, value = inputs.scale_channels(names, -1.0)
+    strength = max(
+        abs(of_force if of_force < -LIMITS.signed_correlation else gain)
+        / LIMITS.signed_correlation,
+        1.0,
+    )
     return [
         Symptom(
             10.0 * strength,
@@ -98,33 +78,37 @@ def _axis_flipped(case: FindingInputs) -> list[Symptom]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: refit_from_scratch(case, lambda motion: _turned(motion, names[0]), 0.05),
+            change=lambda: refit_from_scratch(
+                inputs, lambda motion: _reverse_channel(motion, names[0]), 0.05
+            ),
         )
     ]
 
 
-def _side_flipped(case: FindingInputs) -> list[Symptom]:
+def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
     """Left and right torque that oppose each other while the machine drives straight."""
-    sides = case.measured("torque_left_N_m", "torque_right_N_m")
+    sides = inputs.measured("torque_left_N_m", "torque_right_N_m")
     if len(sides) < 2:
         return []
-    left, right = (values(case.aligned, name) for name in sides)
-    used = case.evidence.is_phase("accelerating", "cruising", "braking")
+    left, right = (values(inputs.aligned, name) for name in sides)
+    used = inputs.check_inputs.is_phase("accelerating", "cruising", "braking")
     used &= np.isfinite(left) & np.isfinite(right)
-    if used.sum() < 200 or not (used & case.evidence.is_phase("accelerating")).any():
+    if used.sum() < 200 or not (used & inputs.check_inputs.is_phase("accelerating")).any():
         return []
     together = float(np.corrcoef(left[used], right[used])[0, 1])
-    if together > _OPPOSE or any(_never_negative(case, name) for name in sides):
+    if together > LIMITS.opposing_sides_correlation or any(
+        _is_never_negative(inputs, name) for name in sides
+    ):
         return []
-    along = case.evidence.straight.speed
-    speeding = used & case.evidence.is_phase("accelerating")
+    along = inputs.check_inputs.straight.speed
+    speeding = used & inputs.check_inputs.is_phase("accelerating")
     wrong = sides[
         int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
     ]
-    setting, value = case.scaled((wrong,), -1.0)
+    setting, value = inputs.scale_channels((wrong,), -1.0)
     return [
         Symptom(
-            _STANDS_FIRST * abs(together),
+            LIMITS.sign_rank * abs(together),
             f"left and right torque correlate by {together:+.2f} while it drives straight",
             channel=wrong,
             setting=setting,
@@ -133,26 +117,33 @@ def _side_flipped(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def unsigned(case: FindingInputs) -> list[Symptom]:
+def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     """A force that is never below zero, though it drives back or something brakes it."""
-    name = case.force_channel
+    name = inputs.force_channel
     if name is None:
         return []
-    opposing = case.checks.get("raw_opposing_share", np.nan)
+    opposing = inputs.checks.get("raw_opposing_share", np.nan)
     if not np.isfinite(opposing):
-        opposing = case.checks.get("opposing_share", np.nan)
-    straight = case.evidence.straight
+        opposing = inputs.checks.get("opposing_share", np.nan)
+    straight = inputs.check_inputs.straight
     if not straight.known.any():
         return []
-    fewest = rows_in(_BRAKES_S, case.machine.settings.align.rate_hz, _FEWEST_BRAKING)
-    backwards = float((straight.speed[straight.known] < -_BACKWARDS_M_S).mean()) > 0.05
-    brakes = np.count_nonzero(straight.braking) >= fewest and opposing <= _UNSIGNED
-    if not _never_negative(case, name) or not (backwards or brakes):
+    fewest = rows_in(
+        LIMITS.unsigned_braking_s,
+        inputs.machine.settings.align.rate_hz,
+        LIMITS.unsigned_min_samples,
+    )
+    backwards = float((straight.speed[straight.known] < -LIMITS.reverse_speed_m_s).mean()) > 0.05
+    brakes = (
+        np.count_nonzero(straight.braking) >= fewest
+        and opposing <= LIMITS.unsigned_opposing_fraction
+    )
+    if not _is_never_negative(inputs, name) or not (backwards or brakes):
         return []
-    high = float(np.quantile(case.series[name][1], 0.99))
+    high = float(np.quantile(inputs.series[name][1], 0.99))
     return [
         Symptom(
-            _STANDS_FIRST,
+            LIMITS.sign_rank,
             f"of up to {high:.3g}, not one of its readings is below zero, though the machine "
             + (
                 "drives back"
@@ -164,178 +155,188 @@ def unsigned(case: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _never_negative(case: FindingInputs, name: str) -> bool:
+def _is_never_negative(inputs: FindingInputs, name: str) -> bool:
     """Whether a channel has lost its sign: noise about zero would be below it as well."""
-    return float((case.series[name][1] < 0.0).mean()) < _BELOW_0
+    return float((inputs.series[name][1] < 0.0).mean()) < LIMITS.unsigned_negative_fraction
 
 
-def swapped(case: FindingInputs) -> list[Symptom]:
+def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     """Wheels that turn the machine the other way than the gyroscope says."""
     gyro = "yaw_rate_rad_s"
-    sides = case.measured("speed_left_m_s", "speed_right_m_s")
-    width = case.machine.machine.track_width_m
-    if len(sides) < 2 or gyro not in case.aligned.columns or width is None:
+    sides = inputs.measured("speed_left_m_s", "speed_right_m_s")
+    width = inputs.machine.machine.track_width_m
+    if len(sides) < 2 or gyro not in inputs.aligned.columns or width is None:
         return []
-    left, right, rate = (values(case.aligned, name) for name in (*sides, gyro))
+    left, right, rate = (values(inputs.aligned, name) for name in (*sides, gyro))
     turns = (right - left) / width
-    used = np.isfinite(turns) & np.isfinite(rate) & ~case.stands
+    used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.stands
     if used.sum() < 200:
         return []
-    step = rows_in(INDEPENDENT_S, case.machine.settings.align.rate_hz)
+    step = rows_in(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
     x, y = rate[used][::step], turns[used][::step]
-    if float(np.sqrt((x**2).mean())) < _TURNS_RAD_S or not y.any():
+    if float(np.sqrt((x**2).mean())) < LIMITS.turn_rad_s or not y.any():
         return []
     together = float(x @ y) / float(np.sqrt((x @ x) * (y @ y)))
-    if together > -_SIGN:
+    if together > -LIMITS.signed_correlation:
         return []
-    torques = case.measured("torque_left_N_m", "torque_right_N_m")
+    torques = inputs.measured("torque_left_N_m", "torque_right_N_m")
     names = (*sides, *torques)
-    channels = case.machine.channels
+    channels = inputs.machine.channels
     pairs = [(names[i], names[i ^ 1]) for i in range(len(names))]
     keys = ", ".join(f"channels.{name}.field" for name, _ in pairs)
     fields = ", ".join(f'"{channels[other].field}"' for _, other in pairs)
     return [
         Symptom(
-            10.0 * abs(together) / _SIGN,
+            10.0 * abs(together) / LIMITS.signed_correlation,
             f"turns by the wheels correlate by {together:+.2f} with the gyroscope's",
             channel=sides[0],
             setting=keys,
             value=fields,
             # what drives straight does not know its sides
-            change=lambda: refit_mended(case, lambda motion: motion),
+            change=lambda: refit_mended(inputs, lambda motion: motion),
             alternatives=("sign_flipped",),
         )
     ]
 
 
-def wrong_unit(case: FindingInputs) -> list[Symptom]:
+def find_wrong_unit(inputs: FindingInputs) -> list[Symptom]:
     """Ratios of speed, acceleration and force that are those of usual units."""
     # a mass in the wrong unit may be the acceleration's
-    found = _of_gravity(case) or _of_speed(case) or _of_force(case)
+    found = _unit_by_gravity(inputs) or _unit_by_speed(inputs) or _unit_by_empty_mass(inputs)
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _of_gravity(case: FindingInputs) -> list[Symptom]:
+def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """The accelerometer's z axis at standstill against gravity, whatever the wheels do."""
-    names = case.measured(*_ACC_AXES)
-    reads, _ = case.level(_ACC_AXES[2])
-    share = reads / case.machine.machine.gravity_m_s2
-    near = [r for r in _ACC_UNITS if share > 0.0 and abs(np.log(share / r)) < _NEAR]
+    names = inputs.measured(*_ACC_AXES)
+    reads, _ = inputs.level(_ACC_AXES[2])
+    share = reads / inputs.machine.machine.gravity_m_s2
+    near = [
+        r
+        for r in _ACC_UNITS
+        if share > 0.0 and abs(np.log(share / r)) < LIMITS.unit_ratio_tolerance
+    ]
     if not near or ACC not in names:
         return []
-    setting, value = case.scaled(names, 1.0 / near[0])
+    setting, value = inputs.scale_channels(names, 1.0 / near[0])
     return [
         Symptom(
-            10.0 * abs(float(np.log(share))) / _SIGN,
+            10.0 * abs(float(np.log(share))) / LIMITS.signed_correlation,
             f"standing, it reads {reads:.4g} m/s² of gravity along z: {_ACC_UNITS[near[0]]}",
             channel=ACC,
             setting=setting,
             value=value,
             change=lambda: refit_from_scratch(
-                case, lambda motion: _times(motion, ACC, 1.0 / near[0]), 0.05
+                inputs, lambda motion: _multiply_channel(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
     ]
 
 
-def _reads_gravity(case: FindingInputs) -> bool:
+def _reads_gravity(inputs: FindingInputs) -> bool:
     """Whether the z axis reads gravity at rest, either way up: then its unit is m/s²."""
-    reads, _ = case.level(_ACC_AXES[2])
-    return bool(abs(abs(reads) / case.machine.machine.gravity_m_s2 - 1.0) < _NEAR)
+    reads, _ = inputs.level(_ACC_AXES[2])
+    return bool(
+        abs(abs(reads) / inputs.machine.machine.gravity_m_s2 - 1.0) < LIMITS.unit_ratio_tolerance
+    )
 
 
-def _speed_units(case: FindingInputs) -> dict[float, str]:
+def _speed_units(inputs: FindingInputs) -> dict[float, str]:
     """Ratios of the accelerometer to wheels in another unit, and which."""
     found = {1.0 / times: what for times, what in _SPEED_UNITS.items()}
-    radius_m = case.machine.machine.wheel_radius_m
+    radius_m = inputs.machine.machine.wheel_radius_m
     if radius_m is None:
         return found
     return {**{radius_m / times: what for times, what in _WHEEL_UNITS.items()}, **found}
 
 
-def _of_speed(case: FindingInputs) -> list[Symptom]:
+def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     """The accelerometer against the wheels, and against gravity."""
-    gain = case.checks.get("acceleration_gain", np.nan)
-    seen = share_of_accelerometer(case)
+    gain = inputs.checks.get("acceleration_gain", np.nan)
+    seen = fit_accelerometer_gain(inputs)
     # what hardly moves has any gain
-    if not gain > 0.0 or seen is None or not seen[1] < _SURE * abs(seen[0]):
+    if not gain > 0.0 or seen is None or not seen[1] < LIMITS.known_ratio_u * abs(seen[0]):
         return []
-    units = _speed_units(case)
-    channels = dict.fromkeys(units, case.speed_channels)
-    if not _reads_gravity(case):
-        channels |= dict.fromkeys(_ACC_UNITS, case.measured(*_ACC_AXES))
+    units = _speed_units(inputs)
+    channels = dict.fromkeys(units, inputs.speed_channels)
+    if not _reads_gravity(inputs):
+        channels |= dict.fromkeys(_ACC_UNITS, inputs.measured(*_ACC_AXES))
     near = {
         ratio: abs(float(np.log(gain / ratio)))
         for ratio, names in channels.items()
         # wheels of a radius of a metre read m/s either way
-        if names and abs(np.log(ratio)) > 2.0 * _NEAR
+        if names and abs(np.log(ratio)) > 2.0 * LIMITS.unit_ratio_tolerance
     }
     ratio = min(near, key=near.__getitem__, default=None)
-    if ratio is None or near[ratio] > _NEAR:
+    if ratio is None or near[ratio] > LIMITS.unit_ratio_tolerance:
         return []
-    alike = [r for r in near if near[r] < near[ratio] + max(_APART, 3.0 * seen[1] / seen[0])]
+    alike = [
+        r
+        for r in near
+        if near[r] < near[ratio] + max(LIMITS.ratio_resolution, 3.0 * seen[1] / seen[0])
+    ]
     names = channels[ratio]
     # the accelerometer's scale from the wheels' side, or the other way round
     times = 1.0 / ratio if names[0] == ACC else ratio
-    setting, value = case.scaled(names, times)
+    setting, value = inputs.scale_channels(names, times)
     told = all(channels[each] == names for each in alike)
     what = " or ".join(
         {**units, **_ACC_UNITS}[each] for each in sorted(alike, key=near.__getitem__)
     )
     return [
         Symptom(
-            10.0 * abs(float(np.log(gain))) / _SIGN,
+            10.0 * abs(float(np.log(gain))) / LIMITS.signed_correlation,
             f"accelerometer over wheels is {gain:.4g}, near {ratio:.4g}: {what}",
             channel=names[0],
             setting=setting if told else None,
             value=value if told else None,
             change=lambda: refit_from_scratch(
-                case, lambda motion: _times(motion, names[0], times), 0.05
+                inputs, lambda motion: _multiply_channel(motion, names[0], times), 0.05
             ),
         )
     ]
 
 
-def _of_force(case: FindingInputs) -> list[Symptom]:
+def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     """The mass against the empty machine's."""
-    ratio = case.checks.get("empty_mass_ratio", np.nan)
-    empty_kg = case.machine.machine.empty_mass_kg
-    fit = case.fit
+    ratio = inputs.checks.get("empty_mass_ratio", np.nan)
+    empty_kg = inputs.machine.machine.empty_mass_kg
+    fit = inputs.fit
     if fit is not None and empty_kg and fit.mass_kg > 0:
         ratio = fit.mass_kg / empty_kg
-    names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+    names = inputs.measured("force_x_N") or inputs.measured("torque_left_N_m", "torque_right_N_m")
     if fit is None:
-        poor = not case.checks.get("relative_std", np.inf) < _SURE
+        poor = not inputs.checks.get("relative_std", np.inf) < LIMITS.known_ratio_u
     else:
         # with all that is uncertain of it: a lag that is beyond its prior leaves any ratio
-        poor = not case.checks.get("relative_u", np.inf) < _KNOWN
+        poor = not inputs.checks.get("relative_u", np.inf) < LIMITS.known_mass_u
     if not np.isfinite(ratio) or ratio <= 0.0 or poor or not names:
         return []
     near = min(_FORCE_UNITS, key=lambda times: abs(np.log(ratio / times)))
-    if abs(np.log(ratio / near)) > _NEAR_MASS or abs(np.log(ratio)) < 3.0 * abs(
+    if abs(np.log(ratio / near)) > LIMITS.unit_mass_tolerance or abs(np.log(ratio)) < 3.0 * abs(
         np.log(ratio / near)
     ):
         return []
-    setting, value = case.scaled(names, 1.0 / near)
+    setting, value = inputs.scale_channels(names, 1.0 / near)
     return [
         Symptom(
-            10.0 * abs(float(np.log(ratio))) / _SIGN,
+            10.0 * abs(float(np.log(ratio))) / LIMITS.signed_correlation,
             f"the mass is {ratio:.3g} times that of the empty machine: {_FORCE_UNITS[near]}",
             channel=names[0],
             setting=setting,
             value=value,
             change=lambda: refit_from_scratch(
-                case, lambda motion: _times(motion, names[0], 1.0 / near), 0.05
+                inputs, lambda motion: _multiply_channel(motion, names[0], 1.0 / near), 0.05
             ),
         )
     ]
 
 
-def _turned(motion: MotionSamples, channel: str) -> MotionSamples:
-    return _times(motion, channel, -1.0)
+def _reverse_channel(motion: MotionSamples, channel: str) -> MotionSamples:
+    return _multiply_channel(motion, channel, -1.0)
 
 
-def _times(motion: MotionSamples, channel: str, times: float) -> MotionSamples:
+def _multiply_channel(motion: MotionSamples, channel: str, times: float) -> MotionSamples:
     """The motion with a channel multiplied."""
     if channel == ACC:
 

@@ -7,6 +7,7 @@ import polars as pl
 
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
 
 #: Kept of the case: keys of the causes that it shows.
 SHOWN: Final = "shown causes"
@@ -23,18 +24,16 @@ _OF_ONE_THING: Final[Mapping[str, tuple[str, ...]]] = {
     "one_sided": ("unlike_sides", "sign_flipped", "unsigned", "frozen", "saturated"),
     "filling": ("load_changed_inside", "external_force", "delay", "gain_drift", "driveline"),
 }
-#: A check without a number, or without a limit to compare it with, counts like this.
-_AS_STRONG: Final = 1.0
 
 
-def unknown(case: FindingInputs) -> list[Symptom]:
+def find_unexplained_checks(inputs: FindingInputs) -> list[Symptom]:
     """The failed checks of the mass that no cause accounts for."""
-    kept = case.kept.get(SHOWN, ())
-    found = unaccounted(case.judged, kept if isinstance(kept, tuple) else ())
+    kept = inputs.kept.get(SHOWN, ())
+    found = unexplained_symptom(inputs.judged, kept if isinstance(kept, tuple) else ())
     return [] if found is None else [found]
 
 
-def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
+def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
     """What fails and none of the causes accounts for; None where each does.
 
     Args:
@@ -44,7 +43,7 @@ def unaccounted(judged: pl.DataFrame, shown: Collection[str]) -> Symptom | None:
     failed = [row for row in judged.iter_rows(named=True) if _is_open(row, set(shown))]
     if not failed:
         return None
-    said = "; ".join(f"{row['check']} {_number(row)}: {row['meaning']}" for row in failed)
+    said = "; ".join(f"{row['check']} {_check_value(row)}: {row['meaning']}" for row in failed)
     return Symptom(
         max(map(_strength, failed)), f"no known cause accounts for what disagrees: {said}"
     )
@@ -57,7 +56,7 @@ def _is_open(row: Mapping[str, Any], shown: set[str]) -> bool:
     return not accounts - set(_BEND_NOTHING)
 
 
-def _number(row: Mapping[str, Any]) -> str:
+def _check_value(row: Mapping[str, Any]) -> str:
     if row["value"] is None:
         return "has no number"
     low, high = row["minimum"], row["maximum"]
@@ -69,5 +68,5 @@ def _number(row: Mapping[str, Any]) -> str:
 def _strength(row: Mapping[str, Any]) -> float:
     value, limit = row["value"], row["maximum"]
     if value is None or not limit or limit < 0.0:
-        return _AS_STRONG
-    return max(abs(value / limit), _AS_STRONG)
+        return LIMITS.numberless_check_strength
+    return max(abs(value / limit), LIMITS.numberless_check_strength)

@@ -7,34 +7,18 @@ means inside each stretch, without its own line; the accelerometer's noise adds 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
 
 import numpy as np
 
 from analysis.diagnosis.check_inputs import Floats
 from analysis.diagnosis.measured_channels import Ints
-from analysis.weighing.motion_samples import MotionSamples, NoiseOfColumns
+from analysis.findings.finding_limits import LIMITS
+from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from estimators.numerics.fit_loss import group_rows
-
-#: Samples of a mean of the force's rows, and of the wheels'.
-FORCE: Final = 5
-_WHEELS: Final = 10
-#: Stretches of fewer means say nothing of the wheels.
-_FEWEST: Final = 10
-#: Noise that adds up is told from means of so many samples.
-_LONG: Final = 100
-#: Residuals that are correlated over so many rows count for less.
-_LAGS: Final = 10
-#: A cause of whose column the others leave less is not told from what a model never has.
-_LEFT: Final = 0.012
-#: Mean square of the progress over a log, which goes from -1/2 to 1/2.
-_MEAN_SQUARE: Final = 1.0 / 12.0
-#: Samples of the parabola that gives a derivative.
-_RATE: Final = 9
 
 
 @dataclass(frozen=True)
-class System:
+class EquationRows:
     """Rows of an equation.
 
     Attributes:
@@ -59,12 +43,12 @@ class System:
 
 def force_system(
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     mass_kg: Floats,
     friction: float,
     *,
     brakes: bool = False,
-) -> System:
+) -> EquationRows:
     """Rows of the force.
 
     Args:
@@ -74,14 +58,20 @@ def force_system(
         friction: viscous, what slip costs.
         brakes: whether braking counts as driving.
     """
-    taken = blocks(motion.group, FORCE)
+    taken = blocks(motion.group, LIMITS.force_mean_samples)
     usual_kg = float(np.median(mass_kg[motion.used]))
-    std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(FORCE) @ g))
+    std = float(
+        np.sqrt(
+            (g := np.array([usual_kg, friction, -1.0]))
+            @ noise.covariance(LIMITS.force_mean_samples)
+            @ g
+        )
+    )
     # a force without noise is known to its last digit
     std = max(std, np.finfo(np.float64).eps * motion.largest_force) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     along = motion.progress[taken]
-    rate = _rate(motion.force, motion.rate_hz)[taken]
+    rate = _force_rate(motion.force, motion.rate_hz)[taken]
     columns = {
         "delay:force": -rate,
         "delay:imu": rate,
@@ -91,7 +81,7 @@ def force_system(
         "gain_drift": f * along,
         # no faults: oil that warms, fast at first
         "viscous_drift": v * along,
-        "viscous_bend": v * (along**2 - _MEAN_SQUARE),
+        "viscous_bend": v * (along**2 - LIMITS.progress_mean_square),
         "const": np.ones(f.size),
     }
     if motion.both_ways:
@@ -100,55 +90,63 @@ def force_system(
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def mean(x: Floats) -> Floats:
-        return sums(x, FORCE) / FORCE / std
+        return sums(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
 
-    own = noise.covariance(FORCE) / std**2
-    force = float(f.sum()) / FORCE
-    along = float((np.sign(v) * f).sum()) / FORCE
-    return System(
+    own = noise.covariance(LIMITS.force_mean_samples) / std**2
+    force = float(f.sum()) / LIMITS.force_mean_samples
+    along = float((np.sign(v) * f).sum()) / LIMITS.force_mean_samples
+    return EquationRows(
         mean(f - (mass_kg[taken] - usual_kg) * a),
         np.column_stack([mean(a), mean(v)]),
         {name: mean(column) for name, column in columns.items()},
-        taken.size // FORCE * own[:2, :2],
+        taken.size // LIMITS.force_mean_samples * own[:2, :2],
         {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
         {},
         std,
     )
 
 
-def wheel_system(motion: MotionSamples, noise: NoiseOfColumns) -> System | None:
+def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows | None:
     """Rows of the wheels against the accelerometer; None without one."""
     reads = motion.specific_force if motion.without_gravity is None else motion.without_gravity
     if reads is None:
         return None
     step_s = 1.0 / motion.rate_hz
     rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
-    of_speed = max(float(noise.covariance(_WHEELS)[1, 1]), rounding_m_s**2)
-    of_acc = float(noise.covariance(_LONG)[0, 0]) * _LONG * step_s**2 * _WHEELS
+    of_speed = max(float(noise.covariance(LIMITS.wheel_mean_samples)[1, 1]), rounding_m_s**2)
+    of_acc = (
+        float(noise.covariance(LIMITS.accumulated_noise_samples)[0, 0])
+        * LIMITS.accumulated_noise_samples
+        * step_s**2
+        * LIMITS.wheel_mean_samples
+    )
     found: list[Floats] = []
     of_gained = 0.0
     for part in group_rows(motion.group):
-        count = part.size // _WHEELS
-        if count < _FEWEST:
+        count = part.size // LIMITS.wheel_mean_samples
+        if count < LIMITS.wheel_min_means:
             continue
-        part = part[: count * _WHEELS]
+        part = part[: count * LIMITS.wheel_mean_samples]
         a, v, f = reads[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        white, added = _whitener(count, of_speed, of_acc)
+        white, added = _whitening_matrix(count, of_speed, of_acc)
         of_gained += added
-        means = sums(np.concatenate([v - gained, gained, np.abs(v) * f, a]), _WHEELS) / _WHEELS
+        means = (
+            sums(np.concatenate([v - gained, gained, np.abs(v) * f, a]), LIMITS.wheel_mean_samples)
+            / LIMITS.wheel_mean_samples
+        )
         found.append(white @ means.reshape(4, count).T)
     if not found:
         return None
     y, gained, slips, reads = np.concatenate(found).T.copy()
     columns = {"wheel_radius": gained, "slip": slips, "delay:speed": -reads, "delay:imu": reads}
-    return System(
+    return EquationRows(
         y, np.zeros((y.size, 0)), columns, np.zeros((0, 0)), {}, {"wheel_radius": of_gained}
     )
 
 
 @lru_cache(maxsize=256)
-def _whitener(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
+def _whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
     """(count - 2, count) that makes the noise of a stretch white and takes its line off.
 
     Beside it the accelerometer's share of that noise, added up over the rows.
@@ -178,9 +176,9 @@ def sums(x: Floats, samples: int) -> Floats:
     return total
 
 
-def _rate(force: Floats, rate_hz: float) -> Floats:
+def _force_rate(force: Floats, rate_hz: float) -> Floats:
     """The derivative of the force in N/s."""
-    half = _RATE // 2
+    half = LIMITS.force_rate_samples // 2
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
     )
@@ -188,7 +186,7 @@ def _rate(force: Floats, rate_hz: float) -> Floats:
 
 
 @dataclass(frozen=True)
-class Explained:
+class ProjectedEquation:
     """One equation without what its base and the causes that were taken explain.
 
     Attributes:
@@ -204,7 +202,7 @@ class Explained:
     variance: float
 
     @classmethod
-    def of(cls, system: System, taken: Sequence[str]) -> "Explained":
+    def of(cls, system: EquationRows, taken: Sequence[str]) -> "ProjectedEquation":
         """Take off what the base and these causes explain, noise of their columns aside."""
         own = [name for name in taken if name in system.columns]
         others = [name for name in system.columns if name not in own]
@@ -240,7 +238,11 @@ class Explained:
         squares = (tried**2).sum(axis=0)
         squares -= [system.noise_of.get(name, 0.0) for name in others]
         information = squares - np.einsum("ij,ij->j", cross, inverse @ cross)
-        kept = [k for k in range(len(others)) if information[k] > _LEFT * squares[k]]
+        kept = [
+            k
+            for k in range(len(others))
+            if information[k] > LIMITS.min_column_left_fraction * squares[k]
+        ]
         # noise by what all causes together leave, whichever it is
         noise = left
         if kept:
@@ -270,6 +272,6 @@ def variance_of(noise: Floats) -> float:
         return 1.0
     alike = [
         float(noise[lag:] @ noise[:-lag]) / noise.size / own
-        for lag in range(1, min(_LAGS, noise.size // 4) + 1)
+        for lag in range(1, min(LIMITS.correlated_rows, noise.size // 4) + 1)
     ]
     return max(own * max(1.0 + 2.0 * float(np.sum(alike)), 0.5), 0.5)

@@ -4,7 +4,8 @@ from typing import Final
 
 import polars as pl
 
-_NS: Final = 1e9
+from analysis.model.physical_units import NS_PER_S
+
 #: The gate accepts at least this share of a recording that works.
 _LOW: Final = 0.02
 #: One cycle in so many may be without a mass.
@@ -33,7 +34,7 @@ def needs_a_look(
     without = (
         cycles.filter(pl.col("payload_kg").is_null())
         .group_by("key")
-        .agg((pl.col("start_t_ns").min() / _NS).alias("without_at_s"))
+        .agg((pl.col("start_t_ns").min() / NS_PER_S).alias("without_at_s"))
         .collect()
     )
     placed = results.join(without, on="key", how="left")
@@ -117,7 +118,7 @@ def _of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
                 "number",
                 payload.round(0).cast(pl.Int64),
             ).alias("why"),
-            (pl.col("start_t_ns") / _NS).alias("at_s"),
+            (pl.col("start_t_ns") / NS_PER_S).alias("at_s"),
         )
         .collect()
     )
@@ -138,6 +139,6 @@ def _of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
             .then(pl.format("likely {}", "cause"))
             .otherwise(pl.format("likely {}, {} kg of mass", "cause", change))
             .alias("why"),
-            (pl.col("start_t_ns") / _NS).alias("at_s"),
+            (pl.col("start_t_ns") / NS_PER_S).alias("at_s"),
         )
     )

@@ -62,7 +62,7 @@ def control_chart(values: Floats, limit: float) -> ControlChart:
         values: (n,) in time, without NaN.
         limit: of the sums, from `limit_for`.
     """
-    innovation = innovations(whitened(values))
+    innovation = innovations(whiten_series(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
     flagged: int | None = None
     begins = [0, 0]
@@ -78,7 +78,7 @@ def control_chart(values: Floats, limit: float) -> ControlChart:
     return ControlChart(innovation, up, down, limit, flagged, since, change, std)
 
 
-def whitened(values: Floats) -> Floats:
+def whiten_series(values: Floats) -> Floats:
     """(n,) of each value what the one before it does not foretell, where days are alike in a row.
 
     The correlation is that of differences over one and two values, E2 / E1 - 1 of a first-order

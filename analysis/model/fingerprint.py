@@ -94,11 +94,11 @@ def _column_digest(series: pl.Series) -> str:
             nulls.update(np.packbits(part.is_null().to_numpy()).data)
         for array in _arrays(part):
             values.update(_little_endian(array).data)
-    about = [series.name, *_described(series.dtype)]
+    about = [series.name, *_describe_value(series.dtype)]
     return _json_digest([about, values.hexdigest(), nulls.hexdigest()])
 
 
-def _described(dtype: pl.DataType) -> list[Any]:
+def _describe_value(dtype: pl.DataType) -> list[Any]:
     if isinstance(dtype, pl.Enum):
         return ["Enum", dtype.categories.to_list()]
     return [str(dtype)]

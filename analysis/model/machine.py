@@ -138,7 +138,7 @@ class LogSection(BaseModel):
     sort_times: bool | None = None
 
     @model_serializer(mode="wrap")
-    def _given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _given_keys(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """What is given: keys of later versions change no machine file of an earlier one."""
         return {name: value for name, value in handler(self).items() if value is not None}
 

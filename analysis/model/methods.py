@@ -142,7 +142,7 @@ def _tls(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
     return noise.ratios
 
 
-def _pooled(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
+def _trace_pooled(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
     from estimators.methods.pooled import PooledOptions
 
     return PooledOptions(noise.mean)
@@ -177,7 +177,7 @@ METHODS: Final = _by_name(
         Feed.SEGMENTS,
         LogSummary.POOL,
         "incremental.Pool.estimate",
-        _pooled,
+        _trace_pooled,
         takes_noise_off=True,
     ),
     Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _huber),

@@ -8,6 +8,8 @@ from typing import Any, Final
 
 from estimators.errors import MachineError
 
+#: Nanoseconds of a second: stamps are whole ns, durations s.
+NS_PER_S: Final = 1e9
 #: What pint lets through of its tokenizer and its evaluation, for text that is no unit.
 _UNREADABLE = (
     ArithmeticError,

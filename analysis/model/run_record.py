@@ -63,7 +63,7 @@ class Run:
             and self.provenance == other.provenance
         )
 
-    def fingerprinted(self) -> Self:
+    def with_fingerprint(self) -> Self:
         """The same run with the fingerprint of its frames in its provenance."""
         about = self.provenance
         digests = [each.sha256 for each in about.inputs]

@@ -12,7 +12,7 @@ _NEAR_FRACTION: Final = 0.8
 #: The check that counts windows, which joint motion has no use for.
 _COUNT: Final = "accepted_stretches"
 
-About = Literal["mass", "inertia"]
+EvidenceSubject = Literal["mass", "inertia"]
 #: What a check that fails leads to: the number withheld, its uncertainty widened, the methods that
 #: disagree withheld, or a word to the reader.
 Consequence = Literal["withhold", "widen", "method", "tell"]
@@ -35,7 +35,7 @@ class Check:
     """
 
     check: str
-    about: About
+    about: EvidenceSubject
     value: float | None
     minimum: float | None
     maximum: float | None
@@ -103,7 +103,7 @@ class Verdict:
             for check in self.checks
         )
 
-    def failed(self, about: About) -> tuple[Check, ...]:
+    def failed(self, about: EvidenceSubject) -> tuple[Check, ...]:
         """The checks that withhold the mass, or the inertia."""
         return tuple(
             each

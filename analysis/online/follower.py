@@ -130,13 +130,13 @@ class Follower:
         return found
 
     def _step(self, row: Mapping[str, Any]) -> FollowedRow:
-        state, times = self._begun()
+        state, times = self._begin_stages()
         t_ns = int(row["t_ns"])
         times.add(t_ns)
         stepped = step(state, row)
         self._state, self.last_gate = stepped.state, stepped.gate
         self._now = t_ns, row["phase"]
-        estimates = self._timed(stepped.estimates)
+        estimates = self._time_stage(stepped.estimates)
         second = t_ns // 1_000_000_000
         reports = [self._report("manoeuvre")] if self._take_mass(estimates) else []
         if second > self._second and not reports:
@@ -147,12 +147,12 @@ class Follower:
     def _finish(self, state: OnlineState) -> Iterator[FollowedRow]:
         t_ns, phase = self._now
         for late in finish(state):
-            estimates = self._timed(late)
+            estimates = self._time_stage(late)
             reports = (self._report("manoeuvre"),) if self._take_mass(estimates) else ()
             yield FollowedRow(t_ns, phase, None, estimates, reports)
         yield FollowedRow(t_ns, phase, None, {}, (self._report("end"),))
 
-    def _begun(self) -> tuple[OnlineState, _RowTimes]:
+    def _begin_stages(self) -> tuple[OnlineState, _RowTimes]:
         if self._state is None or self._times is None:
             basis = self.log.basis
             assert basis is not None, "there are rows"
@@ -160,7 +160,7 @@ class Follower:
             self._times = _RowTimes(1e9 / basis.machine.settings.align.rate_hz)
         return self._state, self._times
 
-    def _timed(self, found: Mapping[str, TimedEstimate]) -> dict[str, tuple[int, Estimate]]:
+    def _time_stage(self, found: Mapping[str, TimedEstimate]) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None
         estimates = {name: (self._times.of(row), each) for name, (row, each) in found.items()}
         self.newest |= estimates

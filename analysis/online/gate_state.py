@@ -28,6 +28,7 @@ from estimators.methods.incremental import WindowState, window_statistics
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics import nearest_neighbours
 
+#: Row, far in the past, of what has not happened yet.
 _NEVER: Final = -(10**18)
 #: Statistics of a window that misses samples.
 _INCOMPLETE: Final = WindowStatistics(*np.full((len(WindowStatistics._fields), 1), np.nan))

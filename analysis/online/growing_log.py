@@ -18,7 +18,7 @@ from analysis.stages.motion.forces import forces
 from analysis.stages.motion.phases import span_rows
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import Origin, align_on, find_origin
-from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.grid_rate import at_own_rate
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import DataError
@@ -133,7 +133,7 @@ class GrowingLog:
         for topic, parts in self._new.items():
             frame = _joined(parts)
             if self.basis is not None:
-                frame = self._placed(topic, frame)
+                frame = self._place_samples(topic, frame)
                 self._count_late(frame)
             parts.clear()
             before = self._raw.get(topic)
@@ -147,7 +147,7 @@ class GrowingLog:
             known = self._last_t_ns + self.basis.t0_unix_ns
             self.late_samples += int((frame["unix_ns"] <= known).sum())
 
-    def _placed(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
+    def _place_samples(self, topic: str, frame: pl.DataFrame) -> pl.DataFrame:
         assert self.basis is not None
         behind = self.basis.stamps[topic]
         stamps = frame["header_stamp_ns"] if behind is None else frame["log_time_ns"] - behind
@@ -168,7 +168,7 @@ class GrowingLog:
         if min(spans) < HEAD_S and not is_whole:
             return False
         placed, labels, _ = assign_timestamps(self._raw)
-        read, _ = measured(placed, self.machine)
+        read, _ = read_measured(placed, self.machine)
         machine, notes = at_own_rate(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
@@ -178,14 +178,16 @@ class GrowingLog:
             find_origin(channels, machine),
             tuple(notes),
         )
-        self._raw = {t: _in_order(self._placed(t, f), "unix_ns") for t, f in self._raw.items()}
+        self._raw = {
+            t: _in_order(self._place_samples(t, f), "unix_ns") for t, f in self._raw.items()
+        }
         return True
 
     def _next_rows(self, *, is_whole: bool) -> pl.DataFrame | None:
         assert self.basis is not None
         machine = self.basis.machine
         settings = machine.settings
-        read, _ = measured(self._raw, machine)
+        read, _ = read_measured(self._raw, machine)
         channels, _ = derive(read, machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
         looks_back = settings.smooth.samples + 2 * span_rows(settings) + 2

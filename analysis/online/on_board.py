@@ -148,7 +148,7 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
     while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
         state, fed = _feed(state)
         estimates |= fed
-    if any(_chosen(state, Feed.SEGMENTS)):
+    if any(_choose_method(state, Feed.SEGMENTS)):
         state, finished = _pool(state, gate.row)
         estimates |= finished
     return OnlineStep(state, gate_row, estimates)
@@ -170,17 +170,17 @@ def _estimate(state: OnlineState, row: int) -> tuple[OnlineState, dict[str, Time
     settings, window = state.settings, state.window
     estimates = {
         method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
-        for method, options in _chosen(state, Feed.WINDOWS)
+        for method, options in _choose_method(state, Feed.WINDOWS)
     }
-    if any(_chosen(state, Feed.SETTLED)):
+    if any(_choose_method(state, Feed.SETTLED)):
         state = replace(state, settling=(*state.settling, Settling(row, window)))
-    if any(_chosen(state, Feed.SEGMENTS)):
+    if any(_choose_method(state, Feed.SEGMENTS)):
         newest = min(row - state.accepted_row, settings.gate.window_samples)
         state = _pending(state, row, newest)
     return replace(state, accepted_row=row), estimates
 
 
-def _chosen(state: OnlineState, feed: Feed) -> Iterator[tuple[Method, Any]]:
+def _choose_method(state: OnlineState, feed: Feed) -> Iterator[tuple[Method, Any]]:
     """The methods of the settings that are fed so, with their options."""
     for name in state.settings.trace.methods:
         method = METHODS[name]
@@ -198,7 +198,7 @@ def _feed(state: OnlineState) -> tuple[OnlineState, dict[str, TimedEstimate]]:
     mean = settings.smooth.samples
     pasts = dict(state.pasts)
     estimates: dict[str, TimedEstimate] = {}
-    for method, options in _chosen(state, Feed.SETTLED):
+    for method, options in _choose_method(state, Feed.SETTLED):
         past = pasts.get(method.name)
         pasts[method.name], estimate = method.step(window, past, newest, mean, options)
         estimates[method.name] = TimedEstimate(row, estimate)
@@ -249,5 +249,5 @@ def _pooled_estimates(state: OnlineState) -> Mapping[str, TimedEstimate]:
     mean = state.settings.smooth.samples
     return {
         method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
-        for method, options in _chosen(state, Feed.SEGMENTS)
+        for method, options in _choose_method(state, Feed.SEGMENTS)
     }

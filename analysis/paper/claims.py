@@ -34,6 +34,7 @@ CRUISE_FED: Final[tuple[tuple[Fed, bool], ...]] = (
 
 #: Reasons to refuse a window that have nothing to do with information or braking.
 _INCOMPLETE: Final = ("warming_up", "gap")
+#: Quantile of the normal distribution of a 95 % interval.
 _NORMAL: Final = 1.96
 #: Errors that differ by no more are called alike.
 _ALIKE: Final = 1.2

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+#: Probability of an interval, and resamples of the bootstrap that finds it.
 CONFIDENCE: Final = 0.95
 _RESAMPLES: Final = 1000
 

@@ -40,7 +40,7 @@ def figure_2(campaign: ReplayedCampaign) -> Figure2:
     truth = campaign.trials.row(0, named=True)
     constant_s = truth["mass_kg"] / truth["friction_N_s_m"]
     return Figure2(
-        frame=_shown(campaign.replayed.frames["excitation"]).select(
+        frame=_plot_rows(campaign.replayed.frames["excitation"]).select(
             "t_s", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s"
         ),
         constant_s=constant_s,
@@ -90,7 +90,7 @@ def figure_3(campaign: ReplayedCampaign) -> Figure3:
     estimates = _driven(campaign, settings).replayed.frames
     truth = campaign.trials.row(0, named=True)
     series = pl.concat(
-        _shown(estimates[f"estimates/{method}"]).select(
+        _plot_rows(estimates[f"estimates/{method}"]).select(
             "t_s",
             pl.lit(method).alias("method"),
             "mass_kg",
@@ -187,7 +187,7 @@ def _trace(
 
 
 def _spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.DataFrame:
-    return _shown(
+    return _plot_rows(
         pl.DataFrame(
             {
                 "t_ns": excitation["t_ns"].to_numpy()[traced.index],
@@ -201,7 +201,7 @@ def _spin_series(method: str, traced: Trace, excitation: pl.DataFrame) -> pl.Dat
     ).drop("t_ns")
 
 
-def _shown(frame: pl.DataFrame) -> pl.DataFrame:
+def _plot_rows(frame: pl.DataFrame) -> pl.DataFrame:
     seconds = frame.with_columns(t_s=pl.col("t_ns") / 1e9)
     return seconds.filter(pl.col("t_s") <= _SHOWN_S)
 

@@ -28,6 +28,7 @@ Floats = NDArray[np.float64]
 
 #: The paper's, and total least squares on raw units.
 METHODS: Final = (*printed_numbers.METHODS, "tls_raw")
+#: Time in s from which recursive least squares starts.
 _RLS_START_S: Final = 0.2
 #: Samples to hold at once.
 _BLOCK: Final = 400_000
@@ -102,7 +103,7 @@ def table_1(extracts: Extracts) -> Table1:
         best_s=ours,
         long_over_bound_1=(min(over_bound), max(over_bound)),
         long_rms_1=long_rms,
-        long_reached=_reached(max(over_bound), long_rms),
+        long_reached=_reached_speed(max(over_bound), long_rms),
         forgetting_1=forgetting,
         half_s=log(0.5) / log(forgetting) / SimulatedSensors().rate_hz,
         longest=table.filter(pl.col("method") == "rls").sort("window_s").row(-1, named=True),
@@ -124,7 +125,7 @@ def _rms_over_bound(long: pl.DataFrame) -> tuple[float, float, float]:
     return square**0.5, float(low) ** 0.5, float(high) ** 0.5
 
 
-def _reached(largest: float, rms: tuple[float, float, float]) -> bool | None:
+def _reached_speed(largest: float, rms: tuple[float, float, float]) -> bool | None:
     _, low, high = rms
     if low > _NEAR:
         return False

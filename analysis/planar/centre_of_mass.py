@@ -133,7 +133,7 @@ def _arcs(
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _told(row, reason, withheld=not verdict.can_weigh)
+        yield _is_determined(row, reason, withheld=not verdict.can_weigh)
 
 
 def _stage(
@@ -190,7 +190,7 @@ def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate]
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
     believed = _believable(plane, estimate, row, settings) and not verdict.is_contradicted
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
-    return _told(row, reason, withheld=not believed), fitted
+    return _is_determined(row, reason, withheld=not believed), fitted
 
 
 def _believable(
@@ -381,7 +381,7 @@ def _budget(
     return parts
 
 
-def _told(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+def _is_determined(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
     row = {**row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":

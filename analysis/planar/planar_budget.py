@@ -60,10 +60,10 @@ def sources(
             found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
-    return largest_first([*found, *_stated(estimate, gradient, stated, machine)])
+    return largest_first([*found, *_stated_parts(estimate, gradient, stated, machine)])
 
 
-def _stated(
+def _stated_parts(
     estimate: BaseEstimate, gradient: Floats, fitted: dict[str, float], machine: Machine
 ) -> Iterator[UncertaintySource]:
     """What the machine file states, or should."""

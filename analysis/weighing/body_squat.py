@@ -11,30 +11,15 @@ do not. Where the pitch is measured, it shows by itself how it follows the accel
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.motion_samples import Floats, MotionSamples, begins, ends, rolled_share
-from analysis.weighing.pitch_squat import instrumented, squats_of_stretches
-from analysis.weighing.wheel_kinematics import Kinematics
+from analysis.weighing.motion_samples import Floats, MotionSamples, begins, ends, rolling_fraction
+from analysis.weighing.pitch_squat import fit_instrumental_variables, squat_products
+from analysis.weighing.weighing_limits import LIMITS
+from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import student_factor
-
-#: Samples of a mean, and the fewest means of a stretch that is compared.
-_MEAN: Final = 10
-_FEWEST_MEANS: Final = 10
-#: Stretches with a load that differs, and without, that tell a gain: fewer do not.
-_FEWEST_STRETCHES: Final = 6
-#: A body squats with its load in one log of ten, before anything is measured.
-_BEFORE: Final = 0.1
-#: It does in one of two where the wheels say that it squats at all.
-_BEFORE_IF_SQUATS: Final = 0.5
-#: Standard deviation of how a squat grows with the mass, over growing in proportion to it: springs
-#: stiffen, and the mass lies higher or lower with a load.
-_SPRINGS: Final = 0.5
-#: Odds beyond this, as a logarithm, are certain.
-_SURE: Final = 50.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +39,7 @@ class Squat:
 
     @property
     def factor(self) -> Floats:
-        """(masses,) what each mass is too large by."""
+        """(masses,) factor by which each mass is too large."""
         return 1.0 + self.gain * self.relative_load
 
     def u_kg(self, weights: Floats, masses_kg: Floats) -> float:
@@ -69,12 +54,12 @@ class Squat:
 
 def find_squat(
     motion: MotionSamples,
-    wheels: Kinematics,
+    wheels: WheelKinematics,
     loads: RelativeLoads,
     relative_load: Floats,
     prior_std: float,
 ) -> Squat | None:
-    """Compare wheels and accelerometer load by load; None where nothing tells.
+    """Compare wheels and accelerometer load by load; None if that is undetermined.
 
     Args:
         motion: the samples, the speed as it was measured.
@@ -84,23 +69,23 @@ def find_squat(
         prior_std: of the change of gain for a load of the reference mass.
     """
     if motion.without_gravity is not None:
-        gain, variance = _grown_squat(wheels.squat[0], _by_pitch(motion, loads))
+        gain, variance = _scale_squat_with_load(wheels.squat[0], _estimate_by_pitch(motion, loads))
         return Squat(gain, float(np.sqrt(variance)), relative_load)
-    found = _by_wheels(_stretches(motion, wheels, loads))
+    found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads))
     if wheels.squat[0] > 0.0:
-        gain, variance = _grown_squat(wheels.squat[0], found)
+        gain, variance = _scale_squat_with_load(wheels.squat[0], found)
         return Squat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
     value, variance = found
-    before = _BEFORE
+    before = LIMITS.squat_prior_probability
     if wheels.gain_counts and wheels.gain[0] < 0.0:
         # a body that squats without a load does so more with one
-        before = _BEFORE_IF_SQUATS
+        before = LIMITS.squat_by_load_prior_probability
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
     log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
-    odds = before / (1.0 - before) * float(np.exp(min(log_odds, _SURE)))
+    odds = before / (1.0 - before) * float(np.exp(min(log_odds, LIMITS.squat_certain_log_odds)))
     probability = odds / (1.0 + odds)
     value *= prior_std**2 / wide
     variance *= prior_std**2 / wide
@@ -110,7 +95,7 @@ def find_squat(
     return Squat(value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load)
 
 
-def _grown_squat(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
+def _scale_squat_with_load(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
     """The change of gain by load of a body that squats by this share, and its variance.
 
     Linear springs give way in proportion to the mass that they hold.
@@ -119,7 +104,7 @@ def _grown_squat(share: float, seen: tuple[float, float] | None) -> tuple[float,
         share: of the acceleration, with the reference mass.
         seen: what the pitch shows of the change, and its variance.
     """
-    mean, variance = -share, (_SPRINGS * share) ** 2
+    mean, variance = -share, (LIMITS.squat_growth_std * share) ** 2
     if seen is None:
         return mean, variance
     both = variance + seen[1]
@@ -129,22 +114,24 @@ def _grown_squat(share: float, seen: tuple[float, float] | None) -> tuple[float,
 _Stretch = tuple[Floats, Floats, Floats, float]
 
 
-def _stretches(motion: MotionSamples, wheels: Kinematics, loads: RelativeLoads) -> list[_Stretch]:
+def _stretch_rows(
+    motion: MotionSamples, wheels: WheelKinematics, loads: RelativeLoads
+) -> list[_Stretch]:
     """Columns (means, 4), response and time of each stretch, without their means, and its load."""
     assert motion.specific_force is not None
     # such a squat is itself a reason why wheels and accelerometer do not go together
-    known = wheels.goes_together
+    known = wheels.is_consistent
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
-    in_time = motion.with_speed_moved_back(delay_s)
-    ground = in_time.speed * rolled_share(in_time.speed, motion.force, slip_1_N)
+    in_time = motion.shift_speed(delay_s)
+    ground = in_time.speed * rolling_fraction(in_time.speed, motion.force, slip_1_N)
     relative = loads.at(motion.unit)
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
     found: list[_Stretch] = []
     for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
-        means = (end - begin) // _MEAN
-        if means < _FEWEST_MEANS:
+        means = (end - begin) // LIMITS.squat_mean_samples
+        if means < LIMITS.squat_min_means:
             continue
-        part = slice(begin, begin + means * _MEAN)
+        part = slice(begin, begin + means * LIMITS.squat_mean_samples)
         a = motion.specific_force[part]
         gained = (np.cumsum(a) - a / 2.0) / motion.rate_hz
         load = float(relative[begin])
@@ -152,27 +139,29 @@ def _stretches(motion: MotionSamples, wheels: Kinematics, loads: RelativeLoads) 
             [gained * load, gained, np.abs(ground[part]) * motion.force[part], -a]
         )
         y = ground[part] - gained
-        both = np.column_stack([columns, y]).reshape(means, _MEAN, -1).mean(axis=1)
+        both = (
+            np.column_stack([columns, y]).reshape(means, LIMITS.squat_mean_samples, -1).mean(axis=1)
+        )
         both = both - both.mean(axis=0)
-        time = np.linspace(-0.5, 0.5, means) * means * _MEAN / motion.rate_hz
+        time = np.linspace(-0.5, 0.5, means) * means * LIMITS.squat_mean_samples / motion.rate_hz
         found.append((both[:, :-1], both[:, -1], time, load))
     return found
 
 
-def _by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float] | None:
+def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float] | None:
     """The change of gain by load that the pitch shows, and its variance; None: undetermined."""
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
-    squats = squats_of_stretches(gravity, motion)
+    squats = squat_products(gravity, motion)
     relative = loads.at(motion.unit)[squats.first]
-    if relative.size < _FEWEST_STRETCHES or np.ptp(relative) == 0.0:
+    if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None
     # beside the share and the rate, the share that grows with the load
     times = np.column_stack([relative, np.ones((relative.size, 2))])
     columns = squats.columns[:, [0, 0, 1], :][:, :, [0, 0, 1]]
     columns = times[:, :, None] * columns * times[:, None, :]
-    solved = instrumented(columns, times * squats.response[:, [0, 0, 1]])
+    solved = fit_instrumental_variables(columns, times * squats.response[:, [0, 0, 1]])
     if solved is None:
         return None
     theta, covariance = solved
@@ -181,14 +170,14 @@ def _by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[float, float
     return -float(theta[0]), variance
 
 
-def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
+def _estimate_by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
     """The change of gain by load that the wheels say, and its variance, by clusters.
 
     None where it is undetermined.
     """
-    if len(rows) < _FEWEST_STRETCHES or len({load for *_, load in rows}) < 2:
+    if len(rows) < LIMITS.squat_min_stretches or len({load for *_, load in rows}) < 2:
         return None
-    free = [_without_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
+    free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
     beta, _, rank, _ = np.linalg.lstsq(X, y)
@@ -203,7 +192,7 @@ def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
     count = slopes.size
     scatter = max(float(np.var(slopes, ddof=1) - noise.mean()), 0.0)
     scatter *= student_factor(count - 1) ** 2
-    part = [_without_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
+    part = [_whiten_random_slope(X, y, time, scatter / variance) for X, y, time, _ in rows]
     X, y = (np.concatenate([each[i] for each in part]) for i in (0, 1))
     shared = np.concatenate([each[2] for each in part])
     X = np.column_stack([X, shared])
@@ -225,7 +214,7 @@ def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
     return float(theta[0] / scale[0]), found / float(scale[0]) ** 2
 
 
-def _without_slope(
+def _whiten_random_slope(
     columns: Floats, y: Floats, time: Floats, ratio: float
 ) -> tuple[Floats, Floats, Floats]:
     """Whiten a stretch whose slope scatters with `ratio` times the variance of a row.

@@ -21,9 +21,8 @@ from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combin
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
+from analysis.weighing.weighing_limits import LIMITS
 
-#: The two masses differ by so many standard uncertainties of their difference, at most.
-_AGREES: Final = 3.0
 #: Relative standard uncertainty of a scale of which the machine file says nothing, where it has to
 #: be told from another machine.
 UNKNOWN_SCALE: Final = 0.1
@@ -69,13 +68,13 @@ def ticket_notes(body: Body, begin_ns: int) -> list[str]:
 
 
 def unknown_factors(sources: Sequence[UncertaintySource]) -> list[str]:
-    """The unknown factors that an empty machine tells."""
+    """The unknown factors that an empty machine determines."""
     return [s.name for s in sources if s.u is None and s.name not in _BY_LOAD]
 
 
 @dataclass(frozen=True)
 class EmptyMachine:
-    """What a log says of the empty machine.
+    """The empty machine as a log weighs it.
 
     Attributes:
         weighing: the joint fit.
@@ -118,7 +117,9 @@ class EmptyMachine:
             return ""
         scale_kg = UNKNOWN_SCALE * self.rotating_kg if unknown_factors(self.sources) else 0.0
         u_kg = float(np.hypot(combined(self.sources), scale_kg))
-        allowed_kg = _AGREES * float(np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0))
+        allowed_kg = LIMITS.empty_mass_agreement_u * float(
+            np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0)
+        )
         if abs(self.rotating_kg - stated_kg) <= allowed_kg:
             return ""
         here_kg = self.rotating_kg - self._body.rotating_mass_kg
@@ -139,7 +140,7 @@ class EmptyMachine:
         return self.rotating_kg / stated_kg, u_1
 
     def datum(self, payloads: Floats) -> "Datum | None":
-        """What it makes of payloads; None where it adds nothing.
+        """Relate payloads to the empty machine; None if that adds nothing.
 
         Args:
             payloads: (masses,) weights of the sum of payloads, for whose variance it is made.
@@ -150,7 +151,7 @@ class EmptyMachine:
             return None
         in_ratio = 1.0 / self.rotating_kg
 
-        def made(by_kg: float) -> Datum:
+        def datum_of_share(by_kg: float) -> Datum:
             return Datum(
                 self,
                 by_kg,
@@ -159,7 +160,7 @@ class EmptyMachine:
             )
 
         if unknown_factors(self.sources):
-            found = made(in_ratio)
+            found = datum_of_share(in_ratio)
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance(payloads)
@@ -168,7 +169,7 @@ class EmptyMachine:
         together_kg2 = own_kg2 + (in_ratio * sum_kg) ** 2 * self._variance(self.weights) - ratio_kg2
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
-        found = made(float(np.clip(by_kg, 0.0, in_ratio)))
+        found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
         if found.scale_1 <= 0.0 or combined(found.sources(payloads)) ** 2 >= own_kg2:
             return None
         return found
@@ -179,7 +180,7 @@ class EmptyMachine:
 
 @dataclass(frozen=True)
 class Datum:
-    """What the empty machine makes of a log's payloads.
+    """Payloads related to the empty machine of their log.
 
     Attributes:
         empty: the machine.

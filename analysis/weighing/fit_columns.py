@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Self
 
 import numpy as np
 
@@ -10,38 +10,21 @@ from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.haul_route import Route
 from analysis.weighing.motion_samples import (
     Bools,
+    ColumnNoiseModel,
     Floats,
     Ints,
     MotionSamples,
-    NoiseOfColumns,
     begins,
     ends,
-    rolled_share,
+    rolling_fraction,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics import group_sums
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_mean import trailing_group_means
 from estimators.numerics.group_sums import NoiseMoments
 from estimators.threads import map_in_threads
-
-#: So many rows a length of the mean hold nearly all that its means hold.
-_ROWS_A_MEAN: Final = 2
-#: Stretches that last less tell nothing of their own.
-_SHORTEST_S: Final = 0.5
-#: A derivative of the force is noise below so many of its deviations.
-_RATE_COUNTS: Final = 4.0
-#: No transfer of load takes more of the force away.
-_LEAST_GAIN: Final = 0.5
-#: No load is more than this share of the mass that it is related to.
-_LARGEST_LOAD: Final = 0.9
-#: Between these quantiles of the manoeuvres' masses is the middle of empty and loaded ones.
-_EMPTY_AND_LOADED: Final = (0.1, 0.9)
-#: It is clear where its r.m.s. is so many, on a grid that has it of more than two rows: of jerks
-#: that are stick-slip or noise slip would come out too small (loaders have 4 to 10, cars 10 to 13).
-_RATE_IS_CLEAR: Final = 10.0
-#: To either side of a sample, in s, the parabola reaches that gives the derivative.
-_RATE_HALF_S: Final = 0.04
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +48,11 @@ class RelativeLoads:
         reference_kg = float(np.mean(mass_kg))
         if not reference_kg > 0.0:
             return None
-        value = np.clip(mass_kg / reference_kg - 1.0, -_LARGEST_LOAD, _LARGEST_LOAD)
+        value = np.clip(
+            mass_kg / reference_kg - 1.0,
+            -LIMITS.largest_relative_load,
+            LIMITS.largest_relative_load,
+        )
         return cls(unit, value, weight_shares)
 
     def contrast_at(self, unit: Ints) -> Floats:
@@ -74,7 +61,7 @@ class RelativeLoads:
 
     def loaded_at(self, unit: Ints) -> Bools:
         """Whether samples of these manoeuvres haul, (n,)."""
-        return self.at(unit) > float(np.quantile(self.value, _EMPTY_AND_LOADED).mean())
+        return self.at(unit) > float(np.quantile(self.value, LIMITS.load_contrast_quantiles).mean())
 
     def at(self, unit: Ints) -> Floats:
         """Of samples of these manoeuvres, (n,); one that is not known goes with the one before."""
@@ -83,8 +70,8 @@ class RelativeLoads:
 
 
 @dataclass(frozen=True, slots=True)
-class EarlierRounds:
-    """What earlier rounds found, on which columns that are products depend.
+class PreviousEstimates:
+    """Estimates of earlier rounds, on which columns that are products depend.
 
     Attributes:
         lag_s: how late the force is.
@@ -111,15 +98,15 @@ class EarlierRounds:
     route: Route | None = None
     uneven_1_s: float = 0.0
 
-    def acting(self, motion: MotionSamples) -> Floats:
+    def ground_force(self, motion: MotionSamples) -> Floats:
         """The force on the ground, (n,) in N, of a motion whose force is in time."""
         gain = 1.0 + self.transfer_s2_m * motion.acceleration
-        return (motion.force - self.offset_N) / np.maximum(gain, _LEAST_GAIN)
+        return (motion.force - self.offset_N) / np.maximum(gain, LIMITS.load_transfer_min_gain)
 
 
 @dataclass(frozen=True)
-class Averages:
-    """What is fitted, weighted by how many samples each mean is of.
+class FitRows:
+    """Rows of the fit, weighted by the number of samples of each mean.
 
     Attributes:
         A: (rows, 2 + terms) columns: acceleration, speed, terms.
@@ -139,7 +126,7 @@ class Averages:
     shortest: int
     terms: tuple[Nuisance, ...]
 
-    def of(self, terms: tuple[Nuisance, ...]) -> "Averages":
+    def of(self, terms: tuple[Nuisance, ...]) -> "FitRows":
         """The same with the columns of some of the terms."""
         if terms == self.terms:
             return self
@@ -152,7 +139,7 @@ class Averages:
 
 @dataclass(frozen=True)
 class FitColumns:
-    """What is averaged, whatever the length of the mean.
+    """Columns before averaging, for means of any length.
 
     Attributes:
         pieces: of the log.
@@ -163,36 +150,36 @@ class FitColumns:
 
     pieces: list["_PieceColumns"]
     terms: tuple[Nuisance, ...]
-    found: EarlierRounds
+    found: PreviousEstimates
     rate_hz: float
 
     @classmethod
     def of(
         cls,
         motion: MotionSamples,
-        noise: NoiseOfColumns,
+        noise: ColumnNoiseModel,
         terms: tuple[Nuisance, ...],
-        found: EarlierRounds,
+        found: PreviousEstimates,
     ) -> Self:
         """Make the columns; the arguments are those of `averages`."""
         pieces = map_in_threads(
-            lambda piece: _columns(piece, noise, terms, found), list(motion.pieces)
+            lambda piece: _make_columns(piece, noise, terms, found), list(motion.pieces)
         )
         return cls(pieces, terms, found, motion.rate_hz)
 
-    def averaged(self, noise: NoiseOfColumns, samples: int) -> Averages:
+    def average(self, noise: ColumnNoiseModel, samples: int) -> FitRows:
         """Average them over so many samples."""
-        pieces = map_in_threads(lambda piece: _averaged(piece, samples), self.pieces)
-        return _joined(pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz)
+        pieces = map_in_threads(lambda piece: _average_piece(piece, samples), self.pieces)
+        return _weigh_rows(pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz)
 
 
-def averages(
+def average_columns(
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     samples: int,
-    found: EarlierRounds,
-) -> Averages:
+    found: PreviousEstimates,
+) -> FitRows:
     """Average the columns with the force moved back by its lag.
 
     Args:
@@ -204,19 +191,20 @@ def averages(
     """
     # a piece at a time: the columns of a whole shift are many
     pieces = map_in_threads(
-        lambda piece: _averaged(_columns(piece, noise, terms, found), samples), list(motion.pieces)
+        lambda piece: _average_piece(_make_columns(piece, noise, terms, found), samples),
+        list(motion.pieces),
     )
-    return _joined(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
+    return _weigh_rows(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
 
 
-def _joined(
-    pieces: list["_Averaged"],
-    noise: NoiseOfColumns,
+def _weigh_rows(
+    pieces: list["_PieceMeans"],
+    noise: ColumnNoiseModel,
     terms: tuple[Nuisance, ...],
     samples: int,
     uneven_1_s: float,
     rate_hz: float,
-) -> Averages:
+) -> FitRows:
     """Weigh the rows of all pieces.
 
     Args:
@@ -224,7 +212,7 @@ def _joined(
         noise: of acceleration, speed and force.
         terms: the nuisances.
         samples: longest mean.
-        uneven_1_s: how much stretches' constants differ (`EarlierRounds`).
+        uneven_1_s: how much stretches' constants differ (`PreviousEstimates`).
         rate_hz: of the grid.
     """
     A = np.concatenate([piece.A for piece in pieces])
@@ -233,7 +221,7 @@ def _joined(
         np.concatenate([piece.count for piece in pieces]), return_inverse=True
     )
     covariances = np.stack([noise.covariance(int(length)) for length in lengths])
-    weight = _weights(A[:, :2], f, covariances, which)
+    weight = _row_weights(A[:, :2], f, covariances, which)
     ends_at = np.cumsum([piece.f.size for piece in pieces])[:-1]
     added = map_in_threads(
         lambda each: _noise_moments(terms, each[0], covariances, each[1], each[2]),
@@ -243,14 +231,14 @@ def _joined(
     f *= weight
     group = np.concatenate([piece.group for piece in pieces])
     if uneven_1_s:
-        _whiten_constants(A, f, group, uneven_1_s / rate_hz * stride_of(samples))
-    return Averages(
+        _whiten_constants(A, f, group, uneven_1_s / rate_hz * mean_stride(samples))
+    return FitRows(
         A,
         f,
         group,
         np.concatenate([piece.raw.direction for piece in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
-        max(rows_in(_SHORTEST_S, rate_hz) // stride_of(samples), 6),
+        max(rows_in(LIMITS.shortest_stretch_s, rate_hz) // mean_stride(samples), 6),
         terms,
     )
 
@@ -280,7 +268,7 @@ class _PieceColumns:
 
 
 @dataclass(frozen=True, slots=True)
-class _Averaged:
+class _PieceMeans:
     """Of a piece: columns, force, stretch and length of each mean, and its last sample."""
 
     A: Floats
@@ -290,15 +278,18 @@ class _Averaged:
     raw: Moments
 
 
-def _columns(
-    motion: MotionSamples, noise: NoiseOfColumns, terms: tuple[Nuisance, ...], found: EarlierRounds
+def _make_columns(
+    motion: MotionSamples,
+    noise: ColumnNoiseModel,
+    terms: tuple[Nuisance, ...],
+    found: PreviousEstimates,
 ) -> _PieceColumns:
     """Make the columns of a piece."""
-    in_time = motion.with_force_moved_back(found.lag_s)
+    in_time = motion.shift_force(found.lag_s)
     if found.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
-        in_time = in_time.with_speed_moved_back(found.speed_late_s)
-    force, acting, speed = in_time.force, found.acting(in_time), in_time.speed
+        in_time = in_time.shift_speed(found.speed_late_s)
+    force, acting, speed = in_time.force, found.ground_force(in_time), in_time.speed
     acceleration = motion.acceleration
     if found.motion_gain:
         own = acceleration if motion.without_gravity is None else motion.without_gravity
@@ -310,22 +301,22 @@ def _columns(
         acceleration,
         zeros if wheels is None else wheels,
         speed,
-        rolled_share(speed, acting, found.slip_1_N),
+        rolling_fraction(speed, acting, found.slip_1_N),
         acting,
-        _rate(force, motion.rate_hz, force_std, whole=wheels is not None),
+        _force_rate(force, motion.rate_hz, force_std, whole=wheels is not None),
         motion.direction,
         motion.progress,
-        _since(motion.group) / motion.rate_hz,
+        _samples_since_start(motion.group) / motion.rate_hz,
         zeros if loads is None else loads.at(motion.unit),
         zeros if loads is None else loads.contrast_at(motion.unit),
         motion.place_1,
-        _travelled(motion),
-        *_along_route(motion, found),
+        _distance_from_start(motion),
+        *_route_positions(motion, found),
         found.slip_s_m,
         found.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
     )
-    group = _under_way(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
+    group = _drop_first_samples(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
     values = np.empty((len(terms) + 3, group.size))
     values[0], values[1], values[-1] = raw.acceleration, raw.speed, force
     for place, term in enumerate(terms, start=2):
@@ -333,31 +324,31 @@ def _columns(
     return _PieceColumns(values, group, raw)
 
 
-def _averaged(piece: _PieceColumns, samples: int) -> _Averaged:
+def _average_piece(piece: _PieceColumns, samples: int) -> _PieceMeans:
     """Average the columns of a piece, not weighted."""
-    kept = np.flatnonzero(_thinned(piece.group, stride_of(samples)))
+    kept = np.flatnonzero(_thin_stretches(piece.group, mean_stride(samples)))
     means, count = trailing_group_means(piece.values, piece.group, samples, kept)
-    return _Averaged(means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.at(kept))
+    return _PieceMeans(means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.at(kept))
 
 
-def stride_of(samples: int) -> int:
+def mean_stride(samples: int) -> int:
     """Every so many-th mean of so many samples is fitted."""
-    return max(1, samples // _ROWS_A_MEAN)
+    return max(1, samples // LIMITS.rows_per_mean)
 
 
-def _since(group: Ints) -> Ints:
+def _samples_since_start(group: Ints) -> Ints:
     """How many samples of its stretch are before each, (n,)."""
     row = np.arange(group.size)
     return row - np.maximum.accumulate(np.where(begins(group), row, 0))
 
 
-def _travelled(motion: MotionSamples) -> Floats:
+def _distance_from_start(motion: MotionSamples) -> Floats:
     """How far each sample is from the begin of its stretch, (n,) in m."""
     way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
-    return way - way[np.arange(way.size) - _since(motion.group)]
+    return way - way[np.arange(way.size) - _samples_since_start(motion.group)]
 
 
-def _along_route(motion: MotionSamples, found: EarlierRounds) -> tuple[Floats, float]:
+def _route_positions(motion: MotionSamples, found: PreviousEstimates) -> tuple[Floats, float]:
     """Where each sample is on the route, (n,), and how long that is; 0 where there is none."""
     loads, route = found.relative_loads, found.route
     if loads is None or route is None:
@@ -365,19 +356,19 @@ def _along_route(motion: MotionSamples, found: EarlierRounds) -> tuple[Floats, f
     return route.position(motion, loads.loaded_at(motion.unit)), route.haul_m
 
 
-def _under_way(group: Ints, lag: int) -> Ints:
+def _drop_first_samples(group: Ints, lag: int) -> Ints:
     """The stretches without their first samples, whose force is from before the break-away."""
-    return np.where((_since(group) >= lag) | ends(group), group, -1)
+    return np.where((_samples_since_start(group) >= lag) | ends(group), group, -1)
 
 
-def _thinned(group: Ints, stride: int) -> Bools:
+def _thin_stretches(group: Ints, stride: int) -> Bools:
     """Every so many-th sample of each stretch, and the last of one that has fewer."""
-    since = _since(group)
+    since = _samples_since_start(group)
     short = ends(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
-def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
+def _row_weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
     """Square roots of the rows' weights: the first means of a start are of few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
@@ -387,7 +378,7 @@ def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floa
     return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
 
 
-def _rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
+def _force_rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
     """The derivative of the force in N/s, 0 where it is no more than noise.
 
     Args:
@@ -398,21 +389,21 @@ def _rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floa
             wheels' acceleration is all of it, and without small values masses were 0.3 % off where
             wheels slip by 2 %.
     """
-    half = rows_in(_RATE_HALF_S, rate_hz)
+    half = rows_in(LIMITS.force_rate_half_width_s, rate_hz)
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
     )
     rate = np.convolve(force, steps, "same")
     std = noise_N * float(np.sqrt(steps @ steps))
-    clear = _RATE_COUNTS if half == 1 else _RATE_IS_CLEAR
+    clear = LIMITS.force_rate_min_std if half == 1 else LIMITS.clear_force_rate_std
     if whole and float(np.sqrt(np.mean(rate**2))) > clear * std:
         return rate
-    return np.where(np.abs(rate) > _RATE_COUNTS * std, rate, 0.0)
+    return np.where(np.abs(rate) > LIMITS.force_rate_min_std * std, rate, 0.0)
 
 
 def _noise_moments(
     terms: tuple[Nuisance, ...],
-    piece: _Averaged,
+    piece: _PieceMeans,
     covariances: Floats,
     which: Ints,
     weight: Floats,

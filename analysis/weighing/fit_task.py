@@ -2,54 +2,40 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
 
 import numpy as np
 
 from analysis.model.settings import LearntTerm, PriorSettings
-from analysis.weighing.fit_columns import Averages, EarlierRounds, RelativeLoads, averages
+from analysis.weighing.fit_columns import FitRows, PreviousEstimates, RelativeLoads, average_columns
 from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (
-    Estimated,
     JointFit,
+    LazyEstimates,
     PriorMeans,
-    place_of,
     resistance_slope,
+    term_index,
 )
 from analysis.weighing.load_states import LoadStates, stretch_units
 from analysis.weighing.log_effects import NARROW
-from analysis.weighing.motion_samples import Floats, MotionSamples, NoiseOfColumns
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
 from analysis.weighing.nuisances import (
     Nuisance,
-    const_width,
-    offset_in_const,
-    weight_in_const,
-    weight_in_direction,
+    const_prior_std,
+    split_const_by_weight,
+    split_coulomb_by_weight,
+    split_measured_offset,
 )
 from analysis.weighing.uneven_ground import BY_GROUND
-from analysis.weighing.wheel_kinematics import Kinematics
+from analysis.weighing.weighing_limits import LIMITS
+from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.joint import prior_fit
 from estimators.joint.group_effects import GroupEffects, group_effects
 from estimators.joint.prior_fit import Grouping
 
-#: A lag that changes by less is found.
-_LAG_FOUND_S: Final = 1e-4
-#: So many widths of its prior an offset is taken off the force, at most.
-_MOST_OFFSET: Final = 3.0
-#: A lag is looked for up to here.
-_LONGEST_LAG_S: Final = 0.3
-#: What the wheels say of slip is never trusted beyond this share of its prior.
-_LEAST_SLIP: Final = 0.05
-#: The wheels' own acceleration tells slip where it leaves so much of its prior: where it left a
-#: third, slip was up to two deviations from what it was.
-_SLIP_IS_TOLD: Final = 0.1
-#: Fewer drives with a stand or a hole between them do not tell a drift from a change of load.
-_FEWEST_OF_DRIFT: Final = 6
-
 
 @dataclass(frozen=True, slots=True)
 class _SlipCost:
-    """What a share of slip costs, by an earlier round.
+    """Cost of a share of slip, by an earlier round.
 
     Attributes:
         mass_kg: that is accelerated, mean of the loads.
@@ -65,26 +51,26 @@ class _SlipCost:
 
 @dataclass(frozen=True)
 class FitTask:
-    """What is to be fitted, and what is known."""
+    """Samples to fit, and prior knowledge of them."""
 
     motion: MotionSamples
-    noise: NoiseOfColumns
+    noise: ColumnNoiseModel
     priors: PriorSettings
     terms: tuple[Nuisance, ...]
-    wheels: Kinematics | None
+    wheels: WheelKinematics | None
     states: LoadStates | None
     uneven_1_s: float = 0.0
 
-    def beginning(self, stretches: int) -> "FitTask":
+    def first_stretches(self, stretches: int) -> "FitTask":
         """The same up to the end of so many stretches."""
-        motion = self.motion.beginning(stretches)
+        motion = self.motion.first_stretches(stretches)
         states = None if self.states is None else self.states.among(motion)
         return replace(self, motion=motion, states=states)
 
     @cached_property
-    def begun(self) -> EarlierRounds:
-        """What is known before anything was fitted."""
-        return EarlierRounds(
+    def initial_estimates(self) -> PreviousEstimates:
+        """Estimates before the first round."""
+        return PreviousEstimates(
             slip_1_N=(self._wheels_slip() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
             speed_late_s=self._speed_late_s(),
@@ -93,14 +79,14 @@ class FitTask:
             uneven_1_s=self.uneven_1_s,
         )
 
-    def fitted(
+    def fit_means(
         self,
         samples: int,
         rounds: int,
         *,
         shift: bool = True,
         begin: JointFit | None = None,
-        rows: Averages | None = None,
+        rows: FitRows | None = None,
     ) -> JointFit:
         """Fit with means of `samples`: lag and slip depend on what the fit finds, so again.
 
@@ -114,20 +100,20 @@ class FitTask:
             begin: what is fitted begins from there; None: from what is known before.
             rows: of the first round, where they are at hand.
         """
-        lag = place_of("lag", self.terms)
+        lag = term_index("lag", self.terms)
         std = np.zeros(len(self.terms))
         levels = None if self.states is None else self.states.levels(self.motion)
-        known = begin.found if begin else self.begun
+        known = begin.found if begin else self.initial_estimates
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        cost = begin and self._cost(begin.theta, begin.solution, begin.terms)
+        cost = begin and self._slip_cost(begin.theta, begin.solution, begin.terms)
         for number in range(rounds):
-            mean, std = self._priors(cost)
+            mean, std = self._round_priors(cost)
             self._narrow_gain_drift(std)
             known_s = known.lag_s
             mean[lag] -= known_s
             if number or rows is None:
-                rows = averages(self.motion, self.noise, self.terms, samples, known)
+                rows = average_columns(self.motion, self.noise, self.terms, samples, known)
             solution = prior_fit.solve(
                 rows.A,
                 rows.f,
@@ -139,11 +125,11 @@ class FitTask:
             )
             if not np.isfinite(solution.theta).all():
                 break
-            cost = self._cost(solution.theta, solution, self.terms)
+            cost = self._slip_cost(solution.theta, solution, self.terms)
             if cost.slip_1_N is not None and self._wheels_slip() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
-            known, moved = self._found(known, solution.theta, shift=shift)
-            if number and moved < _LAG_FOUND_S:
+            known, moved = self._update_estimates(known, solution.theta, shift=shift)
+            if number and moved < LIMITS.lag_tolerance_s:
                 break
         assert solution is not None
         theta = solution.theta.copy()
@@ -176,9 +162,9 @@ class FitTask:
         if states is None or states.count < 2:
             return None
         masses_kg = states.means_kg if masses_kg is None else masses_kg
-        splits = (weight_in_const, weight_in_direction)
+        splits = (split_const_by_weight, split_coulomb_by_weight)
         shares = [split(self.motion, self.priors).expected for split in splits]
-        return RelativeLoads.of(states.unit, masses_kg[states.of], (shares[0], shares[1]))
+        return RelativeLoads.of(states.unit, masses_kg[states.membership], (shares[0], shares[1]))
 
     def _route(self, loads: RelativeLoads | None) -> Route | None:
         """Between where these loads are loaded and dumped."""
@@ -186,23 +172,27 @@ class FitTask:
             return None
         return Route.of(self.motion, loads.unit, loads.loaded_at(loads.unit))
 
-    def _found(
-        self, before: EarlierRounds, theta: Floats, *, shift: bool
-    ) -> tuple[EarlierRounds, float]:
+    def _update_estimates(
+        self, before: PreviousEstimates, theta: Floats, *, shift: bool
+    ) -> tuple[PreviousEstimates, float]:
         """What a round found, and how far the lag moved by it."""
         masses = theta.size - 1 - len(self.terms)
         names = (term.name for term in self.terms)
         by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
         late_s = by_name["lag"]
-        lag_s = float(np.clip(before.lag_s + late_s, -_LONGEST_LAG_S, _LONGEST_LAG_S))
-        share, _ = offset_in_const(self.motion, self.priors)
-        width = const_width(self.motion, self.priors)
+        lag_s = float(np.clip(before.lag_s + late_s, -LIMITS.longest_lag_s, LIMITS.longest_lag_s))
+        share, _ = split_measured_offset(self.motion, self.priors)
+        width = const_prior_std(self.motion, self.priors)
         after = replace(
             before,
             lag_s=lag_s if shift else 0.0,
             transfer_s2_m=by_name.get("load_transfer", 0.0),
             offset_N=float(
-                np.clip(share * by_name["const"], -_MOST_OFFSET * width, _MOST_OFFSET * width)
+                np.clip(
+                    share * by_name["const"],
+                    -LIMITS.max_offset_prior_std * width,
+                    LIMITS.max_offset_prior_std * width,
+                )
             ),
             slip_s_m=by_name["slip"],
             relative_loads=(loads := self._relative_loads(theta[:masses])),
@@ -210,16 +200,16 @@ class FitTask:
         )
         return after, abs(late_s)
 
-    def units(self, fit: JointFit, rows: Averages) -> GroupEffects:
+    def units(self, fit: JointFit, rows: FitRows) -> GroupEffects:
         """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
-        mean, std = self._priors(self._cost(fit.theta, fit.solution, fit.terms))
-        if 1 < self.motion.drives_apart < _FEWEST_OF_DRIFT:
-            std[place_of("gain_drift", self.terms)] *= NARROW
+        mean, std = self._round_priors(self._slip_cost(fit.theta, fit.solution, fit.terms))
+        if 1 < self.motion.separate_drive_count < LIMITS.drift_min_drives:
+            std[term_index("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
         ground = [place for place, term in enumerate(self.terms) if term.source == BY_GROUND]
         mean[ground] = fit.theta[fit.count + 1 :][ground]
         std[ground] *= NARROW
-        lag = place_of("lag", self.terms)
+        lag = term_index("lag", self.terms)
         mean[lag] -= fit.found.lag_s
         return group_effects(
             rows.A,
@@ -234,7 +224,7 @@ class FitTask:
     def _speed_late_s(self) -> float:
         """How late the speed is, where wheels and accelerometer tell it."""
         wheels = self.wheels
-        told = wheels is not None and wheels.goes_together and self.motion.by_accelerometer
+        told = wheels is not None and wheels.is_consistent and self.motion.by_accelerometer
         return wheels.delay_s[0] if wheels is not None and told else 0.0
 
     def _squat_gain(self) -> float:
@@ -242,29 +232,31 @@ class FitTask:
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
-    def _priors(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
-        """Means and widths; those of slip once it is known what it costs."""
+    def _round_priors(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
+        """Prior means and widths; those of slip once its cost is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
         if cost is not None:
             self._narrow_slip(cost, mean, std)
             if self.motion.wheel_acceleration is not None:
-                at = place_of("slip_acceleration", self.terms)
+                at = term_index("slip_acceleration", self.terms)
                 self._take_slip(at, cost.mass_kg, self._wheels_slip(), mean, std)
         for place, term in self._learnt_places():
             mean[place], std[place] = term.mean, term.std
         return mean, std
 
-    def _cost(self, theta: Floats, found: Estimated, terms: tuple[Nuisance, ...]) -> _SlipCost:
-        """What slip costs by what a round found of these terms."""
+    def _slip_cost(
+        self, theta: Floats, found: LazyEstimates, terms: tuple[Nuisance, ...]
+    ) -> _SlipCost:
+        """Compute the cost of slip from the estimates of a round."""
         count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))
         friction = max(resistance_slope(theta, terms, self.motion), 0.0)
         if self.motion.wheel_acceleration is None or not mass_kg > 0.0:
             return _SlipCost(mass_kg, friction, None)
-        place = place_of("slip_acceleration", terms)
+        place = term_index("slip_acceleration", terms)
         std = float(found.fit.std[count + 1 + place])
-        if not std < _SLIP_IS_TOLD * terms[place].width(self.motion, self.priors):
+        if not std < LIMITS.slip_posterior_fraction * terms[place].width(self.motion, self.priors):
             return _SlipCost(mass_kg, friction, None)
         return _SlipCost(
             mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
@@ -276,13 +268,13 @@ class FitTask:
         Payloads are differences of neighbours then, in which it cancels; free masses on the way
         would follow any drift.
         """
-        if self.states is not None and self.states.comes_back:
-            std[place_of("gain_drift", self.terms)] *= NARROW
+        if self.states is not None and self.states.load_returns:
+            std[term_index("gain_drift", self.terms)] *= NARROW
 
     def _learnt_places(self) -> list[tuple[int, LearntTerm]]:
         """Where the terms are of which a calibration says something; slip the wheels say better."""
         learnt: dict[str, LearntTerm] = {**self.priors.learnt}
-        by_wheels = self.wheels is not None and self.wheels.goes_together
+        by_wheels = self.wheels is not None and self.wheels.is_consistent
         return [
             (place, learnt[term.name])
             for place, term in enumerate(self.terms)
@@ -292,23 +284,26 @@ class FitTask:
     def _prior_means(self, mean: Floats, moved_s: float) -> PriorMeans:
         """Those of a round, whose force was moved back by so much."""
         mean, mean_u = mean.copy(), np.zeros(len(self.terms))
-        mean[place_of("lag", self.terms)] += moved_s
+        mean[term_index("lag", self.terms)] += moved_s
         for place, term in self._learnt_places():
             mean_u[place] = term.mean_u
         return PriorMeans(mean, mean_u)
 
     def _narrow_slip(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
         """Slip costs friction · slip, and the wheels may tell it."""
-        at = place_of("slip", self.terms)
+        at = term_index("slip", self.terms)
         friction = cost.friction_N_s_m
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
-        std[at] = max(std[at], _LEAST_SLIP * self.priors.wheel_slip / self.motion.largest_speed)
+        std[at] = max(
+            std[at],
+            LIMITS.min_slip_std_fraction * self.priors.wheel_slip / self.motion.largest_speed,
+        )
         self._take_slip(at, -friction, self._wheels_slip() or cost.slip_1_N, mean, std)
 
     def _wheels_slip(self) -> tuple[float, float] | None:
         """The slip and its standard deviation in 1/N, where wheels and accelerometer tell it."""
         wheels = self.wheels
-        return wheels.slip_1_N if wheels is not None and wheels.goes_together else None
+        return wheels.slip_1_N if wheels is not None and wheels.is_consistent else None
 
     def _take_slip(
         self, at: int, cost: float, slip: tuple[float, float] | None, mean: Floats, std: Floats
@@ -317,4 +312,4 @@ class FitTask:
         if slip is not None:
             slip_1_N, u_1_N = slip
             mean[at] = cost * slip_1_N
-            std[at] = np.hypot(cost * u_1_N, _LEAST_SLIP * std[at])
+            std[at] = np.hypot(cost * u_1_N, LIMITS.min_slip_std_fraction * std[at])

@@ -18,29 +18,29 @@ _HALF_WAVES: Final = 8
 BY_PLACE: Final = "place"
 
 
-def _spring(place_1: Floats) -> Floats:
+def _spring_column(place_1: Floats) -> Floats:
     """A force in proportion to the place, 1 at the path's end."""
     return 2.0 * place_1
 
 
-def _wave(place_1: Floats, half_waves: int) -> Floats:
+def _half_wave(place_1: Floats, half_waves: int) -> Floats:
     return np.cos(np.pi * half_waves * (place_1 + 0.5))
 
 
-def _of_wave(half_waves: int) -> Nuisance:
+def _wave_term(half_waves: int) -> Nuisance:
     return Nuisance(
         f"place_{half_waves}",
         "N",
-        lambda m: _wave(m.place_1, half_waves),
+        lambda m: _half_wave(m.place_1, half_waves),
         lambda e, s: s.place_share * e.largest_force / half_waves,
         "a force that depends on the place on a short path: gravity, a cable, a cam",
         "strokes at different accelerations over the same path",
-        applies=lambda e: e.on_a_bench,
+        applies=lambda e: e.is_on_bench,
         source=BY_PLACE,
     )
 
 
-def _by_load(term: Nuisance) -> Nuisance:
+def _load_proportional_term(term: Nuisance) -> Nuisance:
     """What of the same is in proportion to the load."""
 
     def column(m: Moments) -> Floats:
@@ -59,27 +59,27 @@ _OF_EVERY_LOAD: Final = (
     Nuisance(
         "spring",
         "N",
-        lambda m: _spring(m.place_1),
+        lambda m: _spring_column(m.place_1),
         lambda e, s: s.place_share * e.largest_force,
         "a force in proportion to the place on a short path, at its ends: a spring, gravity",
         "strokes at different accelerations over the same path",
-        applies=lambda e: e.on_a_bench,
+        applies=lambda e: e.is_on_bench,
         source=BY_PLACE,
     ),
-    *map(_of_wave, range(1, _HALF_WAVES + 1)),
+    *map(_wave_term, range(1, _HALF_WAVES + 1)),
 )
 #: Behind the nuisances that every log may have.
-PLACE: Final = (*_OF_EVERY_LOAD, *map(_by_load, _OF_EVERY_LOAD))
+PLACE: Final = (*_OF_EVERY_LOAD, *map(_load_proportional_term, _OF_EVERY_LOAD))
 
 
 def forces_by_place(place_1: Floats) -> Floats:
     """(n, terms) columns of a spring and of the half waves, at such places on the path."""
-    waves = (_wave(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
-    return np.column_stack([_spring(place_1), *waves])
+    waves = (_half_wave(place_1, half_waves) for half_waves in range(1, _HALF_WAVES + 1))
+    return np.column_stack([_spring_column(place_1), *waves])
 
 
 def slopes_by_place(place_1: Floats) -> Floats:
     """(n, terms) derivatives of the same by the place."""
     numbers = np.pi * np.arange(1, _HALF_WAVES + 1)
     waves = -numbers * np.sin(numbers * (place_1[:, None] + 0.5))
-    return np.column_stack([np.full(place_1.size, _spring(np.ones(1))), waves])
+    return np.column_stack([np.full(place_1.size, _spring_column(np.ones(1))), waves])

@@ -1,9 +1,9 @@
-"""A load that changes while the machine drives: what each manoeuvre says of it, and what all do.
+"""A load that changes while the machine drives, by manoeuvre and for all of them alike.
 
-What the joint fit leaves of a manoeuvre is compared with a mass that grows over it evenly, and that
-with the other manoeuvres (`growing`). What all do alike is in the terms that they share, and takes
-a term of its own (`filling`): beside it Coulomb friction that drives, or a resistance that falls
-with the square of the speed, is what a growing load leaves in their place.
+`find_growing_loads` compares the residual of a manoeuvre with a mass that grows evenly over it, and
+with the other manoeuvres. A change that all share is hidden in their common terms; `fit_filling`
+gives it a term of its own. Beside that term, friction that drives or a resistance that falls with
+the square of the speed is what a growing load leaves in the others.
 """
 
 from dataclasses import dataclass
@@ -15,43 +15,27 @@ from scipy.optimize import nnls
 from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
-from analysis.weighing.fit_columns import Averages, averages, stride_of
+from analysis.weighing.fit_columns import FitRows, average_columns, mean_stride
 from analysis.weighing.joint_fit import refit
-from analysis.weighing.joint_result import JointFit, place_of
+from analysis.weighing.joint_result import JointFit, term_index
 from analysis.weighing.load_states import sample_units, stretch_units
-from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, NoiseOfColumns
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, Ints, MotionSamples
 from analysis.weighing.nuisances import FILLING
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.autocorrelation import student_factor
 from estimators.numerics.fit_loss import group_ids, group_rows
 
-#: A manoeuvre of fewer rows tells nothing of it.
-_FEWEST_ROWS: Final = 20
-#: What is left of a column is rounding below this share of its squares.
-_ROUNDING: Final = 1e-12
-#: Fewer manoeuvres do not tell what is usual.
-_FEWEST: Final = 4
 #: A standard deviation over the median distance from the median, of normal numbers.
 _OF_MEDIAN: Final = 1.4826
-#: A row that misses by more such deviations counts as missing by so many.
-_FAR: Final = 4.0
-#: Of all manoeuvres of a log, one is said to change by mistake with this probability.
-_BY_MISTAKE: Final = 0.01
-#: What changes is less than this share of the machine's mass: a bucket that goes on filling holds
-#: more than the rated third of it, and no loader carries its own mass.
-_CARRIED: Final = 1.0
 #: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
 #: share of it and in the constant by such a share of the largest force (one standard deviation).
 _OWN: Final = 3
-_FRICTION: Final = 0.1
-_CONSTANT: Final = 0.01
 #: Terms that brake and never drive.
 _RESISTANCES: Final = ("direction", "quadratic")
-#: Terms with less of their variance for themselves, as a share, cannot be told apart.
-_LEAST_APART: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Growth:
+class LoadGrowth:
     """A manoeuvre whose load grows, or falls, while it drives.
 
     Attributes:
@@ -68,7 +52,7 @@ class Growth:
 
 
 @dataclass(frozen=True, slots=True)
-class Filling:
+class LoadFilling:
     """A load that grows at every start alike.
 
     Attributes:
@@ -81,9 +65,9 @@ class Filling:
     deviations: float
 
 
-def filling(
-    fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings, rows: Averages | None = None
-) -> Filling:
+def fit_filling(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
+) -> LoadFilling:
     """Fit once more with a load that grows at every start alike, and with resistances that resist.
 
     The likelihood ratio of a growth of zero and of one that is not below it, each with whichever
@@ -97,23 +81,26 @@ def filling(
     """
     grown = refit(fit, noise, priors, (FILLING,), rows=rows)
     names = [term.name for term in fit.terms]
-    resistances = [place_of(name, fit.terms) for name in _RESISTANCES if name in names]
+    resistances = [term_index(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.count + 1 + place for place in resistances)]
     found, covariance = grown.theta[at], grown.fit.covariance[np.ix_(at, at)]
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
-    if not (np.isfinite(correlation).all() and np.linalg.eigvalsh(correlation)[0] > _LEAST_APART):
-        return Filling(0.0, float("nan"))
+    if not (
+        np.isfinite(correlation).all()
+        and np.linalg.eigvalsh(correlation)[0] > LIMITS.min_own_variance_fraction
+    ):
+        return LoadFilling(0.0, float("nan"))
     whitened = np.linalg.inv(np.linalg.cholesky(correlation))
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
     better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.fit.misfit_ratio, 1.0)
-    return Filling(float(best[0] * std[0]), float(np.sqrt(better)))
+    return LoadFilling(float(best[0] * std[0]), float(np.sqrt(better)))
 
 
-def growing(
-    fit: JointFit, noise: NoiseOfColumns, motion: MotionSamples | None = None
-) -> tuple[Growth, ...]:
+def find_growing_loads(
+    fit: JointFit, noise: ColumnNoiseModel, motion: MotionSamples | None = None
+) -> tuple[LoadGrowth, ...]:
     """The manoeuvres whose load changes by more than chance makes of so many.
 
     Args:
@@ -124,41 +111,52 @@ def growing(
     if fit.states is None or not np.isfinite(fit.fit.residual_rms):
         return ()
     motion = fit.motion if motion is None else motion
-    rows = averages(motion, noise, fit.terms, fit.mean_samples, fit.found)
+    rows = average_columns(motion, noise, fit.terms, fit.mean_samples, fit.found)
     unit = np.where(rows.group >= 0, stretch_units(motion)[np.maximum(rows.group, 0)], -1)
     by_unit = dict(zip(group_ids(unit).tolist(), group_rows(unit), strict=True))
     none = np.empty(0, np.int64)
     numbers = np.unique(stretch_units(motion))
     parts = [by_unit.get(each, none) for each in numbers.tolist()]
-    told = [part.size >= _FEWEST_ROWS for part in parts]
-    if sum(told) < _FEWEST:
+    told = [part.size >= LIMITS.growth_min_rows for part in parts]
+    if sum(told) < LIMITS.growth_min_manoeuvres:
         return ()
-    left = _left(fit, rows, unit)
+    left = _residual(fit, rows, unit)
     usual = np.median(np.abs(left[unit >= 0]))
     for part in parts:
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
-        most = _FAR * _OF_MEDIAN * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
+        most = (
+            LIMITS.row_clip_std
+            * _OF_MEDIAN
+            * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
+        )
         left[part] = left[part].clip(-most, most)
-    variance = _variance(fit, noise)
+    variance = _row_variance(fit, noise)
     friction = float(np.hypot(fit.viscous, fit.fit.std[fit.count]))
-    own = _FRICTION * friction, _CONSTANT * fit.motion.largest_force
+    own = (
+        LIMITS.own_friction_fraction * friction,
+        LIMITS.own_constant_fraction * fit.motion.largest_force,
+    )
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     if not (np.isfinite(tied).all() and np.isfinite(left[unit >= 0]).all()):
         return ()  # of a fit that determines nothing
-    slopes = np.array([_slope(rows.A[part], left[part], tied) for part in compress(parts, told)])
+    slopes = np.array(
+        [_mass_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
+    )
     number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
-    if number.size < _FEWEST:
+    if number.size < LIMITS.growth_min_manoeuvres:
         return ()
     kg, square = slopes.T
     kg = kg - np.median(kg)
     apart = _OF_MEDIAN * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
-    limit = -float(ndtri(_BY_MISTAKE / 2.0 / kg.size)) * student_factor(kg.size - 1)
+    limit = -float(ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)) * student_factor(
+        kg.size - 1
+    )
     # what no machine carries is no load, however surely the manoeuvre misses the model
-    carried = np.abs(kg) < _CARRIED * abs(fit.mass_kg)
+    carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
-        Growth(
+        LoadGrowth(
             int(number[k]),
             int(used[np.argmax(of_sample == number[k])]),
             float(kg[k]),
@@ -168,15 +166,15 @@ def growing(
     )
 
 
-def _left(fit: JointFit, rows: Averages, unit: Ints) -> Floats:
+def _residual(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:
     """What the fit leaves of the rows, (n,) in N; anything where they are of no manoeuvre."""
     assert fit.states is not None
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
-    masses = fit.theta[: fit.count][fit.states.of[place]]
+    masses = fit.theta[: fit.count][fit.states.membership[place]]
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared
 
 
-def _slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
+def _mass_slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
     """How much a residual grows with a mass, and the information about it.
 
     The manoeuvre's own mass, friction and constant are aside, as far as they may differ: `tied` is
@@ -187,14 +185,14 @@ def _slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
     own_part = np.linalg.lstsq(own, np.append(whole, np.zeros(_OWN)))[0]
     grows = whole - A[:, :_OWN] @ own_part
     square = float(grows @ whole)
-    if not square > _ROUNDING * float(whole @ whole):
+    if not square > LIMITS.column_rounding_fraction * float(whole @ whole):
         return 0.0, 0.0
     return float(grows @ residual) / square, square
 
 
-def _variance(fit: JointFit, noise: NoiseOfColumns) -> float:
+def _row_variance(fit: JointFit, noise: ColumnNoiseModel) -> float:
     """Of a row of the fit by the instruments' noise, added up over rows that overlap, in N²."""
     samples = fit.mean_samples
     gradient = np.array([fit.mass_kg, fit.viscous, -1.0])
-    overlap = samples / stride_of(samples)
+    overlap = samples / mean_stride(samples)
     return overlap * float(gradient @ noise.covariance(samples) @ gradient)

@@ -9,12 +9,12 @@ from analysis.model.settings import PriorSettings
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.body_squat import find_squat
 from analysis.weighing.fit_columns import (
-    Averages,
-    EarlierRounds,
     FitColumns,
+    FitRows,
+    PreviousEstimates,
     RelativeLoads,
-    averages,
-    stride_of,
+    average_columns,
+    mean_stride,
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
@@ -28,77 +28,55 @@ from analysis.weighing.load_states import (
 )
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.low_gears import LOW_GEARS
-from analysis.weighing.motion_samples import Floats, Ints, KeptNoise, MotionSamples, NoiseOfColumns
+from analysis.weighing.motion_samples import (
+    CachedNoise,
+    ColumnNoiseModel,
+    Floats,
+    Ints,
+    MotionSamples,
+)
 from analysis.weighing.nuisances import (
     NUISANCES,
     Nuisance,
 )
 from analysis.weighing.uneven_ground import FEWEST, GROUND
-from analysis.weighing.wheel_kinematics import Kinematics, kinematics
+from analysis.weighing.weighing_limits import LIMITS
+from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 
 #: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
 #: taken.
 MEANS_S: Final = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-#: Rounds of finding the lag, moving the force back by it, and fitting again.
-_ROUNDS: Final = 4
-#: Of the fits that choose the mean: a lag that is not made up for would choose.
-_PILOT_ROUNDS: Final = 2
-#: Of finding a squat under loads whose size it changes.
-_SQUAT_ROUNDS: Final = 4
-#: Likewise of load states and the fit that takes the nuisances off.
-_STATE_ROUNDS: Final = 4
-#: A mass of less, as a share of force over acceleration, is none.
-_LEAST: Final = 0.1
-#: With more noise than this in a direction of its columns a mean is too short.
-_MOST_NOISE: Final = 0.3
-_NEARLY: Final = 1.1
-#: The mass depends on the mean's length from so many deviations, and from this share of it, on.
-_DIFFER: Final = 2.5
-_DIFFER_SHARE: Final = 0.005
-#: On a slow grid, of which the shortest mean is a row: motion changes within its step, and what is
-#: a product (slip) is not that of means. Cars at 1 Hz whose wheels slip were 1 to 3 % off.
-_MEANS_OF_ROWS: Final = (1, 2, 4)
-_DIFFER_SHARE_OF_ROWS: Final = 0.002
-#: What no mean shows there, as a share of the mass a second of step: a bus at 1 Hz was 0.3 % off.
-_ROW_SHARE_1_S: Final = 0.003
-#: A stretch holds at least so many means that have no sample in common.
-_MEANS_A_STRETCH: Final = 6
 #: So many stretches tell which mean is best.
 _TRIED: Final = 24
-#: Up to here it does not matter whether a force is delayed or low-passed.
-_SHORT_LAG_S: Final = 0.003
-#: Errors of the motion that show what such ones do to the masses.
-_LATER_S: Final = 0.005
-_LARGER: Final = 0.01
 
 
 @dataclass(frozen=True)
-class FittedLog:
-    """What is fitted, and what is known of it.
+class JointFitInputs:
+    """Samples of a log with their noise, priors and wheel comparison.
 
     Attributes:
         motion: the samples.
         noise: of acceleration, speed and force.
         priors: of the nuisances.
         wheels: what they say of the accelerometer, the force as it was measured.
-        uneven_1_s: how much the ground's force differs from stretch to stretch (`EarlierRounds`).
+        uneven_1_s: how much the ground force differs between stretches (`PreviousEstimates`).
     """
 
     motion: MotionSamples
-    noise: NoiseOfColumns
+    noise: ColumnNoiseModel
     priors: PriorSettings
-    wheels: Kinematics | None
+    wheels: WheelKinematics | None
     uneven_1_s: float = 0.0
 
     @classmethod
-    def of(cls, motion: MotionSamples, noise: NoiseOfColumns, priors: PriorSettings) -> Self:
+    def of(cls, motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings) -> Self:
         """Ask the wheels."""
-        noise = KeptNoise(noise)
-        return cls(motion, noise, priors, _wheels(motion, noise, priors))
+        noise = CachedNoise(noise)
+        return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors))
 
 
-def joint_fit(of: FittedLog, states: LoadStates | None = None) -> JointFit:
+def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     motion = of.motion
     several = states is not None and states.count > 1
@@ -108,34 +86,44 @@ def joint_fit(of: FittedLog, states: LoadStates | None = None) -> JointFit:
         if term.applies(motion) and (several or not term.by_load)
     )
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
-    part = whole.beginning(_TRIED)
+    part = whole.first_stretches(_TRIED)
     part = part if part.motion.drives else whole
-    longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
+    longest = (
+        int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
+    )
     means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S}
-    means = sorted(means | {*_MEANS_OF_ROWS} if 1 in means else means)
+    means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
-    columns = FitColumns.of(part.motion, of.noise, terms, part.begun)
+    columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)
     first = [
-        part.fitted(samples, _PILOT_ROUNDS, rows=columns.averaged(of.noise, samples))
+        part.fit_means(samples, LIMITS.pilot_rounds, rows=columns.average(of.noise, samples))
         for samples in lengths
     ]
     # a lag that is far from made up for may leave no mass at all
-    first = [found for found in first if found.mass_kg > _LEAST * motion.about_kg] or first
-    telling = [found for found in first if found.fit.noise_share <= _MOST_NOISE] or first[-1:]
+    first = [
+        found
+        for found in first
+        if found.mass_kg > LIMITS.min_mass_fraction * motion.approximate_mass_kg
+    ] or first
+    telling = [
+        found for found in first if found.fit.noise_share <= LIMITS.max_noise_fraction
+    ] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
-    best = next(found for found in telling if not found.u_kg > _NEARLY * least_kg)
+    best = next(
+        found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
+    )
     samples = best.mean_samples
-    if abs(best.lag_s) > _SHORT_LAG_S or best.found.transfer_s2_m:
+    if abs(best.lag_s) > LIMITS.short_lag_s or best.found.transfer_s2_m:
         # slip is of the force on the ground at that moment
-        in_time = motion.with_force_moved_back(best.lag_s)
-        acting = replace(in_time, force=best.found.acting(in_time))
-        whole = replace(whole, wheels=_wheels(acting, of.noise, of.priors))
+        in_time = motion.shift_force(best.lag_s)
+        acting = replace(in_time, force=best.found.ground_force(in_time))
+        whole = replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
-    moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
-    if abs(moved.lag_s) < _SHORT_LAG_S:
+    moved = replace(whole.fit_means(samples, LIMITS.lag_rounds), averaging_share=share)
+    if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
-    filtered = replace(whole.fitted(samples, 2, shift=False), averaging_share=share)
+    filtered = replace(whole.fit_means(samples, 2, shift=False), averaging_share=share)
     filters = filtered.fit.residual_rms < moved.fit.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():
@@ -143,11 +131,11 @@ def joint_fit(of: FittedLog, states: LoadStates | None = None) -> JointFit:
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
 
-def _wheels(
-    motion: MotionSamples, noise: NoiseOfColumns, priors: PriorSettings
-) -> Kinematics | None:
-    """What the wheels say, or what a calibration says of them."""
-    found = kinematics(motion, noise, priors)
+def _wheel_kinematics(
+    motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings
+) -> WheelKinematics | None:
+    """Compare the wheels, or take the comparison of a calibration."""
+    found = compare_wheels(motion, noise, priors)
     return None if found is None else found.learnt(priors)
 
 
@@ -157,35 +145,37 @@ def _averaging_share(by_length: list[JointFit], place: int) -> float:
     if best.mass_kg == 0.0:
         return 0.0
     rows = by_length[0].mean_samples == 1
-    if any(_differ(best, other, rows=rows) for other in longer):
+    if any(_masses_differ(best, other, rows=rows) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
-    if not longer and place and _differ(best, by_length[place - 1], rows=rows):
+    if not longer and place and _masses_differ(best, by_length[place - 1], rows=rows):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - by_length[place - 1].mass_kg / best.mass_kg
-    return _ROW_SHARE_1_S / best.motion.rate_hz if rows else 0.0
+    return LIMITS.slow_grid_hidden_1_s / best.motion.rate_hz if rows else 0.0
 
 
-def _differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
+def _masses_differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
     """Whether means of two lengths give masses that their uncertainties do not explain.
 
     Of single rows any difference that counts is one: noise that makes it is no excuse.
     """
     difference_kg = abs(one.mass_kg - other.mass_kg)
     if rows:
-        return difference_kg > _DIFFER_SHARE_OF_ROWS * abs(one.mass_kg)
+        return difference_kg > LIMITS.slow_grid_mean_length_fraction * abs(one.mass_kg)
     first, second = one.u_kg, other.u_kg
     expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
-    return difference_kg > max(_DIFFER * expected_kg, _DIFFER_SHARE * abs(one.mass_kg))
+    return difference_kg > max(
+        LIMITS.mean_length_std * expected_kg, LIMITS.mean_length_fraction * abs(one.mass_kg)
+    )
 
 
 def refit(
     found: JointFit,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     priors: PriorSettings,
     extra: tuple[Nuisance, ...] = (),
     rounds: int = 1,
-    rows: Averages | None = None,
+    rows: FitRows | None = None,
 ) -> JointFit:
     """Fit the same samples with other priors, or with further terms behind the others.
 
@@ -197,14 +187,14 @@ def refit(
         priors: of the nuisances.
         extra: the further terms.
         rounds: at most.
-        rows: `rows_of` what was found, with these terms and maybe more, where they are at hand.
+        rows: `fit_rows` what was found, with these terms and maybe more, where they are at hand.
     """
     if found.effects is not None:
-        priors = found.effects.narrowed(priors)
+        priors = found.effects.narrow_left_out(priors)
     terms = (*found.terms, *extra)
     task = FitTask(found.motion, noise, priors, terms, found.kinematics, found.states)
     rows = rows and rows.of(terms)
-    fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found, rows=rows)
+    fitted = task.fit_means(found.mean_samples, rounds, shift=found.shifted, begin=found, rows=rows)
     if fitted.count != found.count:
         # of other loads
         return fitted
@@ -217,20 +207,22 @@ def refit(
     )
 
 
-def rows_of(found: JointFit, noise: NoiseOfColumns, extra: tuple[Nuisance, ...] = ()) -> Averages:
+def fit_rows(found: JointFit, noise: ColumnNoiseModel, extra: tuple[Nuisance, ...] = ()) -> FitRows:
     """The rows by which a fit begins that goes on from another, with further terms or without."""
     terms = (*found.terms, *extra)
-    return averages(found.motion, noise, terms, found.mean_samples, found.found)
+    return average_columns(found.motion, noise, terms, found.mean_samples, found.found)
 
 
-def with_likely_effects(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+def drop_unlikely_effects(
+    found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+) -> JointFit:
     """Fit without the effects that the log is unlikely to have."""
     likely = LikelyEffects.of(found.fit, found.count, found.terms, found.prior_std)
     found = replace(found, effects=likely)
     return refit(found, noise, priors, rounds=2) if likely and likely.left_out else found
 
 
-def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:
+def add_squat(found: JointFit, priors: PriorSettings) -> JointFit:
     """Look for an accelerometer whose gain changes with the load."""
     wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
     if wheels is None or loads is None or states is None:
@@ -238,66 +230,74 @@ def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:
     told = found.motion.without_gravity is None or wheels.squat[0] > 0.0
     if not (found.motion.by_accelerometer and told):
         return found
-    first = np.unique(states.of, return_index=True)[1]
-    for _ in range(_SQUAT_ROUNDS):
+    first = np.unique(states.membership, return_index=True)[1]
+    for _ in range(LIMITS.squat_rounds):
         squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)
         found = replace(found, squat=squat)
         # a squat that is not taken off makes loads of another size
         shares = loads.weight_shares
-        loads = RelativeLoads.of(states.unit, found.masses_kg[states.of], shares) or loads
+        loads = RelativeLoads.of(states.unit, found.masses_kg[states.membership], shares) or loads
     return found
 
 
-def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+def add_motion_responses(
+    found: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+) -> JointFit:
     """Find what errors of the motion do to each mass, by fitting once more with each."""
     if found.kinematics is None or not found.motion.by_accelerometer:
         return found
     known, count = found.found, found.count
 
-    def moved(changed: EarlierRounds, by: float) -> Floats:
+    def moved(changed: PreviousEstimates, by: float) -> Floats:
         other = refit(replace(found, found=changed), noise, priors)
         return (other.theta[:count] - found.theta[:count]) / by
 
-    later = replace(known, speed_late_s=known.speed_late_s + _LATER_S)
-    larger = replace(known, motion_gain=known.motion_gain + _LARGER)
-    responses = MotionResponses(moved(later, _LATER_S), moved(larger, _LARGER))
+    later = replace(known, speed_late_s=known.speed_late_s + LIMITS.probe_delay_s)
+    larger = replace(known, motion_gain=known.motion_gain + LIMITS.probe_gain_1)
+    responses = MotionResponses(
+        moved(later, LIMITS.probe_delay_s), moved(larger, LIMITS.probe_gain_1)
+    )
     return replace(found, by_motion=responses)
 
 
-def with_states(found: JointFit, of: FittedLog, repeatability_kg: float | None) -> JointFit:
+def add_load_states(
+    found: JointFit, of: JointFitInputs, repeatability_kg: float | None
+) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes.
 
     A search that does not settle has the states about which manoeuvres scatter least, for as many.
     """
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
     if not np.isfinite(found.theta).all():
-        return _without_answer(found)
+        return _withhold_masses(found)
     first, tried = found, list[JointFit]()
-    for _ in range(_STATE_ROUNDS):
+    for _ in range(LIMITS.state_rounds):
         task = FitTask(
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
         )
-        rows = rows_of(found, of.noise)
+        rows = fit_rows(found, of.noise)
         units = task.units(found, rows)
         states = find_states(replace(units, kind=hints), number, repeatability_kg)
         before = found.states
         if states.count == 1 and found.count == 1:
             return refit(replace(found, states=states), of.noise, of.priors, rows=rows)
-        if before is not None and np.array_equal(states.of, before.of):
+        if before is not None and np.array_equal(states.membership, before.membership):
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
             return refit(found, of.noise, of.priors, rounds=2, rows=rows)
-        of = _with_uneven_ground(found, of, rows.group)
+        of = _add_uneven_ground(found, of, rows.group)
         found = joint_fit(of, states)
         if not np.isfinite(found.theta).all():
-            return _without_answer(first)
-        if any(np.array_equal(states.of, each.of) for each in map(_states, tried)):
+            return _withhold_masses(first)
+        if any(
+            np.array_equal(states.membership, each.membership) for each in map(_find_states, tried)
+        ):
             break
         tried.append(found)
-    return min(tried, key=lambda each: _states(each).misfit)
+    return min(tried, key=lambda each: _find_states(each).misfit)
 
 
-def _without_answer(found: JointFit) -> JointFit:
+def _withhold_masses(found: JointFit) -> JointFit:
     """The same fit, none of whose masses is known."""
     states = found.states
     if found.count == 1 or states is None:
@@ -305,18 +305,18 @@ def _without_answer(found: JointFit) -> JointFit:
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 
-def _states(found: JointFit) -> LoadStates:
+def _find_states(found: JointFit) -> LoadStates:
     assert found.states is not None
     return found.states
 
 
-def _with_uneven_ground(found: JointFit, of: FittedLog, group: Ints) -> FittedLog:
+def _add_uneven_ground(found: JointFit, of: JointFitInputs, group: Ints) -> JointFitInputs:
     """Likewise with constants that differ from stretch to stretch."""
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of
     residual = found.fit.residual
     correlation, white = pooled_autocorrelation(residual, group, None)
-    a_second = found.motion.rate_hz / stride_of(found.mean_samples)
+    a_second = found.motion.rate_hz / mean_stride(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     std_N = of.priors.ground_uneven_share * found.motion.weight
     return replace(of, uneven_1_s=std_N**2 * a_second / noise)

@@ -7,17 +7,17 @@ from typing import Protocol
 import numpy as np
 
 from analysis.weighing.body_squat import Squat
-from analysis.weighing.fit_columns import EarlierRounds
+from analysis.weighing.fit_columns import PreviousEstimates
 from analysis.weighing.force_by_place import BY_PLACE, forces_by_place
 from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Nuisance
-from analysis.weighing.wheel_kinematics import TERMS, Kinematics
+from analysis.weighing.wheel_kinematics import TERMS, WheelKinematics
 from estimators.joint.prior_fit import MapFit
 
 
-class Estimated(Protocol):
+class LazyEstimates(Protocol):
     """Estimates whose uncertainty is found when it is asked for."""
 
     @property
@@ -59,7 +59,7 @@ class MotionResponses:
 
 @dataclass(frozen=True)
 class JointFit:
-    """The fit, and how it came about.
+    """A joint fit with its terms, priors, load states and motion.
 
     Attributes:
         terms: the nuisances, in the order of the parameters behind masses and friction.
@@ -84,13 +84,13 @@ class JointFit:
     terms: tuple[Nuisance, ...]
     prior_std: Floats
     theta: Floats
-    solution: Estimated
+    solution: LazyEstimates
     states: LoadStates | None
-    kinematics: Kinematics | None
+    kinematics: WheelKinematics | None
     mean_samples: int
     motion: MotionSamples
     lag_shape_kg: Floats
-    found: EarlierRounds
+    found: PreviousEstimates
     shifted: bool
     prior_means: PriorMeans
     averaging_share: float = 0.0
@@ -137,7 +137,7 @@ class JointFit:
         """(1 + terms,) friction and terms of columns whose force has been moved back by its lag."""
         shared = self.theta[self.count :].copy()
         if self.shifted:
-            shared[1 + place_of("lag", self.terms)] = 0.0
+            shared[1 + term_index("lag", self.terms)] = 0.0
         return shared
 
     @property
@@ -149,17 +149,17 @@ class JointFit:
     def posterior(self) -> tuple[Floats, Floats]:
         """What the log says of the terms, (terms,), and the deviations."""
         own = self.fit.std[self.count + 1 :]
-        by_means = self._of_means[:, self.count + 1 :]
+        by_means = self._mean_sensitivities[:, self.count + 1 :]
         return self.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
-    def _of_means(self) -> Floats:
+    def _mean_sensitivities(self) -> Floats:
         """(terms, p) what one standard uncertainty of each learnt mean moves the estimates by."""
         responses = self.fit.responses[self.count + 1 :]
         return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
 
     @cached_property
-    def of_means(self) -> tuple[tuple[str, ...], Floats]:
+    def learnt_mean_sensitivities(self) -> tuple[tuple[str, ...], Floats]:
         """Terms whose means a calibration learnt, and what one uncertainty of each moves masses by.
 
         Returns:
@@ -167,11 +167,14 @@ class JointFit:
         """
         uncertain = np.flatnonzero(self.prior_means.mean_u > 0.0)
         names = [self.terms[k].name for k in uncertain]
-        moved_kg = self._of_means[uncertain, : self.count]
+        moved_kg = self._mean_sensitivities[uncertain, : self.count]
         wheels = self.kinematics
         if wheels is not None and wheels.mean_u.any():
             each = np.eye(self.theta.size)[: self.count]
-            by_wheels = np.array([self._moves(weights) for weights in each]) * wheels.mean_u
+            by_wheels = (
+                np.array([self._wheel_sensitivities_kg(weights) for weights in each])
+                * wheels.mean_u
+            )
             names += TERMS
             moved_kg = np.vstack([moved_kg, by_wheels.T])
         return tuple(names), moved_kg
@@ -187,14 +190,14 @@ class JointFit:
         return float(self.posterior[0][names.index(name)]) if name in names else 0.0
 
     @property
-    def terms_t(self) -> dict[str, float]:
+    def term_t_values(self) -> dict[str, float]:
         """By term, how many deviations of what the log tells it is from 0."""
         value, std = self.posterior
         found = np.abs(value) / std
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
-    def from_priors(self) -> dict[str, float]:
+    def prior_distances(self) -> dict[str, float]:
         """By term, how far it is from the mean of its prior, in widths.
 
         The lag is found anew, and one place of the ground may be anything.
@@ -206,9 +209,9 @@ class JointFit:
         }
 
     @property
-    def main(self) -> int:
+    def main_state(self) -> int:
         """The state that most manoeuvres are of."""
-        return 0 if self.states is None else int(np.bincount(self.states.of).argmax())
+        return 0 if self.states is None else int(np.bincount(self.states.membership).argmax())
 
     def weights(self, state: int) -> Floats:
         """(masses,) that pick one mass."""
@@ -237,15 +240,19 @@ class JointFit:
             },
             "channel_noise": abs(float(fit.doubt @ wide)),
             "scatter": root(fit.scatter),
-            "other_reading": 0.0 if self.states is None else self.states.other_reading_kg(weights),
-            "other_effects": 0.0 if self.effects is None else self.effects.doubt_kg(weights),
-            "squat": float(np.hypot(self._of_pitch(weights), self._of_squat(weights))),
+            "other_reading": 0.0
+            if self.states is None
+            else self.states.alternative_std_kg(weights),
+            "other_effects": 0.0
+            if self.effects is None
+            else self.effects.model_choice_u_kg(weights),
+            "squat": float(np.hypot(self._pitch_parts_kg(weights), self._squat_parts_kg(weights))),
             "misfit": root(fit.misfit),
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }
-        parts |= self._of_wheels(wide, parts["slip"])
-        learnt_kg = self.of_means[1] @ weights
+        parts |= self._wheel_parts_kg(wide, parts["slip"])
+        learnt_kg = self.learnt_mean_sensitivities[1] @ weights
         if learnt_kg.any():
             parts["learnt"] = float(np.linalg.norm(learnt_kg))
         wheels = self.kinematics
@@ -256,11 +263,11 @@ class JointFit:
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
-    def _of_squat(self, weights: Floats) -> float:
+    def _squat_parts_kg(self, weights: Floats) -> float:
         """What is uncertain of a gain that changes with the load, of a sum of masses in kg."""
         return 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg)
 
-    def _of_pitch(self, weights: Floats) -> float:
+    def _pitch_parts_kg(self, weights: Floats) -> float:
         """What is uncertain of the squat that the pitch shows, likewise."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
@@ -275,23 +282,23 @@ class JointFit:
         What the wheels tell of slip narrows its prior.
         """
         found = self.fit.responses[self.count + 1 :, : self.count].copy()
-        slip = place_of("slip", self.terms)
-        alone_kg = abs(float(found[slip] @ self.weights(self.main)))
+        slip = term_index("slip", self.terms)
+        alone_kg = abs(float(found[slip] @ self.weights(self.main_state)))
         if alone_kg > 0.0:
-            known_kg = self.parts_kg(self.weights(self.main))["slip"]
+            known_kg = self.parts_kg(self.weights(self.main_state))["slip"]
             found[slip] *= min(known_kg / alone_kg, 1.0)
         return found
 
-    def _of_wheels(self, weights: Floats, slip_kg: float) -> dict[str, float]:
+    def _wheel_parts_kg(self, weights: Floats, slip_kg: float) -> dict[str, float]:
         """What slip, gain and delay, found together, do to a sum of masses, in kg.
 
         They go together: the part of each is what is left of it once those before are known.
         """
         wheels, friction = self.kinematics, self.slope
-        if wheels is None or not wheels.goes_together:
+        if wheels is None or not wheels.is_consistent:
             return {}
-        moves = self._moves(weights)
-        width = self.prior_std[place_of("slip", self.terms)]
+        moves = self._wheel_sensitivities_kg(weights)
+        width = self.prior_std[term_index("slip", self.terms)]
         found = moves @ np.linalg.cholesky(wheels.covariance)
         of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
         beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
@@ -300,13 +307,13 @@ class JointFit:
             parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
         return parts
 
-    def _moves(self, weights: Floats) -> Floats:
+    def _wheel_sensitivities_kg(self, weights: Floats) -> Floats:
         """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""
         friction = self.slope
-        slip = self.count + 1 + place_of("slip", self.terms)
+        slip = self.count + 1 + term_index("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
-        width = self.prior_std[place_of("slip", self.terms)]
+        width = self.prior_std[term_index("slip", self.terms)]
         of_masses = weights[: self.count]
         masses_kg = float(of_masses @ self.masses_kg)
         late = -friction * float(weights.sum())
@@ -324,7 +331,7 @@ class JointFit:
     def masses_kg(self) -> Floats:
         """(masses,), what the speed's delay and the accelerometer's gains do to them taken off."""
         late, gain, wheels = 0.0, 0.0, self.kinematics
-        if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
+        if wheels is not None and wheels.is_consistent and self.motion.by_accelerometer:
             late = wheels.delay_s[0] - self.found.speed_late_s
         if wheels is not None and self.corrects_gain:
             gain = wheels.gain_by_prior[0]
@@ -335,7 +342,7 @@ class JointFit:
     @property
     def mass_kg(self) -> float:
         """Of the state that most manoeuvres are of."""
-        return float(self.masses_kg[self.main])
+        return float(self.masses_kg[self.main_state])
 
     @property
     def corrects_gain(self) -> bool:
@@ -343,14 +350,14 @@ class JointFit:
         wheels = self.kinematics
         if wheels is None or not self.motion.by_accelerometer:
             return False
-        return wheels.goes_together and not wheels.gain_counts
+        return wheels.is_consistent and not wheels.gain_counts
 
     @property
     def u_kg(self) -> float:
         """That mass' standard uncertainty by this log alone, without the scale."""
-        return self.u_of(self.weights(self.main))
+        return self.sum_u_kg(self.weights(self.main_state))
 
-    def u_of(self, weights: Floats) -> float:
+    def sum_u_kg(self, weights: Floats) -> float:
         """Likewise of a sum of masses, in kg."""
         return root_sum_of_squares(self.parts_kg(weights))
 
@@ -375,6 +382,6 @@ def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: MotionS
     return viscous if quadratic <= 0.0 else viscous + 2.0 * quadratic * motion.mean_speed
 
 
-def place_of(name: str, terms: tuple[Nuisance, ...]) -> int:
+def term_index(name: str, terms: tuple[Nuisance, ...]) -> int:
     """Where a term stands among the terms."""
     return [term.name for term in terms].index(name)

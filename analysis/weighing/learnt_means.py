@@ -14,7 +14,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build
 from analysis.model.uncertainty_sources import combined
-from analysis.weighing.load_frames import weights_against
+from analysis.weighing.load_frames import difference_weights
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
@@ -23,7 +23,7 @@ from analysis.weighing.wheel_kinematics import TERMS
 
 @dataclass(frozen=True)
 class LearntErrors:
-    """What a log says of the errors of learnt means, in their standard uncertainties.
+    """Errors of learnt means as a log estimates them, in their standard uncertainties.
 
     Attributes:
         terms: whose means they are.
@@ -46,7 +46,7 @@ class LearntErrors:
         """
         fit, learnt = weighing.informed, weighing.learnt
         assert fit is not None
-        by_wheels = [term for term in weighing.fit.of_means[0] if term in TERMS]
+        by_wheels = [term for term in weighing.fit.learnt_mean_sensitivities[0] if term in TERMS]
         known = [(k, term.name) for k, term in enumerate(fit.terms) if term.name in learnt]
         # slip of which the wheels tell more has no learnt prior in the fit
         own = [(k, n) for k, n in known if fit.prior_means.mean[k] == learnt[n].mean or n == "lag"]
@@ -71,7 +71,7 @@ class LearntErrors:
 
     def moves(self, weighing: Weighing) -> Floats:
         """(terms, masses) what the errors move the masses by, those of the means at hand, in kg."""
-        names, moved_kg = weighing.fit.of_means
+        names, moved_kg = weighing.fit.learnt_mean_sensitivities
         own = dict(zip(names, moved_kg, strict=True))
         by_fit = dict(zip(self.terms, self.by_fit_kg, strict=False)) if weighing.told else {}
         none = np.zeros(weighing.fit.count)
@@ -97,14 +97,14 @@ def responses(
     of_mass, of_payload, of_cycle = MOVED
     moved_kg = errors.moves(weighing)
 
-    def rows_of(of: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
-        return _rows(of, weighing, machine, errors.terms, moved_kg, sums)
+    def fit_rows(of: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
+        return _response_rows(of, weighing, machine, errors.terms, moved_kg, sums)
 
-    rows = rows_of(of_mass, {k: fit.weights(k) for k in states})
+    rows = fit_rows(of_mass, {k: fit.weights(k) for k in states})
     if empty:
-        against = {k: weights_against(weighing, k, empty) for k in states if k not in empty}
-        rows += rows_of(of_payload, against)
-    rows += rows_of(of_cycle, payloads)
+        against = {k: difference_weights(weighing, k, empty) for k in states if k not in empty}
+        rows += fit_rows(of_payload, against)
+    rows += fit_rows(of_cycle, payloads)
     known = [
         {
             "term": one,
@@ -122,7 +122,7 @@ def responses(
     }
 
 
-def _rows(
+def _response_rows(
     of: str,
     weighing: Weighing,
     machine: Machine,

@@ -15,16 +15,9 @@ from analysis.weighing.load_states import LoadStates, sample_units
 from analysis.weighing.mass_budget import budget, relative_u
 from analysis.weighing.motion_samples import Floats, Ints
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
 
-#: The lightest state is empty when its mass is the machine's within so many uncertainties,
-_ALIKE: Final = 2.0
-#: and the heaviest is heavier by so many.
-_HEAVIER: Final = 3.0
-#: Others are as light within so many deviations of their difference.
-_AS_LIGHT: Final = 3.0
-#: So many manoeuvres are named, the others counted.
-_TOLD: Final = 3
 #: Unit and meaning of what the wheels say of slip, gain and delay.
 _OF_WHEELS: Final = (
     ("1/N", "what share of its speed a newton makes the wheels slip, by the wheels"),
@@ -49,34 +42,36 @@ def loads(
         verdict: what it forbids is withheld.
     """
     if weighing is None:
-        return _no_load()
+        return _unknown_load()
     fit = weighing.fit
-    times = _times(fit, excitation)
+    times = _state_times(fit, excitation)
     empty = empty_states(weighing, times, machine)
-    datum, against = _datum(weighing, empty, machine)
+    datum, against = _empty_datum(weighing, empty, machine)
     rows = [
-        _load(weighing, state, empty, times[state], machine, verdict, datum)
+        _load_row(weighing, state, empty, times[state], machine, verdict, datum)
         for state in range(fit.count)
     ]
-    said = "; ".join(filter(None, (_said(fit, machine), against, _growing(weighing, excitation))))
+    said = "; ".join(
+        filter(None, (_state_notes(fit, machine), against, _growing_notes(weighing, excitation)))
+    )
     if machine.settings.loads.empty_from_s is not None and not empty:
         said = "; ".join(filter(None, (_NOT_EMPTY, said)))
     said = pl.Series("said", [said] * len(rows))
     return build("loads", {**pl.DataFrame(rows, infer_schema_length=None).to_dict(), "said": said})
 
 
-def _times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
+def _state_times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
     """When each state begins and ends."""
     states = fit.states
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    of = states.of[_places(fit, states)]
+    of = states.membership[_state_indices(fit, states)]
     inside = (used[of == state] for state in range(fit.count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def _places(fit: JointFit, states: LoadStates) -> Ints:
+def _state_indices(fit: JointFit, states: LoadStates) -> Ints:
     """Of each fitted sample, the place of its manoeuvre among those of the states."""
     return np.searchsorted(states.unit, sample_units(fit.motion))
 
@@ -86,7 +81,7 @@ def changes(weighing: Weighing | None) -> list[int]:
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.of[_places(fit, states)]
+    of = states.membership[_state_indices(fit, states)]
     used = np.flatnonzero(fit.motion.used)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
@@ -113,57 +108,59 @@ def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Mach
     if body.empty_mass_kg is None:
         return []
     lightest = int(np.argmin(fit.masses_kg))
-    apart_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
+    difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
     u_kg = combined(budget(weighing, machine, fit.weights(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
-    if apart_kg > _ALIKE * u_kg or carried_kg < _HEAVIER * u_kg:
+    if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
         return []
-    return _as_light(weighing, lightest, machine)
+    return _equally_light_states(weighing, lightest, machine)
 
 
-def _as_light(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
+def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
     """The states whose mass is that of the lightest, by what is random of the difference."""
     fit = weighing.fit
     found = [lightest]
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
         if state == lightest:
             continue
-        weights = weights_against(weighing, state, found)
+        weights = difference_weights(weighing, state, found)
         random_kg = combined(budget(weighing, machine, weights), "random")
-        if float(weights @ fit.masses_kg) > _AS_LIGHT * random_kg:
+        if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
         found.append(state)
     return sorted(found)
 
 
-def _datum(weighing: Weighing, empty: list[int], machine: Machine) -> tuple[Datum | None, str]:
+def _empty_datum(
+    weighing: Weighing, empty: list[int], machine: Machine
+) -> tuple[Datum | None, str]:
     """What the empty states make of payloads; and why they do not, where the log contradicts it."""
     fit = weighing.fit
     if not empty or len(empty) == fit.count:
         return None, ""
     # less the mass of none: the empty ones alone
-    weights = fit.weights(0) - weights_against(weighing, 0, empty)
+    weights = fit.weights(0) - difference_weights(weighing, 0, empty)
     found = EmptyMachine(weighing, machine, weights)
     if found.contradiction:
         return None, f"{found.contradiction}: payloads are on the log's own scale"
     others = [state for state in range(fit.count) if state not in empty]
-    payloads = np.sum([weights_against(weighing, state, empty) for state in others], axis=0)
+    payloads = np.sum([difference_weights(weighing, state, empty) for state in others], axis=0)
     return found.datum(payloads), ""
 
 
-def weights_against(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def difference_weights(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass less the mean of others, by how many manoeuvres each has."""
     states = weighing.fit.states
     assert states is not None
-    count = np.bincount(states.of).astype(np.float64)
+    count = np.bincount(states.membership).astype(np.float64)
     weights = weighing.fit.weights(state)
     if empty:
         weights[empty] -= count[empty] / count[empty].sum()
     return weights
 
 
-def _load(
+def _load_row(
     weighing: Weighing,
     state: int,
     empty: list[int],
@@ -199,7 +196,7 @@ def _load(
         "load_id": state,
         "start_t_ns": times[0],
         "end_t_ns": times[1],
-        "manoeuvres": int((states.of == state).sum()),
+        "manoeuvres": int((states.membership == state).sum()),
         **{name: None if withheld else value for name, value in numbers.items()},
         "payload_to": empty[0] if empty and not withheld else None,
         "empty": state in empty,
@@ -226,7 +223,7 @@ def _payload(
     names = ("kg", "u_kg", "u_random_kg")
     if not empty and body.empty_mass_kg is None:
         return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
-    weights = weights_against(weighing, state, empty)
+    weights = difference_weights(weighing, state, empty)
     sources = budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
     u_kg = combined(sources)
@@ -245,13 +242,13 @@ def _payload(
     return found, unknown_scale(sources)
 
 
-def _said(fit: JointFit, machine: Machine) -> str:
+def _state_notes(fit: JointFit, machine: Machine) -> str:
     """What a reader must know of the states, beside every number."""
     states = fit.states
     assert states is not None
     said: list[str] = []
     if states.other is not None:
-        others = int(states.other.of.max()) + 1
+        others = int(states.other.membership.max()) + 1
         readings = sorted(
             [(fit.count, states.scatter_kg), (others, states.other.scatter_kg)],
             key=lambda reading: reading[0],
@@ -270,7 +267,7 @@ def _said(fit: JointFit, machine: Machine) -> str:
     return "; ".join(said)
 
 
-def _growing(weighing: Weighing, excitation: pl.DataFrame) -> str:
+def _growing_notes(weighing: Weighing, excitation: pl.DataFrame) -> str:
     """The manoeuvres in which the load changes."""
     t_ns = excitation["t_ns"].to_numpy()
     told = [
@@ -278,8 +275,12 @@ def _growing(weighing: Weighing, excitation: pl.DataFrame) -> str:
         f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: it is left out"
         for each in weighing.growing
     ]
-    more = [f"so it does within {len(told) - _TOLD} more"] if len(told) > _TOLD else []
-    return "; ".join(told[:_TOLD] + more)
+    more = (
+        [f"so it does within {len(told) - LIMITS.max_named_manoeuvres} more"]
+        if len(told) > LIMITS.max_named_manoeuvres
+        else []
+    )
+    return "; ".join(told[: LIMITS.max_named_manoeuvres] + more)
 
 
 def manoeuvre_frame(
@@ -290,11 +291,11 @@ def manoeuvre_frame(
     As those of loads, masses are without what only turns.
     """
     if weighing is None or weighing.fit.states is None:
-        return _empty("manoeuvres")
+        return _empty_frame("manoeuvres")
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    place = _places(fit, states)
+    place = _state_indices(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well
@@ -302,16 +303,16 @@ def manoeuvre_frame(
     return build(
         "manoeuvres",
         {
-            "load_id": states.of,
+            "load_id": states.membership,
             "start_t_ns": t_ns[used[first]],
             "end_t_ns": t_ns[used[last]],
-            "mass_kg": states.level_kg + shift_kg[states.of],
+            "mass_kg": states.level_kg + shift_kg[states.membership],
             "mass_std_kg": states.std_kg,
         },
     )
 
 
-def _no_load() -> pl.DataFrame:
+def _unknown_load() -> pl.DataFrame:
     """One load of which nothing is known."""
     said = {
         "load_id": 0,
@@ -332,15 +333,15 @@ def _no_load() -> pl.DataFrame:
 def nuisances(weighing: Weighing | None) -> pl.DataFrame:
     """Make `nuisances`: a row a term, prior and posterior."""
     if weighing is None:
-        return _empty("nuisances")
-    rows = pl.concat([_terms(weighing), _wheels(weighing)], how="diagonal")
+        return _empty_frame("nuisances")
+    rows = pl.concat([_term_rows(weighing), _wheel_rows(weighing)], how="diagonal")
     return build("nuisances", rows.to_dict())
 
 
-def _terms(weighing: Weighing) -> pl.DataFrame:
+def _term_rows(weighing: Weighing) -> pl.DataFrame:
     """The terms of the fit."""
     fit, own = weighing.fit, weighing.alone
-    parts_kg = fit.parts_kg(fit.weights(fit.main))
+    parts_kg = fit.parts_kg(fit.weights(fit.main_state))
     prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
     columns = {
         "term": [term.name for term in fit.terms],
@@ -369,13 +370,13 @@ def _terms(weighing: Weighing) -> pl.DataFrame:
     return pl.DataFrame({**columns, **alone})
 
 
-def _wheels(weighing: Weighing) -> pl.DataFrame:
+def _wheel_rows(weighing: Weighing) -> pl.DataFrame:
     """What wheels and accelerometer say of each other, where they go together."""
     fit, own = weighing.fit, weighing.alone
     wheels = fit.kinematics
-    if wheels is None or not wheels.goes_together or wheels.gain_counts:
+    if wheels is None or not wheels.is_consistent or wheels.gain_counts:
         return pl.DataFrame()
-    parts_kg = fit.parts_kg(fit.weights(fit.main))
+    parts_kg = fit.parts_kg(fit.weights(fit.main_state))
     said = list(wheels.by_term.values())
     rows: dict[str, object] = {
         "term": TERMS,
@@ -403,13 +404,13 @@ def _wheels(weighing: Weighing) -> pl.DataFrame:
 def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
     """Make `budget`: a row a load and source."""
     if weighing is None:
-        return _empty("budget")
+        return _empty_frame("budget")
     fit = weighing.fit
-    rows = [_sources(weighing, machine, state) for state in range(fit.count)]
+    rows = [_source_rows(weighing, machine, state) for state in range(fit.count)]
     return build("budget", pl.concat(rows).to_dict())
 
 
-def _sources(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
+def _source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
     sources = budget(weighing, machine, weighing.fit.weights(state))
     total = combined(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
@@ -426,6 +427,6 @@ def _sources(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
     )
 
 
-def _empty(name: str) -> pl.DataFrame:
+def _empty_frame(name: str) -> pl.DataFrame:
     """A frame without rows."""
     return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[name].columns})

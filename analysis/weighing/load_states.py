@@ -11,48 +11,29 @@ import numpy as np
 
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, begins, ends
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.partition_posterior import Partition
 from estimators.joint.random_intercepts import RandomIntercepts
 
-#: A load is anything up to this share of the machine's mass (rated loads of loaders are).
-_LARGEST_LOAD: Final = 1.0 / 3.0
-#: Manoeuvres of one load repeat to about so much of the machine's mass: those who sell scales for
-#: loaders state one or two percent.
-_REPEATS: Final = 0.02
 #: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
 FEWEST_FREEDOM: Final = 4
-#: One load is not ruled out when it is more probable than this.
-_DOUBTED: Final = 0.05
-#: Several are not when all ways of them together are: some of many always fit chance.
-_DOUBTED_SEVERAL: Final = 0.2
 _ROUNDS: Final = 60
-#: A load that turns so often from heavier to lighter or back comes back, if not to the kilogram:
-#: a bucket is never quite empty.
-_ALTERNATES: Final = 2
-#: A boom or a bucket that moves by so much between two manoeuvres may have loaded or dumped.
-_ARM_MOVES_RAD: Final = 0.15
-#: So long lasts a manoeuvre that tells a mass, and so many samples it has at least.
-_TELLS_S: Final = 0.5
-_TELLS_SAMPLES: Final = 10
-#: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations: more than
-#: of a fit's groups, since the deviations of manoeuvres are themselves found from few samples.
-_DISAGREE: Final = 5.0
 
 
 @dataclass(frozen=True)
 class AlternativePartition:
-    """What the manoeuvres may as well say, where the log cannot tell.
+    """The next likely partition of the manoeuvres, if the log does not decide.
 
     Attributes:
-        of: (units,) the load state of each.
+        membership: (units,) the load state of each.
         differs_kg: (units,) by how much its mass then differs.
         scatter_kg: standard deviation of manoeuvres about their state.
         probability: that it is not as the states have it.
     """
 
-    of: Ints
+    membership: Ints
     differs_kg: Floats
     scatter_kg: float
     probability: float
@@ -60,11 +41,11 @@ class AlternativePartition:
 
 @dataclass(frozen=True)
 class LoadStates:
-    """Which load each manoeuvre carries.
+    """The load state of each manoeuvre.
 
     Attributes:
         unit: (units,) numbers of the manoeuvres, as the samples have them, ascending.
-        of: (units,) the load state of each, from 0 on in time.
+        membership: (units,) the load state of each, from 0 on in time.
         level_kg: (units,) mass that each says, the nuisances taken off.
         std_kg: (units,) its deviation by the manoeuvre alone.
         scatter_kg: standard deviation of manoeuvres about their state.
@@ -77,7 +58,7 @@ class LoadStates:
     """
 
     unit: Ints
-    of: Ints
+    membership: Ints
     level_kg: Floats
     std_kg: Floats
     scatter_kg: float
@@ -85,31 +66,35 @@ class LoadStates:
     birge_ratio: float
     single_probability: float = 1.0
     other: AlternativePartition | None = None
-    comes_back: bool = False
+    load_returns: bool = False
 
     @property
     def count(self) -> int:
         """How many states there are."""
-        return int(self.of.max()) + 1
+        return int(self.membership.max()) + 1
 
     @property
     def means_kg(self) -> Floats:
         """(states,) the mass of each by its manoeuvres."""
         weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
-        return means_by_state(self.level_kg, weight, self.of)
+        return means_by_state(self.level_kg, weight, self.membership)
 
     @property
     def misfit(self) -> float:
         """How far manoeuvres are from their states, and how many these are (Schwarz 1978)."""
         variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
-        return self.of.size * float(np.log(variance)) + self.count * float(np.log(self.of.size))
+        return self.membership.size * float(np.log(variance)) + self.count * float(
+            np.log(self.membership.size)
+        )
 
     @property
     def scatters(self) -> bool:
         """Whether manoeuvres disagree by more than chance lets them."""
         if not 0 < self.freedom < np.inf:
             return self.scatter_kg > float(np.median(self.std_kg))
-        return self.birge_ratio**2 > 1.0 + _DISAGREE * float(np.sqrt(2.0 / self.freedom))
+        return self.birge_ratio**2 > 1.0 + LIMITS.excess_scatter_std * float(
+            np.sqrt(2.0 / self.freedom)
+        )
 
     @property
     def scatter_known(self) -> bool:
@@ -124,16 +109,18 @@ class LoadStates:
         return replace(
             self,
             unit=unit,
-            of=np.unique(self.of[place], return_inverse=True)[1],
+            membership=np.unique(self.membership[place], return_inverse=True)[1],
             level_kg=self.level_kg[place],
             std_kg=self.std_kg[place],
             other=self.other
             and replace(
-                self.other, of=self.other.of[place], differs_kg=self.other.differs_kg[place]
+                self.other,
+                membership=self.other.membership[place],
+                differs_kg=self.other.differs_kg[place],
             ),
         )
 
-    def other_reading_kg(self, weights: Floats) -> float:
+    def alternative_std_kg(self, weights: Floats) -> float:
         """What the doubt of the states does to a sum of their masses, in kg.
 
         The mass of a manoeuvre drawn from each state has the variance between the two readings.
@@ -143,9 +130,11 @@ class LoadStates:
         """
         if self.other is None:
             return 0.0
-        count = np.bincount(self.of)
-        mean_kg = np.bincount(self.of, weights=self.other.differs_kg) / count
-        within = np.bincount(self.of, weights=(self.other.differs_kg - mean_kg[self.of]) ** 2)
+        count = np.bincount(self.membership)
+        mean_kg = np.bincount(self.membership, weights=self.other.differs_kg) / count
+        within = np.bincount(
+            self.membership, weights=(self.other.differs_kg - mean_kg[self.membership]) ** 2
+        )
         variance = float(weights @ mean_kg) ** 2 + float(weights**2 @ (within / count))
         return float(np.sqrt(self.other.probability * variance))
 
@@ -153,7 +142,7 @@ class LoadStates:
         """The states of the stretches of the motion whose manoeuvres these are."""
         number = np.searchsorted(self.unit, stretch_units(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
-        return RandomIntercepts(self.of[number], number, scatter_kg, self.freedom)
+        return RandomIntercepts(self.membership[number], number, scatter_kg, self.freedom)
 
 
 def stretch_units(motion: MotionSamples) -> Ints:
@@ -165,7 +154,12 @@ def stretch_units(motion: MotionSamples) -> Ints:
     unit = motion.unit[begins(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
-    tells = samples >= min(rows_in(_TELLS_S, motion.rate_hz, _TELLS_SAMPLES), samples.max())
+    tells = samples >= min(
+        rows_in(
+            LIMITS.informative_manoeuvre_s, motion.rate_hz, LIMITS.informative_manoeuvre_samples
+        ),
+        samples.max(),
+    )
     place = np.arange(number.size)
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
@@ -175,7 +169,7 @@ def stretch_units(motion: MotionSamples) -> Ints:
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
         sooner, later = (last[left][-1], begin), (end, first[right][0])
-        if _place(motion, *sooner, *sooner) > 1 and _place(motion, *later, *later) == 1:
+        if _change_kind(motion, *sooner, *sooner) > 1 and _change_kind(motion, *later, *later) == 1:
             goes[short] = after[short]
     return number[goes][of]
 
@@ -199,10 +193,10 @@ def places(motion: MotionSamples) -> Ints:
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    return np.array([_place(motion, *span) for span in spans], np.int64)
+    return np.array([_change_kind(motion, *span) for span in spans], np.int64)
 
 
-def _place(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
+def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:
     """What tells a change of load between two manoeuvres.
 
     Args:
@@ -218,7 +212,7 @@ def _place(motion: MotionSamples, end: int, begin: int, since: int, until: int) 
         return NAMED
     if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
         return 0
-    moved = any(_range(arm[since : until + 1]) > _ARM_MOVES_RAD for arm in motion.arms)
+    moved = any(_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms)
     if moved:
         return HINTED
     silent = motion.silences is not None and motion.silences[end] != motion.silences[begin]
@@ -245,14 +239,14 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
     typical_kg = float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
     found = partitions(
         units,
-        _LARGEST_LOAD * typical_kg,
-        _REPEATS * typical_kg,
+        LIMITS.largest_load_fraction * typical_kg,
+        LIMITS.repeatability_fraction * typical_kg,
         repeatability_kg,
     )
-    best = found.best if _chosen(found, repeatability_kg) else found.single
+    best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
     other = found.several if best.states == 1 else found.single
     level_kg = units.y - units.x @ best.effects
-    scatter_kg, freedom, ratio = _scatter(level_kg, units.variance, best)
+    scatter_kg, freedom, ratio = _between_manoeuvre_scatter(level_kg, units.variance, best)
     if repeatability_kg is not None:
         scatter_kg, freedom = repeatability_kg, np.inf
     probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
@@ -265,26 +259,31 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
         freedom,
         ratio,
         found.single_probability,
-        _other_reading(units, best, other, probability),
-        np.unique(best.level).size < best.states or _turns(best) >= _ALTERNATES,
+        _alternative_partition(units, best, other, probability),
+        np.unique(best.level).size < best.states
+        or _count_reversals(best) >= LIMITS.load_return_reversals,
     )
 
 
-def _turns(found: Partition) -> int:
+def _count_reversals(found: Partition) -> int:
     """How often a load that was put on is taken off, or the other way round."""
     rises = np.sign(np.diff(found.levels))
     return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
 
 
-def _other_reading(
+def _alternative_partition(
     units: GroupEffects, best: Partition, other: Partition | None, probability: float
 ) -> AlternativePartition | None:
     """What the units may as well say; None where the log can tell."""
-    doubted = _DOUBTED_SEVERAL if best.states == 1 else _DOUBTED
+    doubted = (
+        LIMITS.several_loads_min_probability
+        if best.states == 1
+        else LIMITS.single_load_min_probability
+    )
     if other is None or probability < doubted:
         return None
     level_kg = units.y - units.x @ other.effects
-    scatter_kg, _, _ = _scatter(level_kg, units.variance, other)
+    scatter_kg, _, _ = _between_manoeuvre_scatter(level_kg, units.variance, other)
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return AlternativePartition(other.state, differs_kg, scatter_kg, probability)
 
@@ -295,10 +294,10 @@ def single_unknown_state(number: Ints) -> LoadStates:
     return LoadStates(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
 
-def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:
+def _is_partition_credible(found: Partitions, repeatability_kg: float | None) -> bool:
     """Whether the most probable partition is taken, or one state where nothing can tell."""
     few = found.best.freedom < FEWEST_FREEDOM
-    doubted = found.single_probability > _DOUBTED
+    doubted = found.single_probability > LIMITS.single_load_min_probability
     return repeatability_kg is not None or not (few and doubted)
 
 
@@ -313,7 +312,9 @@ def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
     return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
 
 
-def _scatter(level: Floats, variance: Floats, found: Partition) -> tuple[float, float, float]:
+def _between_manoeuvre_scatter(
+    level: Floats, variance: Floats, found: Partition
+) -> tuple[float, float, float]:
     """Scatter about the levels (Paule & Mandel 1982), its degrees of freedom, Birge's ratio."""
     freedom, state = found.freedom, found.level[found.state]
     if freedom < 1:

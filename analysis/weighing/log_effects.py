@@ -19,6 +19,7 @@ from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.uneven_ground import GROUND
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.prior_fit import MapFit
 
 #: The settings that are the widths of an effect's priors.
@@ -38,9 +39,9 @@ EFFECTS: Final = {
     **{term.name: BY_GEAR for term in LOW_GEARS},
     **{term.name: "ground" for term in GROUND},
 }
-#: A log has each effect with this probability, before anything is measured.
-_BEFORE: Final = 0.2
-_LOG_ODDS: Final = float(np.log(_BEFORE / (1.0 - _BEFORE)))
+_LOG_ODDS: Final = float(
+    np.log(LIMITS.effect_prior_probability / (1.0 - LIMITS.effect_prior_probability))
+)
 #: The width of the prior of an effect that is left out, over its own.
 NARROW: Final = 0.02
 
@@ -89,7 +90,7 @@ class LikelyEffects:
         names = sorted(set(effect))
         combinations = list(product((False, True), repeat=len(names)))
         choices = [
-            _choice(
+            _score_choice(
                 np.array([kept[names.index(name)] for name in effect]),
                 sum(kept) * _LOG_ODDS,
                 information,
@@ -108,7 +109,7 @@ class LikelyEffects:
         removed_kg = {
             name: response @ (choices[combinations.index(fewer)][2] - mean)
             for place, name in enumerate(names)
-            if (fewer := _without(combinations[best], place)) != combinations[best]
+            if (fewer := _drop_effect(combinations[best], place)) != combinations[best]
         }
         return cls(
             tuple(sorted({name for name, has in zip(effect, kept, strict=True) if not has})),
@@ -119,12 +120,12 @@ class LikelyEffects:
             removed_kg,
         )
 
-    def narrowed(self, priors: PriorSettings) -> PriorSettings:
+    def narrow_left_out(self, priors: PriorSettings) -> PriorSettings:
         """The priors of a fit without the effects that are left out."""
         keys = [key for name in self.left_out for key in _WIDTHS[name]]
         return priors.model_copy(update={key: NARROW * getattr(priors, key) for key in keys})
 
-    def doubt_kg(self, weights: Floats) -> float:
+    def model_choice_u_kg(self, weights: Floats) -> float:
         """What the other choices do to a sum of masses, in kg (law of total variance).
 
         Args:
@@ -135,12 +136,12 @@ class LikelyEffects:
         return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
 
 
-def _without(kept: tuple[bool, ...], place: int) -> tuple[bool, ...]:
+def _drop_effect(kept: tuple[bool, ...], place: int) -> tuple[bool, ...]:
     """The choice of effects without one of them."""
     return (*kept[:place], False, *kept[place + 1 :])
 
 
-def _inverse(precision: Floats) -> Floats:
+def _invert_precision(precision: Floats) -> Floats:
     """The covariance; of what rounding leaves singular, of what it determines."""
     try:
         inverse = np.linalg.inv(precision)
@@ -149,7 +150,7 @@ def _inverse(precision: Floats) -> Floats:
     return inverse.astype(np.float64, copy=False)
 
 
-def _choice(
+def _score_choice(
     kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
     """Logarithm of the evidence of a choice of effects, the choice, their mean and covariance.
@@ -166,7 +167,7 @@ def _choice(
     if not own.size:
         return before, kept, mean, covariance
     inside = np.ix_(own, own)
-    inner = _inverse(information[inside] + np.diag(1.0 / variance[own]))
+    inner = _invert_precision(information[inside] + np.diag(1.0 / variance[own]))
     mean[own], covariance[inside] = inner @ scores[own], inner
     sized = np.linalg.slogdet(np.eye(own.size) + variance[own][:, None] * information[inside])[1]
     # at least 0, but for rounding, of which only what is singular shows anything

@@ -13,53 +13,48 @@ import numpy as np
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.weighing_limits import LIMITS
 
 #: Speeds in m/s at which a quarter is left of what the first gear has beyond the top one: a lorry's
 #: low gears end at 4 m/s, a car's at 10.
 _QUARTER_LEFT_M_S: Final = (4.0, 10.0)
-#: Vehicles that reach this speed have gears for the road, in m/s: 40 km/h; loaders are slower.
-_ROAD_M_S: Final = 11.0
-#: Gears are told where it drives as slowly as in the first, in m/s, for this share of the samples:
-#: who never does tells them from the mass by nothing but the prior.
-_FIRST_GEAR_M_S: Final = 4.0
-_LEAST_SHARE: Final = 0.05
 #: What all of it is in the budget.
 BY_GEAR: Final = "gears"
 
 
-def _left(speed: Floats, quarter_m_s: float) -> Floats:
+def _remaining_fraction(speed: Floats, quarter_m_s: float) -> Floats:
     return (1.0 + (speed / quarter_m_s) ** 2) ** -2
 
 
-def _falls(speed: Floats, quarter_m_s: float) -> Floats:
+def _remaining_slope_s_m(speed: Floats, quarter_m_s: float) -> Floats:
     """Derivative of that by the speed, in s/m."""
     return -4.0 * speed / quarter_m_s**2 * (1.0 + (speed / quarter_m_s) ** 2) ** -3
 
 
 def _has_gears(motion: MotionSamples) -> bool:
     """Whether it reaches the speed of a road from that of a first gear."""
-    if motion.largest_speed <= _ROAD_M_S:
+    if motion.largest_speed <= LIMITS.road_speed_m_s:
         return False
-    slow = np.abs(motion.speed[motion.used]) < _FIRST_GEAR_M_S
-    return float(slow.mean()) > _LEAST_SHARE
+    slow = np.abs(motion.speed[motion.used]) < LIMITS.first_gear_m_s
+    return float(slow.mean()) > LIMITS.first_gear_min_fraction
 
 
-def _width(motion: MotionSamples, priors: PriorSettings) -> float:
-    return priors.low_gear_share * motion.about_kg
+def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
+    return priors.low_gear_share * motion.approximate_mass_kg
 
 
-def _gear(quarter_m_s: float) -> Nuisance:
+def _gear_term(quarter_m_s: float) -> Nuisance:
     def left(m: Moments) -> Floats:
-        return _left(m.speed, quarter_m_s)
+        return _remaining_fraction(m.speed, quarter_m_s)
 
     return Nuisance(
         f"low_gears_{quarter_m_s:.0f}_m_s",
         "kg",
         lambda m: m.acceleration * left(m),
-        _width,
+        _gear_prior_std,
         "rotating mass of low gears, which falls with the speed",
         "starts at different throttles; driving without a change of gear",
-        by_speed=lambda m: m.acceleration * _falls(m.speed, quarter_m_s),
+        by_speed=lambda m: m.acceleration * _remaining_slope_s_m(m.speed, quarter_m_s),
         by_acceleration=left,
         applies=_has_gears,
         source=BY_GEAR,
@@ -67,4 +62,4 @@ def _gear(quarter_m_s: float) -> Nuisance:
 
 
 #: Behind the nuisances that every log may have.
-LOW_GEARS: Final = tuple(map(_gear, _QUARTER_LEFT_M_S))
+LOW_GEARS: Final = tuple(map(_gear_term, _QUARTER_LEFT_M_S))

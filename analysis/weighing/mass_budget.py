@@ -13,16 +13,7 @@ from analysis.weighing.low_gears import BY_GEAR
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.uneven_ground import BY_GROUND
 from analysis.weighing.weigh import Weighing
-
-#: The answer leans on its priors when doubling them moves it by so many of its deviations.
-_LEANS: Final = 1.5
-#: Standard uncertainty of what the ground along the way is found to do to a difference of loads, as
-#: a share of it: its force is a line between a few places, and real ground is not. Set on 60 shifts
-#: of the independent bench (seeds 70000 to 70059), where small loads are moved by half of them.
-_GROUND_SHAPE_1: Final = 0.15
-#: Share of a gain's drift by which it differs at either end of the log from its mean, which the
-#: masses are of.
-_HALF_OF_DRIFT: Final = 0.5
+from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +137,7 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
     parts_kg = fit.parts_kg(weights)
-    parts_kg |= _doubts(weighing, weights, parts_kg)
+    parts_kg |= _widening_by_checks(weighing, weights, parts_kg)
     for source in {term.source: None for term in fit.terms if term.source}:
         own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
         parts_kg[source] = float(np.linalg.norm(own_kg))
@@ -199,7 +190,9 @@ def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
     return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.count)
 
 
-def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> dict[str, float]:
+def _widening_by_checks(
+    weighing: Weighing, weights: Floats, parts_kg: dict[str, float]
+) -> dict[str, float]:
     """What else a check of the fit widens a sum of masses by, in kg, where it shows."""
     fit = weighing.fit
     # what is wrong with the equation is as wrong with every mass
@@ -207,15 +200,15 @@ def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> 
     found: dict[str, float] = {}
     if fit.effects is not None and BY_GROUND in fit.effects.removed_kg:
         moved_kg = float(weights @ fit.effects.removed_kg[BY_GROUND])
-        found["ground_shape"] = _GROUND_SHAPE_1 * abs(moved_kg)
+        found["ground_shape"] = LIMITS.ground_shape_u_1 * abs(moved_kg)
     if fit.effects is not None and "gain" not in fit.effects.left_out:
         drift_kg = fit.term_value("gain_drift") * float(weights @ fit.masses_kg)
-        found["drifted_gain"] = _HALF_OF_DRIFT * abs(drift_kg)
+        found["drifted_gain"] = LIMITS.half_gain_drift * abs(drift_kg)
     if weighing.curvature.shows:
         found["curvature"] = abs(weighing.curvature.kg) * share
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))
-    if leans_kg > _LEANS * root_sum_of_squares(parts_kg):
+    if leans_kg > LIMITS.prior_dependence_std * root_sum_of_squares(parts_kg):
         found["priors"] = leans_kg
     return found

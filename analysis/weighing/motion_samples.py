@@ -22,48 +22,22 @@ from analysis.stages.gating.segments import manoeuvres
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
 from analysis.stages.motion.phases import stopping
 from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.compiled import compiled
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: So far back the break-away is looked for: the moving mean and the phases see it late.
-_LOOK_BACK_S: Final = 0.3
-#: Speeds above so many deviations of their noise move.
-_MOVES: Final = 4.0
-_LEAST_SPEED_M_S: Final = 0.01
-#: So long after a break-away friction is not sure to be that of motion: noise shows where it is to
-#: a few samples, and resampling mixes them with the standstill.
-_MIXED_S: Final = 0.05
-#: Samples likewise, at least, where a zero-phase low-pass reached across it, and elsewhere.
-_MIXED_FILTERED: Final = 3
-_MIXED: Final = 1
-#: Driving without a stand is cut into manoeuvres of so long, in s: far longer than a loader drives
-#: between two stands, and of some dozen readings at 1 Hz.
-_DRIVES_S: Final = 60.0
-#: Silence of so long, in s, is that between two records: files that count from 0 follow one another
-#: after 10 s, a network that drops messages is back sooner.
-_SILENT_S: Final = 8.0
-#: So long beside a gap nothing is fitted.
-_CLEAR_S: Final = 0.1
 #: Wheels of which less rolls say nothing of the ground's speed.
 _LEAST_GROUND: Final = 0.5
-#: Moving both ways needs this share of the samples each way.
-_BOTH_WAYS: Final = 0.1
-#: A path on which a spring or gravity may push back is shorter than this, in m: that of a bench;
-_BENCH_M: Final = 6.0
-#: and is passed so often, at least.
-_PASSES: Final = 6.0
 _ARMS: Final = ("boom_rad", "bucket_rad")
 #: Samples that are worked on together, so that they stay in the processor's cache,
 _PIECE: Final = 32_768
-#: and so long before and after them, from where a lag or a derivative may take samples.
-_REACH_S: Final = 0.6
 
 
-class NoiseOfColumns(Protocol):
-    """What is known of the noise of acceleration, speed and force."""
+class ColumnNoiseModel(Protocol):
+    """Noise model of acceleration, speed and force."""
 
     def covariance(self, samples: int) -> Floats:
         """(3, 3) of the trailing mean of so many samples."""
@@ -71,14 +45,14 @@ class NoiseOfColumns(Protocol):
 
 
 @dataclass(frozen=True)
-class KeptNoise:
+class CachedNoise:
     """The same noise, each length of a mean worked out once.
 
     Attributes:
         columns: whose noise it is.
     """
 
-    columns: NoiseOfColumns
+    columns: ColumnNoiseModel
     _known: dict[int, Floats] = field(default_factory=dict)
 
     def covariance(self, samples: int) -> Floats:
@@ -144,23 +118,23 @@ class MotionSamples:
     silences: Ints | None = None
     wheel_radius_u_1: float | None = None
 
-    def beginning(self, stretches: int) -> "MotionSamples":
+    def first_stretches(self, stretches: int) -> "MotionSamples":
         """The same up to the end of so many stretches."""
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
-        return replace(self._cut(slice(0, end)), progress=_progress(end))
+        return replace(self._select(slice(0, end)), progress=_progress(end))
 
-    def around_fitted(self, reach_s: float) -> "MotionSamples":
+    def near_fitted(self, reach_s: float) -> "MotionSamples":
         """The same without samples that are farther than so from any that may be fitted.
 
         What moves the force or the speed in time by no more finds what it would.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
         near = windows_with(self.used, size) | windows_with(self.used[::-1], size)[::-1]
-        return self._cut(np.flatnonzero(near))
+        return self._select(np.flatnonzero(near))
 
-    def _cut(self, cut: slice | Ints) -> "MotionSamples":
+    def _select(self, cut: slice | Ints) -> "MotionSamples":
         """Some of the samples."""
         level, measured = self.without_gravity, self.specific_force
         wheels = self.wheel_acceleration
@@ -191,31 +165,31 @@ class MotionSamples:
         first = np.flatnonzero(begins(self.group))
         last = np.flatnonzero(ends(self.group))
         whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
-        reach = math.ceil(_REACH_S * self.rate_hz)
+        reach = math.ceil(LIMITS.piece_margin_s * self.rate_hz)
         found: list[MotionSamples] = []
         for stretches in np.split(np.arange(first.size), whole):
             begin, end = int(first[stretches[0]]), int(last[stretches[-1]]) + 1
-            piece = self._cut(slice(max(begin - reach, 0), end + reach))
+            piece = self._select(slice(max(begin - reach, 0), end + reach))
             own = (piece.group >= stretches[0]) & (piece.group <= stretches[-1])
             found.append(replace(piece, group=np.where(own, piece.group, -1)))
         return tuple(found)
 
-    def without(self, samples: Bools) -> "MotionSamples":
+    def exclude(self, samples: Bools) -> "MotionSamples":
         """The same without some of the samples, stretches numbered anew."""
         group = np.where(samples, -1, self.group)
         left = group >= 0
         group[left] = np.unique(group[left], return_inverse=True)[1]
         return replace(self, group=group)
 
-    def with_force_moved_back(self, lag_s: float) -> "MotionSamples":
+    def shift_force(self, lag_s: float) -> "MotionSamples":
         """The same with the force moved back by how late it is."""
-        return replace(self, force=self._moved_back(self.force, lag_s))
+        return replace(self, force=self._shift(self.force, lag_s))
 
-    def with_speed_moved_back(self, delay_s: float) -> "MotionSamples":
+    def shift_speed(self, delay_s: float) -> "MotionSamples":
         """The same with the speed moved back by how late it is."""
-        return replace(self, speed=self._moved_back(self.speed, delay_s))
+        return replace(self, speed=self._shift(self.speed, delay_s))
 
-    def _moved_back(self, x: Floats, late_s: float) -> Floats:
+    def _shift(self, x: Floats, late_s: float) -> Floats:
         """By a cubic inside of stretches: a line between two rows is a low-pass on a slow grid."""
         late = late_s * self.rate_hz
         rows = np.arange(x.size, dtype=np.float64)
@@ -266,7 +240,7 @@ class MotionSamples:
         return float(np.mean(np.abs(self.speed[self.used])))
 
     @cached_property
-    def about_kg(self) -> float:
+    def approximate_mass_kg(self) -> float:
         """The force that this log drives with over the acceleration that it reaches, in kg."""
         reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
         return self.largest_force / reached if reached else 0.0
@@ -274,7 +248,7 @@ class MotionSamples:
     @property
     def drives(self) -> bool:
         """Whether it has a force, a speed and an acceleration to measure the terms' priors by."""
-        return self.about_kg > 0.0 and self.largest_speed > 0.0
+        return self.approximate_mass_kg > 0.0 and self.largest_speed > 0.0
 
     @cached_property
     def manoeuvres(self) -> int:
@@ -282,21 +256,23 @@ class MotionSamples:
         return int(np.unique(self.unit[self.used]).size)
 
     @cached_property
-    def drives_apart(self) -> int:
+    def separate_drive_count(self) -> int:
         """How many drives may be fitted between which a load may change."""
         return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
 
     @cached_property
-    def on_a_bench(self) -> bool:
+    def is_on_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
-        return self.both_ways and 0.0 < self.path_m < min(_BENCH_M, driven_m / _PASSES)
+        return self.both_ways and 0.0 < self.path_m < min(
+            LIMITS.bench_path_m, driven_m / LIMITS.bench_min_passes
+        )
 
     @cached_property
     def both_ways(self) -> bool:
         """Whether it drives forwards and in reverse."""
         forwards = float((self.direction[self.used] > 0).mean())
-        return min(forwards, 1.0 - forwards) > _BOTH_WAYS
+        return min(forwards, 1.0 - forwards) > LIMITS.two_way_min_fraction
 
 
 def motion_samples(
@@ -304,7 +280,7 @@ def motion_samples(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     *,
     braking: bool = True,
 ) -> MotionSamples:
@@ -325,31 +301,33 @@ def motion_samples(
     acceleration = regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
-    moves_m_s = max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S)
-    group = _fitted(excitation, gated, machine, moves_m_s, braking=braking)
+    moves_m_s = max(
+        LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1])), LIMITS.moving_speed_m_s
+    )
+    group = _fitted_manoeuvres(excitation, gated, machine, moves_m_s, braking=braking)
     filtered = any(channel.differentiates for channel in machine.channels.values())
-    mixed = _MIXED_FILTERED if filtered else _MIXED
-    settled = max(mixed, round(_MIXED_S * settings.align.rate_hz))
-    group = _from_break_away(
+    mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
+    settled = max(mixed, round(LIMITS.mixed_friction_s * settings.align.rate_hz))
+    group = _trim_to_break_away(
         group,
         np.where(known, speed, 0.0),
         moves_m_s,
-        round(_LOOK_BACK_S * settings.align.rate_hz),
+        round(LIMITS.break_away_look_back_s * settings.align.rate_hz),
         settled,
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
-    clear = rows_in(_CLEAR_S, settings.align.rate_hz)
-    silent = ~known | _left_out(aligned)
+    clear = rows_in(LIMITS.gap_margin_s, settings.align.rate_hz)
+    silent = ~known | _missing_rows(aligned)
     near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
-    group = _runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
-    measured = _column(aligned, "specific_force_x_m_s2", known)
-    pitch = _column(aligned, "pitch_rad", known)
+    group = _number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
+    measured = _grid_column(aligned, "specific_force_x_m_s2", known)
+    pitch = _grid_column(aligned, "pitch_rad", known)
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
-    stood = _standstills(excitation)
-    unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
-    silences = _silences(known, rows_in(_SILENT_S, settings.align.rate_hz))
+    stood = _count_standstills(excitation)
+    unit = _cut_drives(stood, rows_in(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
+    silences = _count_silences(known, rows_in(LIMITS.record_break_s, settings.align.rate_hz))
     group = _cut_stretches(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
@@ -361,13 +339,13 @@ def motion_samples(
         settings.align.rate_hz,
         measured,
         level,
-        _column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
+        _grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
         _progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
+        *_path_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
-        _weight(machine, acceleration, force, group >= 0),
+        _empty_weight(machine, acceleration, force, group >= 0),
         tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         _named_empty(aligned, machine),
@@ -377,15 +355,15 @@ def motion_samples(
     )
 
 
-def _left_out(aligned: pl.DataFrame) -> Bools:
-    """Which rows of the grid say nothing, (n,)."""
+def _missing_rows(aligned: pl.DataFrame) -> Bools:
+    """Rows of the grid without information, (n,)."""
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
     return aligned["left_out"].to_numpy()
 
 
 @compiled
-def rolled_share(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+def rolling_fraction(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     """The share of the speed of wheels which slip by κ = F / C that is the ground's, (n,)."""
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
@@ -405,7 +383,9 @@ def _progress(samples: int) -> Floats:
     return np.arange(samples) / max(samples, 1) - 0.5
 
 
-def _places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> tuple[Floats, float]:
+def _path_places(
+    speed: Floats, used: Bools, silences: Ints, rate_hz: float
+) -> tuple[Floats, float]:
     """Where the machine is on its path, (n,), and how long that is, in m.
 
     What it did while the log was silent nobody knows: each record is centred on its own path.
@@ -420,13 +400,13 @@ def _places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> tuple
     return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
 
 
-def _standstills(excitation: pl.DataFrame) -> Ints:
+def _count_standstills(excitation: pl.DataFrame) -> Ints:
     """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
-def _silences(known: Bools, shortest: int) -> Ints:
+def _count_silences(known: Bools, shortest: int) -> Ints:
     """How often nothing was known for so many samples, up to each sample, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
     first, end = edges[::2], edges[1::2]
@@ -451,7 +431,7 @@ def _cut_stretches(group: Ints, unit: Ints) -> Ints:
     return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
-def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
+def _empty_weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
     """The empty machine's weight in N, or what force over acceleration says it is about."""
     body = machine.machine
     if body.empty_mass_kg is not None or not used.any():
@@ -470,13 +450,13 @@ def _named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
     return (t_s >= loads.empty_from_s) & (t_s <= loads.empty_to_s)
 
 
-def _column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
+def _grid_column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
     if name not in aligned.columns:
         return None
     return np.where(known, values(aligned, name), 0.0)
 
 
-def _fitted(
+def _fitted_manoeuvres(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     machine: Machine,
@@ -501,7 +481,7 @@ def _fitted(
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
 
-def _from_break_away(
+def _trim_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
     """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
@@ -519,7 +499,7 @@ def _from_break_away(
     return grown
 
 
-def _runs(group: Ints, speed: Floats, mixed: int) -> Ints:
+def _number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     """Number the stretches of adjoining samples that move one way; at a reversal friction turns."""
     used = group >= 0
     forwards = np.convolve(speed, np.ones(3) / 3.0, "same") > 0.0

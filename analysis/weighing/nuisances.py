@@ -12,11 +12,7 @@ import numpy as np
 
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-
-#: Mean square of the progress, which goes from -1/2 to 1/2.
-_MEAN_SQUARE: Final = 1.0 / 12.0
-#: An offset of which nothing is left to find.
-_LEAST_OFFSET_N: Final = 1e-3
+from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,7 @@ class Moments:
     acceleration: Floats
     wheel_acceleration: Floats
     speed: Floats
-    rolled_share: Floats
+    rolling_fraction: Floats
     force: Floats
     force_rate: Floats
     direction: Floats
@@ -67,7 +63,7 @@ class Moments:
     @property
     def ground_speed(self) -> Floats:
         """(n,) the speed without that slip, in m/s."""
-        return self.rolled_share * self.speed
+        return self.rolling_fraction * self.speed
 
     def at(self, rows: Ints) -> "Moments":
         """The same of some of the samples."""
@@ -76,7 +72,7 @@ class Moments:
             acceleration=self.acceleration[rows],
             wheel_acceleration=self.wheel_acceleration[rows],
             speed=self.speed[rows],
-            rolled_share=self.rolled_share[rows],
+            rolling_fraction=self.rolling_fraction[rows],
             force=self.force[rows],
             force_rate=self.force_rate[rows],
             direction=self.direction[rows],
@@ -135,17 +131,17 @@ def coulomb_std(largest_N: float, weight_N: float, priors: PriorSettings) -> flo
     )
 
 
-def const_width(motion: MotionSamples, priors: PriorSettings) -> float:
+def const_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Standard deviation of the constant force's prior, in N."""
     return constant_force_std(motion.largest_force, motion.weight, priors)
 
 
-def direction_width(motion: MotionSamples, priors: PriorSettings) -> float:
+def coulomb_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Standard deviation of Coulomb friction's prior, in N."""
     return coulomb_std(motion.largest_force, motion.weight, priors)
 
 
-def offset_in_const(motion: MotionSamples, priors: PriorSettings) -> tuple[float, float]:
+def split_measured_offset(motion: MotionSamples, priors: PriorSettings) -> tuple[float, float]:
     """Which share of a constant force is an error of the measured one, and what is not known of it.
 
     By the priors alone: the log tells the sum of what is measured wrong and of what acts.
@@ -154,7 +150,7 @@ def offset_in_const(motion: MotionSamples, priors: PriorSettings) -> tuple[float
         The share expected, and the standard deviation in N.
     """
     wrong = priors.const_share * motion.largest_force
-    coulomb = 0.0 if motion.both_ways else direction_width(motion, priors)
+    coulomb = 0.0 if motion.both_ways else coulomb_prior_std(motion, priors)
     acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
     both = float(np.hypot(wrong, acts))
     return ((wrong / both) ** 2, wrong * acts / both) if both else (0.0, 0.0)
@@ -182,7 +178,7 @@ class WeightShare:
         return cls((of_weight / both) ** 2, newtons * of_weight / both)
 
 
-def weight_in_const(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
+def split_const_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
     """Split the constant force, which has Coulomb friction where all driving is one way."""
     newtons = priors.const_share * motion.largest_force
     of_weight = priors.const_weight_share * motion.weight
@@ -194,7 +190,7 @@ def weight_in_const(motion: MotionSamples, priors: PriorSettings) -> WeightShare
     )
 
 
-def weight_in_direction(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
+def split_coulomb_by_weight(motion: MotionSamples, priors: PriorSettings) -> WeightShare:
     """Split the force against the direction of motion."""
     return WeightShare.of(
         priors.direction_share * motion.largest_force,
@@ -202,10 +198,10 @@ def weight_in_direction(motion: MotionSamples, priors: PriorSettings) -> WeightS
     )
 
 
-def weight_const_width(motion: MotionSamples, priors: PriorSettings) -> float:
+def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
     """Standard deviation of `weight_const`'s prior, in N: how it splits, and a body that sags."""
     sags = priors.sag_weight_share * motion.weight
-    return float(np.hypot(weight_in_const(motion, priors).std_N, sags))
+    return float(np.hypot(split_const_by_weight(motion, priors).std_N, sags))
 
 
 #: In the order of the fit's parameters; a fit has those that apply to its log.
@@ -214,7 +210,7 @@ NUISANCES: Final = (
         "const",
         "N",
         lambda m: 1.0 + m.weight_shares[0] * m.relative_load,
-        const_width,
+        const_prior_std,
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
         "starts in both directions, or at different throttles",
@@ -250,13 +246,13 @@ NUISANCES: Final = (
         "kg/N",
         lambda m: (
             -(1.0 + m.relative_load)
-            * m.rolled_share
+            * m.rolling_fraction
             * (
                 np.sign(m.speed) * m.wheel_acceleration * m.force
                 + np.abs(m.ground_speed) * m.force_rate
             )
         ),
-        lambda e, s: e.about_kg * s.wheel_slip / e.largest_force,
+        lambda e, s: e.approximate_mass_kg * s.wheel_slip / e.largest_force,
         "longitudinal slip: wheels gain speed that the machine does not",
         "an accelerometer on the body",
         by_force=lambda m: -np.sign(m.speed) * m.wheel_acceleration,
@@ -276,7 +272,7 @@ NUISANCES: Final = (
         "direction",
         "N",
         lambda m: m.direction * (1.0 + m.weight_shares[1] * m.relative_load),
-        direction_width,
+        coulomb_prior_std,
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.both_ways,
@@ -296,7 +292,7 @@ NUISANCES: Final = (
         "offset",
         "N",
         lambda m: -m.slip_s_m * np.abs(m.speed) - m.transfer_s2_m * m.acceleration,
-        lambda e, s: max(offset_in_const(e, s)[1], _LEAST_OFFSET_N),
+        lambda e, s: max(split_measured_offset(e, s)[1], LIMITS.min_offset_std_N),
         "what the constant force has of an error of the measured force, beside what is expected "
         "of it: neither slip nor load transfer act on it",
         "a measured force that is zeroed",
@@ -316,11 +312,11 @@ NUISANCES: Final = (
     Nuisance(
         "viscous_bend",
         "N·s/m",
-        lambda m: m.speed * (m.progress**2 - _MEAN_SQUARE),
+        lambda m: m.speed * (m.progress**2 - LIMITS.progress_mean_square),
         lambda e, s: s.viscous_drift_share * e.largest_force / e.largest_speed,
         "how much of that change comes early or late: oil warms fast at first",
         "a machine that is warm",
-        by_speed=lambda m: m.progress**2 - _MEAN_SQUARE,
+        by_speed=lambda m: m.progress**2 - LIMITS.progress_mean_square,
         applies=lambda e: e.manoeuvres > 2,
     ),
     Nuisance(
@@ -337,7 +333,7 @@ NUISANCES: Final = (
         "weight_const",
         "N",
         lambda m: m.relative_load,
-        weight_const_width,
+        weight_const_prior_std,
         "what of the constant force is in proportion to the weight with its load (tilt or bias of "
         "the accelerometer, slope), beside what is expected of it",
         "starts at different throttles with each load; an accelerometer that is zeroed",
@@ -347,7 +343,7 @@ NUISANCES: Final = (
         "weight_direction",
         "N",
         lambda m: m.direction * m.relative_load,
-        lambda e, s: weight_in_direction(e, s).std_N,
+        lambda e, s: split_coulomb_by_weight(e, s).std_N,
         "what of Coulomb friction is in proportion to the weight with its load (rolling "
         "resistance), beside what is expected of it",
         "starts at different throttles with each load",

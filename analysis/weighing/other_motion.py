@@ -5,24 +5,19 @@ wrong no log tells, but whether it matters: the fit once more with the other one
 """
 
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.weighing.joint_fit import FittedLog, joint_fit
+from analysis.weighing.joint_fit import JointFitInputs, joint_fit
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import Floats, MotionSamples, NoiseOfColumns
-
-#: One sample of a central difference has half of the variance of one sample of the speed, by the
-#: step squared; a longer mean is the difference of two samples.
-_OF_ONE: Final = 0.5
-_OF_MEAN: Final = 2.0
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
+from analysis.weighing.weighing_limits import LIMITS
 
 
 @dataclass(frozen=True, slots=True)
-class OtherMotion:
-    """What the other motion would do to the answer.
+class AlternativeMotion:
+    """The change of the answer by the other motion.
 
     Attributes:
         kg: mass by the other motion less the mass.
@@ -38,7 +33,7 @@ class OtherMotion:
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
 
-def disagreement(fit: JointFit) -> float:
+def motion_disagreement(fit: JointFit) -> float:
     """What wheels and accelerometer do not agree about, as a share of the speed; NaN: no telling.
 
     What the noise of the speed explains is no disagreement, so that its size does not matter.
@@ -49,9 +44,9 @@ def disagreement(fit: JointFit) -> float:
     return wheels.disagreement_m_s / fit.motion.largest_speed
 
 
-def by_other_motion(
-    fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings
-) -> OtherMotion | None:
+def refit_with_other_motion(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+) -> AlternativeMotion | None:
     """Fit once more with the other motion; None where there is none.
 
     Args:
@@ -63,7 +58,7 @@ def by_other_motion(
     if motion.specific_force is None:
         return None
     by_wheels = motion.by_accelerometer
-    acceleration = _by_wheels(motion) if by_wheels else motion.specific_force
+    acceleration = _wheel_motion(motion) if by_wheels else motion.specific_force
     other = replace(
         motion,
         acceleration=acceleration,
@@ -72,12 +67,12 @@ def by_other_motion(
         wheel_acceleration=None,
         by_accelerometer=not by_wheels,
     )
-    of_other = _OfOther(noise, motion.rate_hz, by_wheels=by_wheels)
-    found = joint_fit(FittedLog.of(other, of_other, priors), fit.states)
-    return OtherMotion(found.mass_kg - fit.mass_kg, float(np.hypot(found.u_kg, fit.u_kg)))
+    of_other = _OtherMotionNoise(noise, motion.rate_hz, by_wheels=by_wheels)
+    found = joint_fit(JointFitInputs.of(other, of_other, priors), fit.states)
+    return AlternativeMotion(found.mass_kg - fit.mass_kg, float(np.hypot(found.u_kg, fit.u_kg)))
 
 
-def _by_wheels(motion: MotionSamples) -> Floats:
+def _wheel_motion(motion: MotionSamples) -> Floats:
     """The change of the wheels' speed, with gravity by the pitch where there is one, (n,)."""
     rate_m_s2 = np.gradient(motion.speed) * motion.rate_hz
     if motion.specific_force is None or motion.without_gravity is None:
@@ -86,13 +81,13 @@ def _by_wheels(motion: MotionSamples) -> Floats:
 
 
 @dataclass(frozen=True)
-class _OfOther:
+class _OtherMotionNoise:
     """The noise with the other acceleration: of a difference of speeds, or nearly none.
 
     What an accelerometer's noise takes off the mass is less than what is looked for here.
     """
 
-    columns: NoiseOfColumns
+    columns: ColumnNoiseModel
     rate_hz: float
     by_wheels: bool
 
@@ -102,6 +97,10 @@ class _OfOther:
         found[0, :] = found[:, 0] = 0.0
         if self.by_wheels:
             speed = self.columns.covariance(1)[1, 1]
-            times = _OF_MEAN / samples**2 if samples > 1 else _OF_ONE
+            times = (
+                LIMITS.mean_difference_variance / samples**2
+                if samples > 1
+                else LIMITS.central_difference_variance
+            )
             found[0, 0] = times * speed * self.rate_hz**2
         return found

@@ -8,31 +8,13 @@ the pitch that was taken off it, so that the force, whose noise is another, stan
 """
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
-from analysis.weighing.stretch_means import EVERY, MEAN, means
+from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.fit_loss import group_rows
-
-#: Metres from where a stretch begins over which the grade is a cubic: half the length of a hill.
-_REACH_M: Final = 8.0
-_DEGREE: Final = 3
-#: Rates of change are over so many means to either side, 0.1 s at 100 Hz: springs swing faster than
-#: what a longer one sees.
-_RATE_MEANS: Final = 3
-#: Fewer rows of a stretch than this tell nothing beside four coefficients of the grade.
-_FEWEST_ROWS: Final = 20
-#: A squat that adds less than this share of the acceleration does not matter,
-_LEAST_SQUAT: Final = 0.005
-#: and fewer stretches do not tell it from hills.
-_FEWEST_STRETCHES: Final = 6
-#: A share counts from so many of its standard deviations on.
-_COUNTS: Final = 3.5
-#: Standard uncertainty of what a squat does to the accelerometer, over the squat: while the springs
-#: swing an accelerometer above their axis is moved as well, by half as much with 0.5 to 1 m.
-_SWINGS: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +32,7 @@ class StretchSquats:
     columns: Floats
 
 
-def squats_of_stretches(gravity: Floats, motion: MotionSamples) -> StretchSquats:
+def squat_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
     """Multiply them, each without a cubic of the distance.
 
     Args:
@@ -63,13 +45,24 @@ def squats_of_stretches(gravity: Floats, motion: MotionSamples) -> StretchSquats
     scale_N = motion.largest_force
     for part in group_rows(motion.group):
         travelled_m = np.cumsum(np.abs(motion.speed[part])) / motion.rate_hz
-        near = part[travelled_m < _REACH_M]
-        if near.size < MEAN + EVERY * (_FEWEST_ROWS + 2 * _RATE_MEANS):
+        near = part[travelled_m < LIMITS.grade_reach_m]
+        if near.size < MEAN + EVERY * (LIMITS.pitch_min_rows + 2 * LIMITS.pitch_rate_means):
             continue
         channels = (motion.without_gravity, motion.force / scale_N, gravity)
-        a, force, pitch = (means(channel[near]) for channel in channels)
-        grade = np.vander(_inner(means(travelled_m[: near.size])) / _REACH_M, _DEGREE + 1)
-        rows = np.column_stack([_inner(force), _rate(force), _inner(a), _rate(a), _inner(pitch)])
+        a, force, pitch = (overlapping_means(channel[near]) for channel in channels)
+        grade = np.vander(
+            _drop_ends(overlapping_means(travelled_m[: near.size])) / LIMITS.grade_reach_m,
+            LIMITS.grade_degree + 1,
+        )
+        rows = np.column_stack(
+            [
+                _drop_ends(force),
+                _rate_of_means(force),
+                _drop_ends(a),
+                _rate_of_means(a),
+                _drop_ends(pitch),
+            ]
+        )
         rows -= grade @ np.linalg.lstsq(grade, rows, rcond=None)[0]
         first.append(int(near[0]))
         products.append(rows[:, :2].T @ rows[:, 2:])
@@ -77,17 +70,17 @@ def squats_of_stretches(gravity: Floats, motion: MotionSamples) -> StretchSquats
     return StretchSquats(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
 
 
-def _inner(x: Floats) -> Floats:
+def _drop_ends(x: Floats) -> Floats:
     """Those of the means that have a rate."""
-    return x[_RATE_MEANS:-_RATE_MEANS]
+    return x[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 
 
-def _rate(x: Floats) -> Floats:
+def _rate_of_means(x: Floats) -> Floats:
     """Change of the means over a fixed number of them."""
-    return x[2 * _RATE_MEANS :] - x[: -2 * _RATE_MEANS]
+    return x[2 * LIMITS.pitch_rate_means :] - x[: -2 * LIMITS.pitch_rate_means]
 
 
-def instrumented(columns: Floats, response: Floats) -> tuple[Floats, Floats] | None:
+def fit_instrumental_variables(columns: Floats, response: Floats) -> tuple[Floats, Floats] | None:
     """Coefficients by instrumental variables, and their covariance by clusters.
 
     Args:
@@ -107,19 +100,19 @@ def instrumented(columns: Floats, response: Floats) -> tuple[Floats, Floats] | N
     return theta, bread @ scores.T @ scores @ bread.T * (count / (count - p))
 
 
-def pitch_squat(gravity: Floats, motion: MotionSamples) -> tuple[float, float] | None:
+def estimate_pitch_squat(gravity: Floats, motion: MotionSamples) -> tuple[float, float] | None:
     """By which share of the acceleration the pitch's gravity follows it; None where it does not.
 
     Returns:
         The share, and the standard uncertainty of what it does to the accelerometer.
     """
-    found = squats_of_stretches(gravity, motion)
-    if found.first.size < _FEWEST_STRETCHES:
+    found = squat_products(gravity, motion)
+    if found.first.size < LIMITS.pitch_min_stretches:
         return None
-    solved = instrumented(found.columns, found.response)
+    solved = fit_instrumental_variables(found.columns, found.response)
     if solved is None:
         return None
     share, std = float(solved[0][0]), float(np.sqrt(solved[1][0, 0]))
-    if not share > max(_LEAST_SQUAT, _COUNTS * std):
+    if not share > max(LIMITS.min_pitch_squat_fraction, LIMITS.pitch_squat_min_std * std):
         return None
-    return share, float(np.hypot(std, _SWINGS * share))
+    return share, float(np.hypot(std, LIMITS.spring_swing_u * share))

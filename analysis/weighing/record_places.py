@@ -5,28 +5,18 @@ far each is from the first is found by Gauss-Newton, with a mass for each record
 """
 
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from analysis.weighing.force_by_place import forces_by_place, slopes_by_place
 from analysis.weighing.motion_samples import Floats, MotionSamples
-
-_ROUNDS: Final = 12
-#: A record is off by no more once all are centred on their paths, over the path.
-_OFF_1: Final = 0.5
-#: A round moves a record by no more, over the path: half of the shortest half wave.
-_STEP_1: Final = 0.06
-#: Moves of less are none, over the path.
-_MOVED_1: Final = 1e-4
-#: Free, as a standard deviation of a column of unit mean square over that of the force.
-_FREE: Final = 1e3
+from analysis.weighing.weighing_limits import LIMITS
 
 
-def with_records_in_place(motion: MotionSamples) -> MotionSamples:
+def align_records(motion: MotionSamples) -> MotionSamples:
     """The same with the paths of its records moved onto each other, where a bench has several."""
     used = motion.used
-    if motion.silences is None or not used.any() or not motion.on_a_bench:
+    if motion.silences is None or not used.any() or not motion.is_on_bench:
         return motion
     record = np.unique(motion.silences[used], return_inverse=True)[1]
     records = int(record.max()) + 1
@@ -69,26 +59,28 @@ def record_offsets(straight: Floats, force: Floats, place_1: Floats, of_record: 
     records = of_record.shape[1]
     off_1 = np.zeros(records)
     best_1, least = off_1, np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(LIMITS.place_rounds):
         place = place_1 + of_record @ off_1
         known = np.column_stack((straight, forces_by_place(place)))
-        found, missed = _solved(known, force, np.full(known.shape[1], _FREE))
+        found, missed = _solve_penalised(
+            known, force, np.full(known.shape[1], LIMITS.free_column_std)
+        )
         cost = float(missed @ missed) / max(float(force @ force), 1e-300)
         if cost >= least * (1.0 - 1e-9):
             break
         best_1, least = off_1, cost
         slope = slopes_by_place(place) @ found[straight.shape[1] :]
         moving = np.column_stack((known, slope[:, None] * of_record[:, 1:]))
-        free = np.full(moving.shape[1], _FREE)
-        step = _solved(moving, force, free)[0][known.shape[1] :]
-        step = np.append(0.0, step).clip(-_STEP_1, _STEP_1)
-        if float(np.abs(step).max()) < _MOVED_1:
+        free = np.full(moving.shape[1], LIMITS.free_column_std)
+        step = _solve_penalised(moving, force, free)[0][known.shape[1] :]
+        step = np.append(0.0, step).clip(-LIMITS.max_record_step_1, LIMITS.max_record_step_1)
+        if float(np.abs(step).max()) < LIMITS.record_tolerance_1:
             break
-        off_1 = (off_1 + step).clip(-_OFF_1, _OFF_1)
+        off_1 = (off_1 + step).clip(-LIMITS.max_record_offset_1, LIMITS.max_record_offset_1)
     return best_1
 
 
-def _solved(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:
+def _solve_penalised(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:
     """Least squares with columns of unit mean square, all but free, and what they miss."""
     size = np.sqrt(np.mean(columns**2, axis=0))
     size[size == 0.0] = 1.0

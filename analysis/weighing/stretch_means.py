@@ -14,7 +14,7 @@ EVERY: Final = 3
 
 
 @compiled
-def means(x: Floats) -> Floats:
+def overlapping_means(x: Floats) -> Floats:
     """Means of `MEAN` samples, one every `EVERY`."""
     out = np.empty((x.size - MEAN) // EVERY + 1)
     for i in range(out.size):
@@ -23,7 +23,7 @@ def means(x: Floats) -> Floats:
 
 
 @compiled
-def without_line(x: Floats) -> Floats:
+def subtract_line(x: Floats) -> Floats:
     """The same without a constant and a slope."""
     middle = (x.size - 1) / 2.0
     ramp = np.arange(x.size) - middle

@@ -21,6 +21,7 @@ import numpy as np
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.compiled import compiled
 
 #: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
@@ -32,14 +33,12 @@ _CHANGES_OVER_M: Final = 10.0
 _ROUTE_PARTS: Final = 20
 #: Fewer manoeuvres do not tell the ground from the loads.
 FEWEST: Final = 24
-#: A direction has ground of its own that so much of the samples drive in.
-_LEAST_SHARE: Final = 0.05
 #: What all of it is in the budget.
 BY_GROUND: Final = "ground"
 
 
 @dataclass(frozen=True)
-class _Way:
+class _DrivingDirection:
     """A direction of driving.
 
     Attributes:
@@ -53,10 +52,10 @@ class _Way:
     def terms(self) -> list[Nuisance]:
         """Where loads begin, then how the ground changes along the way: for all, and by load."""
         places = list(pairwise(_PLACES_M))
-        found = [self._by_load("", lambda m: np.ones(m.speed.size), self._where_loads_begin)]
+        found = [self._by_load("", lambda m: np.ones(m.speed.size), self._loading_place_std)]
         for begin_m, end_m in places:
-            name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _along(begin_m, end_m)
-            width = _changes(end_m - begin_m)
+            name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _fraction_between(begin_m, end_m)
+            width = _change_std(end_m - begin_m)
             found.append(self._term(name, column, width, "how the ground's force changes along it"))
             found.append(self._by_load(name, column, width))
         return found
@@ -90,15 +89,15 @@ class _Way:
         )
 
     @staticmethod
-    def _where_loads_begin(motion: MotionSamples, priors: PriorSettings) -> float:
+    def _loading_place_std(motion: MotionSamples, priors: PriorSettings) -> float:
         return priors.ground_share * motion.weight
 
     def _applies(self, motion: MotionSamples) -> bool:
         ways = motion.direction[motion.used] == self.sign
-        return motion.manoeuvres >= FEWEST and float(ways.mean()) > _LEAST_SHARE
+        return motion.manoeuvres >= FEWEST and float(ways.mean()) > LIMITS.direction_min_fraction
 
 
-def _along(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
+def _fraction_between(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
     """From 0 to 1 between two distances."""
     return lambda m: _ramp(m.travelled_m, begin_m, end_m)
 
@@ -121,23 +120,23 @@ def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
     return out
 
 
-def _changes(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
+def _change_std(over_m: float) -> Callable[[MotionSamples, PriorSettings], float]:
     """Standard deviation of the change over a length of way: a random walk."""
-    share = _walked(over_m)
+    share = _random_walk_ratio(over_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
 
 
-def _walked(over_m: float) -> float:
+def _random_walk_ratio(over_m: float) -> float:
     """What a random walk changes by over a length of way, over what it does over ten metres."""
     return float(np.sqrt(over_m / _CHANGES_OVER_M))
 
 
-def _of_route(part: int) -> Nuisance:
+def _route_term(part: int) -> Nuisance:
     """How rolling resistance changes along a part of the route."""
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def column(m: Moments) -> Floats:
-        changes = _ramp(m.route_1, begin, end) * _walked(m.haul_m / _ROUTE_PARTS)
+        changes = _ramp(m.route_1, begin, end) * _random_walk_ratio(m.haul_m / _ROUTE_PARTS)
         return m.direction * (1.0 + m.relative_load) * changes
 
     return Nuisance(
@@ -155,7 +154,7 @@ def _of_route(part: int) -> Nuisance:
 
 #: Behind the other terms.
 GROUND: Final = (
-    *_Way("forward", 1.0).terms(),
-    *_Way("reverse", -1.0).terms(),
-    *map(_of_route, range(_ROUTE_PARTS)),
+    *_DrivingDirection("forward", 1.0).terms(),
+    *_DrivingDirection("reverse", -1.0).terms(),
+    *map(_route_term, range(_ROUTE_PARTS)),
 )

@@ -12,49 +12,37 @@ from analysis.model.machine import Machine
 from analysis.model.settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
-from analysis.weighing.fit_columns import Averages
-from analysis.weighing.growing_load import Filling, Growth, filling, growing
+from analysis.weighing.fit_columns import FitRows
+from analysis.weighing.growing_load import LoadFilling, LoadGrowth, find_growing_loads, fit_filling
 from analysis.weighing.joint_fit import (
-    FittedLog,
+    JointFitInputs,
+    add_load_states,
+    add_motion_responses,
+    add_squat,
+    drop_unlikely_effects,
+    fit_rows,
     joint_fit,
     refit,
-    rows_of,
-    with_likely_effects,
-    with_responses,
-    with_squat,
-    with_states,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import Floats, MotionSamples, NoiseOfColumns, motion_samples
+from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples, motion_samples
 from analysis.weighing.nuisances import CURVATURE, FILLING
-from analysis.weighing.other_motion import OtherMotion, by_other_motion, disagreement
-from analysis.weighing.record_places import with_records_in_place
+from analysis.weighing.other_motion import (
+    AlternativeMotion,
+    motion_disagreement,
+    refit_with_other_motion,
+)
+from analysis.weighing.record_places import align_records
+from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import TERMS
 
-#: Braking is left out when it moves the mass by so many standard uncertainties.
-_DISAGREES: Final = 3.0
-#: It is doubted when it moves it by so many of the answer's.
-_DOUBTED: Final = 2.0
-#: And by this share of it.
-_MATTERS: Final = 0.005
-#: Fits of one log find one lag, within so many s: half of what its prior expects.
-_SAME_LAG_S: Final = 0.01
-#: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
-_CURVED: Final = 6.0
-_COUNTS: Final = 0.01
-#: Means of so many samples of a derivative are differences.
-_LONG: Final = 20
-#: Rounds of the fit that tells what a calibration's means have wrong: terms are products.
-_TOLD_ROUNDS: Final = 2
-#: Less is not fitted, in s; of a slow log nothing of fewer samples than a window has at least.
-_SHORTEST_S: Final = 1.0
 #: Why a log of which nothing is fitted has no answer.
 NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 
 @dataclass(frozen=True, slots=True)
 class Curvature:
-    """What a term in a·|a| finds in a fit.
+    """The estimate of a term in a·|a| beside a fit.
 
     Attributes:
         t: how many deviations it is from 0.
@@ -69,12 +57,14 @@ class Curvature:
     @property
     def shows(self) -> bool:
         """Whether the force is not linear in the acceleration, and it matters."""
-        return abs(self.t) > _CURVED and abs(self.kg) > _COUNTS * abs(self.mass_kg)
+        return abs(self.t) > LIMITS.curvature_min_std and abs(
+            self.kg
+        ) > LIMITS.curvature_min_fraction * abs(self.mass_kg)
 
 
 @dataclass(frozen=True)
 class Weighing:
-    """What the joint fit says of a log.
+    """The weighing of a log by its joint fit.
 
     Attributes:
         fit: of the answer.
@@ -101,9 +91,9 @@ class Weighing:
     braking_left_out: bool
     braking_doubted: bool
     curvature: Curvature
-    filling: Filling
-    growing: tuple[Growth, ...]
-    other_motion: OtherMotion | None = None
+    filling: LoadFilling
+    growing: tuple[LoadGrowth, ...]
+    other_motion: AlternativeMotion | None = None
     alone: JointFit | None = None
     informed: JointFit | None = None
     learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
@@ -120,7 +110,7 @@ class Weighing:
 
 
 @dataclass(frozen=True)
-class _OfDerivative:
+class _DerivativeNoise:
     """The noise where the acceleration is the speed's derivative.
 
     The mean of n of its samples is the difference of two speeds over n steps, which covariances of
@@ -133,7 +123,7 @@ class _OfDerivative:
     def covariance(self, samples: int) -> Floats:
         """(3, 3) of the trailing mean of so many samples."""
         found = self.columns.covariance(samples)
-        if samples < _LONG:
+        if samples < LIMITS.derivative_mean_samples:
             return found
         found = found.copy()
         speed = self.columns.covariance(1)[1, 1]
@@ -161,13 +151,15 @@ def weigh(
     priors = machine.settings.priors
     if priors.learnt and priors.learnt_means == "told":
         # means that are wrong spoil a log of several loads, which tells them better
-        found = _weighed(aligned, excitation, gated, noise, machine, informed_priors(priors))
+        found = _weigh_with_priors(
+            aligned, excitation, gated, noise, machine, widen_learnt_priors(priors)
+        )
         if found is not None and found.fit.count > 1:
             return replace(found, informed=found.fit, learnt={**priors.learnt})
-    return _weighed(aligned, excitation, gated, noise, machine, priors)
+    return _weigh_with_priors(aligned, excitation, gated, noise, machine, priors)
 
 
-def _weighed(
+def _weigh_with_priors(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -181,56 +173,58 @@ def _weighed(
     if known is None or excitation.height < FEWEST_READINGS:
         return None
     rate_hz = settings.align.rate_hz
-    columns = _OfDerivative(known, rate_hz) if machine.differentiates_speed else known
+    columns = _DerivativeNoise(known, rate_hz) if machine.differentiates_speed else known
 
     def motion(*, braking: bool) -> MotionSamples:
         found = motion_samples(aligned, excitation, gated, machine, columns, braking=braking)
-        return with_records_in_place(found)
+        return align_records(found)
 
     def of_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
-        fitted = FittedLog.of(motion, columns, priors)
+        fitted = JointFitInputs.of(motion, columns, priors)
         states = None if begin is None or begin.states is None else begin.states.among(motion)
-        return with_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
+        return add_load_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
     whole = motion(braking=True)
-    if not _tells(whole):
+    if not _has_enough_samples(whole):
         return None
     fit = of_states(whole)
-    grown = growing(fit, columns)
+    grown = find_growing_loads(fit, columns)
     if grown:
         # one mass says nothing of them, and would say something wrong of the others' friction
-        fit = of_states(_without(whole, grown), fit)
+        fit = of_states(_exclude_growing(whole, grown), fit)
         # what the others say of friction and drifts shows how much it is
-        better = {each.unit: each for each in growing(fit, columns, whole)}
+        better = {each.unit: each for each in find_growing_loads(fit, columns, whole)}
         grown = tuple(better.get(each.unit, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
-        driving = _without(motion(braking=False), grown)
-        if _tells(driving):
-            fitted = FittedLog.of(driving, columns, priors)
+        driving = _exclude_growing(motion(braking=False), grown)
+        if _has_enough_samples(driving):
+            fitted = JointFitInputs.of(driving, columns, priors)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
-            beyond = max(alone.from_priors.values()) > settings.verdict.beyond_prior_max
+            beyond = max(alone.prior_distances.values()) > settings.verdict.beyond_prior_max
             # nor driving that finds another delay of the same force
-            lags_apart = abs(alone.lag_s - fit.lag_s) > _SAME_LAG_S
-            if not (beyond or lags_apart) and not curvature(alone, columns, priors).shows:
-                braking_kg = apart_kg(fit, alone)
-                allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
-                left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
+            lags_apart = abs(alone.lag_s - fit.lag_s) > LIMITS.same_lag_s
+            if not (beyond or lags_apart) and not fit_curvature(alone, columns, priors).shows:
+                braking_kg = mean_difference_kg(fit, alone)
+                allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
+                left_out = abs(braking_kg) > max(
+                    allowed, LIMITS.braking_min_fraction * abs(alone.mass_kg)
+                )
                 if left_out:
-                    fit = with_states(alone, fitted, machine.machine.repeatability_kg)
-    doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
+                    fit = add_load_states(alone, fitted, machine.machine.repeatability_kg)
+    doubted = not left_out and abs(braking_kg) > LIMITS.braking_doubted_u * fit.u_kg
 
-    fit = with_likely_effects(fit, columns, priors)
-    fit = with_squat(fit, priors)
-    fit = with_responses(fit, columns, priors)
+    fit = drop_unlikely_effects(fit, columns, priors)
+    fit = add_squat(fit, priors)
+    fit = add_motion_responses(fit, columns, priors)
     if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
         return None
-    alone = _alone(fit, columns, priors)
-    own, own_priors = (fit, priors) if alone is None else (alone, _without_learnt(priors))
-    rows = rows_of(fit, columns, (CURVATURE, FILLING))
+    alone = _fit_without_learnt(fit, columns, priors)
+    own, own_priors = (fit, priors) if alone is None else (alone, _drop_learnt_priors(priors))
+    rows = fit_rows(fit, columns, (CURVATURE, FILLING))
     halved, doubled = (
-        refit(fit, columns, _scaled(priors, times), rows=rows) for times in (0.5, 2.0)
+        refit(fit, columns, _scale_priors(priors, times), rows=rows) for times in (0.5, 2.0)
     )
     return Weighing(
         fit,
@@ -239,45 +233,47 @@ def _weighed(
         braking_kg,
         left_out,
         doubted,
-        curvature(fit, columns, priors, rows),
-        filling(own, columns, own_priors, rows if own is fit else None),
+        fit_curvature(fit, columns, priors, rows),
+        fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
-        by_other_motion(fit, columns, priors)
-        if disagreement(fit) > settings.verdict.wheels_max
+        refit_with_other_motion(fit, columns, priors)
+        if motion_disagreement(fit) > settings.verdict.wheels_max
         else None,
         alone,
         None
         if alone is None
-        else refit(fit, columns, informed_priors(priors), rounds=_TOLD_ROUNDS),
+        else refit(fit, columns, widen_learnt_priors(priors), rounds=LIMITS.learnt_mean_rounds),
         {**priors.learnt},
     )
 
 
-def _tells(motion: MotionSamples) -> bool:
-    """Whether there is enough to fit."""
-    fewest = rows_in(_SHORTEST_S, motion.rate_hz, FEWEST_READINGS)
+def _has_enough_samples(motion: MotionSamples) -> bool:
+    """Whether enough samples may be fitted."""
+    fewest = rows_in(LIMITS.shortest_log_s, motion.rate_hz, FEWEST_READINGS)
     return int(motion.used.sum()) >= fewest and motion.drives
 
 
-def _without(motion: MotionSamples, grown: tuple[Growth, ...]) -> MotionSamples:
+def _exclude_growing(motion: MotionSamples, grown: tuple[LoadGrowth, ...]) -> MotionSamples:
     """The same without the manoeuvres whose load changes."""
-    return motion.without(np.isin(motion.unit, [each.unit for each in grown]))
+    return motion.exclude(np.isin(motion.unit, [each.unit for each in grown]))
 
 
-def _alone(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit | None:
+def _fit_without_learnt(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings
+) -> JointFit | None:
     """Fit once more without what a calibration learnt; None where it learnt nothing."""
     if not priors.learnt:
         return None
     wheels = fit.kinematics
     own = fit if wheels is None or wheels.own is None else replace(fit, kinematics=wheels.own)
-    return refit(own, noise, _without_learnt(priors))
+    return refit(own, noise, _drop_learnt_priors(priors))
 
 
-def _without_learnt(priors: PriorSettings) -> PriorSettings:
+def _drop_learnt_priors(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": {}})
 
 
-def informed_priors(priors: PriorSettings) -> PriorSettings:
+def widen_learnt_priors(priors: PriorSettings) -> PriorSettings:
     """Learnt priors as wide as a log may find their terms: their means are uncertain as well.
 
     Those of wheels against accelerometer stay.
@@ -291,7 +287,7 @@ def informed_priors(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": learnt})
 
 
-def apart_kg(one: JointFit, other: JointFit) -> float:
+def mean_difference_kg(one: JointFit, other: JointFit) -> float:
     """How far two fits' masses of the same manoeuvres are apart, in their mean."""
     mine, theirs = one.states, other.states
     if mine is None or theirs is None:
@@ -299,11 +295,11 @@ def apart_kg(one: JointFit, other: JointFit) -> float:
     _, a, b = np.intersect1d(mine.unit, theirs.unit, return_indices=True)
     if not a.size:
         return one.mass_kg - other.mass_kg
-    return float(np.mean(one.masses_kg[mine.of[a]] - other.masses_kg[theirs.of[b]]))
+    return float(np.mean(one.masses_kg[mine.membership[a]] - other.masses_kg[theirs.membership[b]]))
 
 
-def curvature(
-    fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings, rows: Averages | None = None
+def fit_curvature(
+    fit: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, rows: FitRows | None = None
 ) -> Curvature:
     """Fit once more with a term in a·|a|.
 
@@ -314,11 +310,11 @@ def curvature(
         rows: of the fit and of `CURVATURE`, where they are at hand.
     """
     curved = refit(fit, noise, priors, (CURVATURE,), rows=rows).fit
-    moved = float(curved.theta[fit.main] - fit.theta[fit.main])
+    moved = float(curved.theta[fit.main_state] - fit.theta[fit.main_state])
     return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 
 
-def _scaled(priors: PriorSettings, times: float) -> PriorSettings:
+def _scale_priors(priors: PriorSettings, times: float) -> PriorSettings:
     """The priors with other widths."""
     learnt = {
         name: term.model_copy(update={"std": term.std * times})

@@ -15,17 +15,18 @@ import numpy as np
 
 from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import (
+    ColumnNoiseModel,
     Floats,
     Ints,
     MotionSamples,
-    NoiseOfColumns,
     begins,
     ends,
-    rolled_share,
+    rolling_fraction,
 )
-from analysis.weighing.nuisances import const_width
-from analysis.weighing.pitch_squat import pitch_squat
-from analysis.weighing.stretch_means import EVERY, MEAN, means, without_line
+from analysis.weighing.nuisances import const_prior_std
+from analysis.weighing.pitch_squat import estimate_pitch_squat
+from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means, subtract_line
+from analysis.weighing.weighing_limits import LIMITS
 from estimators.compiled import compiled
 from estimators.joint import prior_fit
 from estimators.joint.prior_fit import Grouping
@@ -34,43 +35,15 @@ from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_sums import NoiseMoments
 from estimators.numerics.small_systems import NOTHING
 
-#: What the wheels say of an accelerometer without its gravity counts where it leaves less than this
-#: share of the mismatch.
-_BETTER: Final = 0.8
 #: What a calibration learns of them, in this order.
 TERMS: Final = ("wheel_slip", "gain", "speed_delay")
-#: Of so many samples the noise is what adds up.
-_ADDED_UP: Final = 100
-#: A gain is looked for without leaning on its prior: this wide.
-_WIDE_GAIN: Final = 0.3
-#: A gain counts from so many of its deviations, and from this size, on.
-_GAIN_COUNTS: Final = 3.5
-_LEAST_GAIN: Final = 0.01
-#: Largest squat, as a share of the acceleration: 0.46° a m/s².
-_MOST_SQUAT: Final = 0.08
-#: Standard uncertainty of how much of a squat the speed's own scale makes, as a share.
-_SPEED_SHARE_U: Final = 0.25
-#: Driven wheels turn farther than they roll: a slip below 0 by so many standard deviations is a
-#: gain, and is fitted again with a prior of slip that is narrower by this factor.
-_NEGATIVE_SLIP_STDS: Final = 2.0
-_NARROWER: Final = 0.02
-#: Slip and ground speed, found in turn.
-_PASSES: Final = 3
-#: A delay begun from earlier words that changes by less is found.
-_SETTLED_S: Final = 5e-4
-#: A delay is looked for up to here.
-_LONGEST_DELAY_S: Final = 0.15
-#: Of its speed, no wheel that weighs slips more.
-_MOST_SLIP: Final = 0.4
-#: Residuals of so many times the noise of the speed: the two do not go together.
-_MISMATCH: Final = 3.0
 
 _Rows = tuple[Floats, Floats, Ints, NoiseMoments]
 
 
 @dataclass(frozen=True, slots=True)
-class Kinematics:
-    """What the wheels say of the accelerometer and of themselves, value and deviation each.
+class WheelKinematics:
+    """Comparison of wheels and accelerometer, value and standard deviation each.
 
     Attributes:
         gain: how much the wheels' speed changes beyond what the accelerometer says, as a share.
@@ -100,7 +73,7 @@ class Kinematics:
     prior_std: Floats
     mean_u: Floats
     squat: tuple[float, float] = (0.0, 0.0)
-    own: "Kinematics | None" = None
+    own: "WheelKinematics | None" = None
 
     @property
     def by_term(self) -> dict[str, tuple[float, float]]:
@@ -108,23 +81,23 @@ class Kinematics:
         return dict(zip(TERMS, (self.slip_1_N, self.gain_by_prior, self.delay_s), strict=True))
 
     @property
-    def goes_together(self) -> bool:
-        """Whether wheels and accelerometer go together at all."""
-        return self.mismatch <= _MISMATCH
+    def is_consistent(self) -> bool:
+        """Whether wheels and accelerometer are consistent."""
+        return self.mismatch <= LIMITS.max_kinematic_mismatch
 
     @property
     def is_found(self) -> bool:
         """Whether another motion may begin from here."""
-        return self.goes_together and abs(self.delay_s[0]) < _LONGEST_DELAY_S
+        return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s
 
-    def learnt(self, priors: PriorSettings) -> "Kinematics":
+    def learnt(self, priors: PriorSettings) -> "WheelKinematics":
         """The same as a calibration says it, once for all its logs.
 
         The three are found together, so they are taken together, and where this log's gain is
         beyond its prior, or nothing goes together, its own words stand.
         """
         terms = [priors.learnt[name] for name in TERMS if name in priors.learnt]
-        if len(terms) < len(TERMS) or not self.goes_together or self.gain_counts:
+        if len(terms) < len(TERMS) or not self.is_consistent or self.gain_counts:
             return self
         slip, gain, delay = ((term.mean, term.std) for term in terms)
         return replace(
@@ -139,12 +112,12 @@ class Kinematics:
         )
 
 
-def kinematics(
+def compare_wheels(
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: Kinematics | None = None,
-) -> Kinematics | None:
+    earlier: WheelKinematics | None = None,
+) -> WheelKinematics | None:
     """Compare them; None where there is no accelerometer, or no stretch is long enough.
 
     Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
@@ -160,35 +133,35 @@ def kinematics(
     if motion.specific_force is None:
         return None
     told = None if earlier is None or not earlier.is_found else earlier.own or earlier
-    found = _compared(motion.specific_force, motion, noise, priors, told)
+    found = _fit_comparison(motion.specific_force, motion, noise, priors, told)
     if found is None:
         return None
     if motion.without_gravity is None:
-        return _without_squat(found, motion.specific_force, motion, noise, priors, told)
-    level = _compared(motion.without_gravity, motion, noise, priors, told)
+        return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
+    level = _fit_comparison(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
-    squat = pitch_squat(motion.specific_force - motion.without_gravity, motion)
+    squat = estimate_pitch_squat(motion.specific_force - motion.without_gravity, motion)
     if squat is not None:
         # on even ground what is left of gravity is less than the noise of the pitch
         upright = motion.specific_force - squat[0] * motion.without_gravity
-        even = _compared(upright, motion, noise, priors, told)
+        even = _fit_comparison(upright, motion, noise, priors, told)
         best = level if even is None or level.mismatch < even.mismatch else even
-        if best.goes_together or best.mismatch < found.mismatch:
+        if best.is_consistent or best.mismatch < found.mismatch:
             return replace(best, squat=squat)
-    if level.mismatch < _BETTER * found.mismatch:
+    if level.mismatch < LIMITS.gravity_mismatch_ratio * found.mismatch:
         return level
-    return _without_squat(found, motion.specific_force, motion, noise, priors, told)
+    return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
 
 
-def _without_squat(
-    found: Kinematics,
+def _subtract_squat(
+    found: WheelKinematics,
     measured: Floats,
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: Kinematics | None,
-) -> Kinematics:
+    earlier: WheelKinematics | None,
+) -> WheelKinematics:
     """Take a squat off the accelerometer that the wheels show, where their radius is known.
 
     An accelerometer that says more than wheels of a known radius sees gravity through a body that
@@ -197,27 +170,27 @@ def _without_squat(
     share, radius_u_1 = -found.gain[0], motion.wheel_radius_u_1
     if radius_u_1 is None or not found.gain_counts:
         return found
-    if not _GAIN_COUNTS * radius_u_1 < share < _MOST_SQUAT:
+    if not LIMITS.gain_min_std * radius_u_1 < share < LIMITS.max_squat_1:
         return found
-    even = _compared(measured * (1.0 - share), motion, noise, priors, earlier)
+    even = _fit_comparison(measured * (1.0 - share), motion, noise, priors, earlier)
     if even is None or even.gain_counts:
         return found
-    u = float(np.linalg.norm([found.gain[1], radius_u_1, _SPEED_SHARE_U * share]))
+    u = float(np.linalg.norm([found.gain[1], radius_u_1, LIMITS.speed_scale_squat_u * share]))
     return replace(even, squat=(share, u))
 
 
-def _compared(
+def _fit_comparison(
     measured: Floats,
     motion: MotionSamples,
-    noise: NoiseOfColumns,
+    noise: ColumnNoiseModel,
     priors: PriorSettings,
-    earlier: Kinematics | None = None,
-) -> Kinematics | None:
+    earlier: WheelKinematics | None = None,
+) -> WheelKinematics | None:
     """Fit the comparison, from earlier words on where there are any."""
     slip_std = priors.wheel_slip / motion.largest_force
 
     def widths(gain_std: float, slip_1_N: float, slip_std: float = slip_std) -> Floats:
-        offset = slip_1_N * const_width(motion, priors)
+        offset = slip_1_N * const_prior_std(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solved(
@@ -226,48 +199,49 @@ def _compared(
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
         return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
-    largest = _MOST_SLIP / motion.largest_force
+    largest = LIMITS.max_slip_fraction / motion.largest_force
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
     if earlier is not None:
         delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
         about = abs(slip_1_N) + earlier.slip_1_N[1]
-    rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N)
+    rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N)
     if rows is None:
         return None
     lines = loss = None
     if earlier is not None:
-        lines = _lines(rows[2])
+        lines = _line_columns(rows[2])
         loss = autocovariance_loss(rows[2], lines)
-    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
-    for number in range(_PASSES):
+    wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
+    for number in range(LIMITS.slip_passes):
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
         if not np.isfinite([late_s, slips_1_N]).all():
             break
-        if earlier is not None and abs(late_s) < _SETTLED_S:
+        if earlier is not None and abs(late_s) < LIMITS.delay_tolerance_s:
             break
         # the slip is of the ground's speed, and an offset matters by what slip there is
         slip_1_N = float(np.clip(slips_1_N, -largest, largest))
         about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
-        delay_s = float(np.clip(delay_s + late_s, -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
-        rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
+        delay_s = float(np.clip(delay_s + late_s, -LIMITS.longest_delay_s, LIMITS.longest_delay_s))
+        rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
         # only the last one's deviations count
-        if lines is None and number == _PASSES - 1:
-            lines = _lines(rows[2])
+        if lines is None and number == LIMITS.slip_passes - 1:
+            lines = _line_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
-        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
-    free = wide.fit
-    if free.theta[1] < -_NEGATIVE_SLIP_STDS * free.std[1]:
-        slip_std *= _NARROWER
-        free = solved(rows, widths(_WIDE_GAIN, about, slip_std), delay_s, lines, loss).fit
+        wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
     noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
+    free = wide.fit
+    if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
+        narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
+        stiff = widths(LIMITS.gain_search_std_1, about, narrow_std)
+        rolling = solved(rows, stiff, delay_s, lines, loss).fit
+        if rolling.theta[0] < 0.0 and _gain_counts(rolling, noise_m_s):
+            free, slip_std = rolling, narrow_std
     mismatch = free.residual_rms / noise_m_s
-    # where the two do not go together, deviations say nothing
-    times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
-    counts = bool(abs(free.theta[0]) > max(_LEAST_GAIN, times * free.std[0]))
-    std = widths(_WIDE_GAIN if counts else priors.gain, about, slip_std)
+    counts = _gain_counts(free, noise_m_s)
+    std = widths(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
     least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
@@ -276,7 +250,7 @@ def _compared(
     values = list(
         zip(found.theta[:3].tolist(), np.sqrt(np.diag(covariance)).tolist()[:3], strict=True)
     )
-    return Kinematics(
+    return WheelKinematics(
         gain=(float(free.theta[0]), float(free.std[0])),
         gain_by_prior=values[0],
         slip_1_N=values[1],
@@ -290,14 +264,32 @@ def _compared(
     )
 
 
-def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: float) -> Floats:
+def _gain_counts(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
+    """Whether a gain is more than its prior and the log's noise allow.
+
+    Args:
+        fit: of the comparison, the gain first.
+        noise_m_s: of the speed's means.
+    """
+    # where the two do not go together, deviations say nothing
+    agrees = fit.residual_rms / noise_m_s <= LIMITS.max_kinematic_mismatch
+    times = LIMITS.gain_min_std if agrees else 0.0
+    return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
+
+
+def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float) -> Floats:
     """Standard deviations by what the instruments' noise does alone, (4,).
 
     An accelerometer's noise adds up over a manoeuvre, and what is fitted follows it, so that few
     manoeuvres' residuals show less of it.
     """
     X, _, group, _ = rows
-    of_mean = noise.covariance(_ADDED_UP)[0, 0] * _ADDED_UP * step_s**2 * EVERY
+    of_mean = (
+        noise.covariance(LIMITS.accumulated_noise_samples)[0, 0]
+        * LIMITS.accumulated_noise_samples
+        * step_s**2
+        * EVERY
+    )
     of_speed = noise.covariance(MEAN)[1, 1] * MEAN / EVERY
     squares = (X**2).sum(axis=0)
     # of a column of nothing its prior is all that is known
@@ -314,20 +306,20 @@ def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: fl
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
-def _lines(group: Ints) -> Floats:
+def _line_columns(group: Ints) -> Floats:
     """A constant and a slope for each stretch, (rows, 2)."""
-    return np.concatenate([_line(part.size) for part in group_rows(group)])
+    return np.concatenate([_orthonormal_line(part.size) for part in group_rows(group)])
 
 
 @cache
-def _line(samples: int) -> Floats:
+def _orthonormal_line(samples: int) -> Floats:
     """Orthonormal columns of a constant and a slope, (samples, 2)."""
     ramp = np.linspace(-1.0, 1.0, samples)
     return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]
 
 
-def _rows(
-    measured: Floats, motion: MotionSamples, noise: NoiseOfColumns, slip_1_N: float
+def _comparison_rows(
+    measured: Floats, motion: MotionSamples, noise: ColumnNoiseModel, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
@@ -371,15 +363,15 @@ def _compared_means(
         a, v, f = measured[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
-        slipping = v * rolled_share(v, f, slip_1_N) - gained
-        ground = np.abs(gained + slipping - without_line(slipping))
+        slipping = v * rolling_fraction(v, f, slip_1_N) - gained
+        ground = np.abs(gained + slipping - subtract_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = without_line(means(v - gained))
-        X[rows, 0] = without_line(means(gained))
-        X[rows, 1] = without_line(means(ground * f))
-        X[rows, 2] = without_line(means(-a))
-        of_ground = means(ground)
-        X[rows, 3] = without_line(-of_ground)
+        y[rows] = subtract_line(overlapping_means(v - gained))
+        X[rows, 0] = subtract_line(overlapping_means(gained))
+        X[rows, 1] = subtract_line(overlapping_means(ground * f))
+        X[rows, 2] = subtract_line(overlapping_means(-a))
+        of_ground = overlapping_means(ground)
+        X[rows, 3] = subtract_line(-of_ground)
         group[rows] = number
         squares[number] = (of_ground**2).sum()
         row += counts[number]

@@ -29,6 +29,7 @@ _WINDOWS: Final = (1.0, 0.1)
 _ROUNDS: Final = 10
 #: A change is said where it is at least so much likelier than none, as a logarithm.
 _SURE: Final = float(np.log(20.0))
+#: Changes that are tried for removal: so many, the smallest first.
 _LEAST_CHANGES: Final = 20
 #: No change is ruled out for good, but for this much it takes evidence.
 _NEVER: Final = 1e9
@@ -78,7 +79,7 @@ def partitions(
         posterior = PartitionPosterior(units, spread, tau, usual if scatter is None else None)
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
-            tried |= _candidates(posterior, effects)
+            tried |= _candidate_partitions(posterior, effects)
         # in an order that does not change from process to process, as sums depend on it
         for key in sorted(tried):
             if key not in stretches:
@@ -95,11 +96,11 @@ def partitions(
     several, posterior = max(others, key=lambda each: each[0].log_posterior)
     best = single
     if several.log_posterior > single.log_posterior:
-        best = _sure(several, posterior)
+        best = _drop_unsure_changes(several, posterior)
     return Partitions(best, single, best if best.states > 1 else several, probability)
 
 
-def _sure(best: Partition, posterior: PartitionPosterior) -> Partition:
+def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Partition:
     """The same without the changes that are not sure, the least of them first."""
     while best.states > 1:
         first = np.flatnonzero(np.diff(best.state)) + 1
@@ -107,7 +108,7 @@ def _sure(best: Partition, posterior: PartitionPosterior) -> Partition:
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
-            posterior.of(Stretches.of(_joined(best.state, joint), posterior.units.kind))
+            posterior.of(Stretches.of(_merge_states(best.state, joint), posterior.units.kind))
             for joint in joints
         ]
         allowed = [_least_odds(posterior.units.kind[joint - 1]) for joint in joints]
@@ -130,31 +131,31 @@ def _least_odds(kind: Ints) -> float:
     return 0.0 if (kind == RESTARTED).all() else _SURE
 
 
-def _joined(state: Ints, at: Ints) -> Ints:
+def _merge_states(state: Ints, at: Ints) -> Ints:
     """The same states without the changes before these units."""
     changes = np.diff(state, prepend=0)
     changes[at] = 0
     return np.cumsum(changes)
 
 
-def _candidates(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+def _candidate_partitions(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     """Partitions that may be the most probable, from these effects on."""
     units, spread = posterior.units, posterior.spread
     level = units.y - units.x @ effects
-    tried = {_two_levels(level, posterior.variance, units.kind).tobytes()}
+    tried = {_split_two_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
-        tried |= _cycles(posterior, effects)
+        tried |= _fit_cycles(posterior, effects)
     for probability in _CANDIDATES:
         for window in _WINDOWS:
-            tried |= _alternated(posterior, window * spread, probability, effects)
+            tried |= _alternate_effects(posterior, window * spread, probability, effects)
     return tried
 
 
-def _cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+def _fit_cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     """Partitions that are filled and emptied, and their effects, until nothing changes."""
     units, tried = posterior.units, set[bytes]()
     for _ in range(_ROUNDS):
-        state = _emptied_between(units.y - units.x @ effects, posterior.variance, units.kind)
+        state = _assign_emptied(units.y - units.x @ effects, posterior.variance, units.kind)
         if state.tobytes() in tried:
             break
         tried.add(state.tobytes())
@@ -162,7 +163,7 @@ def _cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     return tried
 
 
-def _alternated(
+def _alternate_effects(
     posterior: PartitionPosterior, spread: float, probability: float, effects: Floats
 ) -> set[bytes]:
     """Partitions of given effects, and effects of that partition, until nothing changes."""
@@ -180,7 +181,7 @@ def _alternated(
     return tried
 
 
-def _two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
+def _split_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
     """The states of two levels that take turns: the parting of the units with the least squares.
 
     Args:
@@ -200,7 +201,7 @@ def _two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
 
 
-def _emptied_between(level: Floats, variance: Floats, kind: Ints) -> Ints:
+def _assign_emptied(level: Floats, variance: Floats, kind: Ints) -> Ints:
     """The states of two levels, the heavy one after each filling, until the light one fits better.
 
     Args:
@@ -220,14 +221,14 @@ def _emptied_between(level: Floats, variance: Floats, kind: Ints) -> Ints:
         low, high = (np.average(level[each], weights=weight[each]) for each in (~heavy, heavy))
         gain = weight * ((level - low) ** 2 - (level - high) ** 2)
         before = heavy
-        heavy = _heavy_until(gain, first)
+        heavy = _find_heavy_units(gain, first)
         if np.array_equal(heavy, before):
             break
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
 
 
 @compiled
-def _heavy_until(gain: Floats, first: Ints) -> NDArray[np.bool_]:
+def _find_heavy_units(gain: Floats, first: Ints) -> NDArray[np.bool_]:
     """Which units are heavy: each stretch's, up to where their gains add up to most.
 
     Args:

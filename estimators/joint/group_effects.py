@@ -28,7 +28,7 @@ _LEAST_OWN: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class GroupEffects:
-    """What each unit says of its level, and all of what they share.
+    """Normal equations of units: a level of each, and shared effects.
 
     Attributes:
         y: (n,) level where β is 0.
@@ -58,7 +58,7 @@ def group_effects(
     prior_std: Floats,
     unit: Ints,
 ) -> GroupEffects:
-    """What each unit says of the first parameter of A θ = f, all others shared.
+    """Reduce A θ = f to the first parameter of each unit, all others shared.
 
     Every unit has a level of its own here, so that what changes between units is in no residual.
 
@@ -100,7 +100,7 @@ def group_effects(
     variance = float(f[used] @ f[used]) / n
     level, correlation, white = y, np.ones(1), variance
     # few units share their effects with few others: as if each had its own
-    own_columns = A[:, :1] if y.size >= _MANY else A[:, _moving(A)]
+    own_columns = A[:, :1] if y.size >= _MANY else A[:, _nonzero_columns(A)]
     for _ in range(_NOISE_ROUNDS):
         whole = within / variance + np.diag(precision)
         beta = np.linalg.lstsq(whole, cross / variance + precision * prior_mean * scale[1:])[0]
@@ -128,6 +128,6 @@ def group_effects(
     )
 
 
-def _moving(A: Floats) -> NDArray[np.bool_]:
+def _nonzero_columns(A: Floats) -> NDArray[np.bool_]:
     """Which columns are not 0 throughout."""
     return np.abs(A).sum(axis=0) > 0.0

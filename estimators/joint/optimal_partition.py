@@ -56,11 +56,11 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
                 begins[kept] = begins[k]
                 kept += 1
         alive = kept
-    return _numbered(before)
+    return _number_levels(before)
 
 
 @compiled
-def _numbered(before: Ints) -> Ints:
+def _number_levels(before: Ints) -> Ints:
     """Numbers of the levels, from where the one that ends at each place begins."""
     end = before.size - 1
     begins = np.zeros(end, np.int64)

@@ -45,7 +45,7 @@ _HINT: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """A partition and what it says.
+    """A partition with its levels, effects and posterior.
 
     Attributes:
         state: (n,) number of the stretch of each unit, from 0.
@@ -91,7 +91,7 @@ class Stretches:
     @classmethod
     def of(cls, state: Ints, kind: Ints) -> Self:
         """Number the stretches of units whose boundaries are of these kinds."""
-        return cls(state, _levels_of(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0))
+        return cls(state, _level_choices(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0))
 
 
 class PartitionPosterior:
@@ -125,15 +125,15 @@ class PartitionPosterior:
         Args:
             state: (n,) numbers of the stretches, ascending.
         """
-        whole, right, _ = self._equations(self._by_state(state))
-        return _solved(whole, right)[0]
+        whole, right, _ = self._normal_equations(self._by_state(state))
+        return _solve_with_log_determinant(whole, right)[0]
 
     def of(self, stretches: Stretches) -> Partition:
         """The partition with its levels, and how probable it is, up to a constant of the units."""
         by_state = self._by_state(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:
-            log, levels, effects = self._of_levels(_added(by_state, level))
+            log, levels, effects = self._integrate_levels(_sum_by_level(by_state, level))
             logs.append(weight + log)
             if best is None or logs[-1] > best[0]:
                 best = logs[-1], levels[level], level, effects
@@ -145,7 +145,7 @@ class PartitionPosterior:
         first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
         return np.add.reduceat(self._sums, first)
 
-    def _equations(self, sums: Floats) -> tuple[Floats, Floats, float]:
+    def _normal_equations(self, sums: Floats) -> tuple[Floats, Floats, float]:
         """Normal equations of β, (r, r) and (r,), and the squares that they leave to explain.
 
         Args:
@@ -155,20 +155,20 @@ class PartitionPosterior:
         units = self.units
         return units.gram + within[:-1, :-1], units.cross + within[:-1, -1], float(within[-1, -1])
 
-    def _of_levels(self, sums: Floats) -> tuple[float, Floats, Floats]:
+    def _integrate_levels(self, sums: Floats) -> tuple[float, Floats, Floats]:
         """How probable the units are, levels and β integrated out; levels, and β."""
-        whole, right, squares = self._equations(sums)
-        effects, log_determinant = _solved(whole, right)
+        whole, right, squares = self._normal_equations(sums)
+        effects, log_determinant = _solve_with_log_determinant(whole, right)
         own = 1.0 / sums[:, 0]
         levels = self._middle + own * (sums[:, -1] - sums[:, 1:-1] @ effects)
         # β's own misfit is that of its normal equations, up to a constant
         logs = log_determinant - float(np.log(2.0 * np.pi * own).sum())
         log = -0.5 * (squares - float(effects @ right) + logs)
-        return log + _log_of_levels(levels, own, self.spread), levels, effects
+        return log + _log_level_likelihood(levels, own, self.spread), levels, effects
 
 
 @compiled
-def _added(values: Floats, level: Ints) -> Floats:
+def _sum_by_level(values: Floats, level: Ints) -> Floats:
     """Sums (levels, columns) of (states, columns) by level."""
     sums = np.zeros((level.max() + 1, values.shape[1]))
     for state in range(level.size):
@@ -177,7 +177,7 @@ def _added(values: Floats, level: Ints) -> Floats:
     return sums
 
 
-def _solved(whole: Floats, right: Floats) -> tuple[Floats, float]:
+def _solve_with_log_determinant(whole: Floats, right: Floats) -> tuple[Floats, float]:
     """The solution of normal equations and the logarithm of their determinant.
 
     Where they are singular in their last digits, both are of what they determine.
@@ -194,7 +194,7 @@ def _solved(whole: Floats, right: Floats) -> tuple[Floats, float]:
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def _levels_of(states: int) -> list[tuple[float, Ints]]:
+def _level_choices(states: int) -> list[tuple[float, Ints]]:
     """Which level each state may have, (states,), with the logarithm of how probable that is."""
     own = np.arange(states)
     if states <= 2:
@@ -206,7 +206,7 @@ def _levels_of(states: int) -> list[tuple[float, Ints]]:
     return [(_THIRD, own), (_THIRD, own % 2), *back]
 
 
-def _log_of_levels(level: Floats, variance: Floats, spread: float) -> float:
+def _log_level_likelihood(level: Floats, variance: Floats, spread: float) -> float:
     """How probable levels are that are known with a variance each, all deviations alike."""
     if level.size == 1:
         return -float(np.log(spread))
@@ -228,13 +228,13 @@ def _log_prior(kind: Ints, changes: Bools) -> float:
         said = np.where(changes[named], np.log1p(-_MISNAMED), np.log(_MISNAMED))
         return float(said.sum()) + _log_prior(kind[~named], changes[~named])
     if not filling.any():
-        return _log_of_rates(kind, changes)
+        return _log_rate_prior(kind, changes)
     # or what is taken for a filling has nothing to do with it in this series
-    apart = _log_of_rates(np.where(filling, 1, kind), changes) + float(np.log(_FILLS_NOTHING))
-    return float(np.logaddexp(apart, _log_of_cycles(kind, changes) + np.log1p(-_FILLS_NOTHING)))
+    apart = _log_rate_prior(np.where(filling, 1, kind), changes) + float(np.log(_FILLS_NOTHING))
+    return float(np.logaddexp(apart, _log_cycle_prior(kind, changes) + np.log1p(-_FILLS_NOTHING)))
 
 
-def _log_of_cycles(kind: Ints, changes: Bools) -> float:
+def _log_cycle_prior(kind: Ints, changes: Bools) -> float:
     """Each filling a change, and one more before the next: at a hint rather than elsewhere."""
     filling = kind == FILLED
     filled = filling & changes
@@ -252,7 +252,7 @@ def _log_of_cycles(kind: Ints, changes: Bools) -> float:
     return float(fillings.sum()) + float(each.sum()) + where
 
 
-def _log_of_rates(kind: Ints, changes: Bools) -> float:
+def _log_rate_prior(kind: Ints, changes: Bools) -> float:
     """No change as likely as some; then every rate of changes, and every choice of places.
 
     Where something else tells a change, the rate of changes is as likely as it is high, or what

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from estimators.estimate import Floats, Ints
-from estimators.joint.prior_solution import Solved, doubted_share, solve_with_priors
+from estimators.joint.prior_solution import SolutionParts, solve_with_priors, uncertain_noise_share
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (
     autocovariance_loss,
@@ -38,7 +38,7 @@ _FEW_GROUPS: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class Grouping:
-    """What is known of the groups of samples.
+    """Grouping of the samples.
 
     Attributes:
         direction: (n,) sign by which what a group misses is compared with the others; None: 1.
@@ -121,7 +121,7 @@ class PriorSolution:
     _precision: Floats
     _scale: Floats
     _grouping: Grouping
-    _solved: Solved
+    _solved: SolutionParts
 
     @property
     def fit(self) -> MapFit:
@@ -149,7 +149,7 @@ class PriorSolution:
         alike = max(2.0 * float(correlation @ correlation) - 1.0, 1.0)
         turns = turned.turns[shape.levels.unit]
         meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
-        covariance = gain @ (_at_least(shape.square(meats), turned.gram) * white) @ gain.T
+        covariance = gain @ (_floor_meats(shape.square(meats), turned.gram) * white) @ gain.T
         covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
         told = [i for i, part in enumerate(sums.rows) if part.size >= grouping.shortest]
         own = shape.by_group(theta)
@@ -161,20 +161,24 @@ class PriorSolution:
             scatter *= student_factor(levels.freedom) ** 2
         # what a unit's scatter does not explain: stretches within it disagree as well
         count = shape.levels.count
-        grown, ratio = _between_groups(gain, spread, covariance + scatter, count)
+        grown, ratio = _between_group_covariance(gain, spread, covariance + scatter, count)
         scatter = scatter + grown
         signs = np.ones(residual.size) if grouping.direction is None else grouping.direction
         misfit, common = _common_misfit(
-            gain, A, residual, _Told([sums.rows[i] for i in told], turns[told], shape, told), signs
+            gain,
+            A,
+            residual,
+            _InformativeGroups([sums.rows[i] for i in told], turns[told], shape, told),
+            signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
-        doubt = doubted_share(kept) * gain @ turned.taken
-        scale = shape.widened(self._scale)
+        doubt = uncertain_noise_share(kept) * gain @ turned.taken
+        scale = shape.widen(self._scale)
         units = np.outer(scale, scale)
         return MapFit(
             self.theta,
             covariance / units,
-            (bread * np.sqrt(shape.widened(self._precision))).T / scale,
+            (bread * np.sqrt(shape.widen(self._precision))).T / scale,
             scatter / units,
             misfit / units,
             doubt / scale,
@@ -241,7 +245,7 @@ def solve(
         solved = solve_with_priors(A, f, group, sums, shape, (precision, believed), (taken, loss))
     except np.linalg.LinAlgError:
         return nothing
-    theta = solved.theta / shape.widened(scale)
+    theta = solved.theta / shape.widen(scale)
     return PriorSolution(theta, A, group, sums, shape, precision, scale, grouping, solved)
 
 
@@ -272,8 +276,8 @@ def fit(
 
 
 @dataclass(frozen=True)
-class _Told:
-    """The groups that tell something of their own.
+class _InformativeGroups:
+    """Groups that determine something of their own.
 
     Attributes:
         rows: of each, its samples.
@@ -294,12 +298,12 @@ class _Told:
         for part, turn, number in zip(self.rows, self.turns, self.number, strict=True):
             inside = part[:length]
             own = A[inside] @ turn.T * direction[part[part.size // 2]]
-            total[: inside.size, self.shape.levels.of[number]] += own[:, 0]
+            total[: inside.size, self.shape.levels.membership[number]] += own[:, 0]
             total[: inside.size, count:] += own[:, 1:]
         return total
 
 
-def _at_least(meats: Floats, gram: Floats) -> Floats:
+def _floor_meats(meats: Floats, gram: Floats) -> Floats:
     """The same where no direction has less than a share of what white residuals have.
 
     Correlations that are estimated may add up to a negative variance.
@@ -314,10 +318,10 @@ def _at_least(meats: Floats, gram: Floats) -> Floats:
     return (kept * np.maximum(of_white, _LEAST_OF_WHITE)) @ kept.T
 
 
-def _between_groups(
+def _between_group_covariance(
     gain: Floats, scores: Floats, covariance: Floats, levels: int
 ) -> tuple[Floats, float]:
-    """What groups that disagree add, (p, p), and Birge's ratio of the first parameter."""
+    """Covariance by groups that disagree, (p, p), and Birge's ratio of the first parameter."""
     count = len(scores)
     freedom = count - levels
     if freedom < 1:
@@ -336,7 +340,7 @@ def _between_groups(
 
 
 def _common_misfit(
-    gain: Floats, A: Floats, residual: Floats, told: _Told, direction: Floats
+    gain: Floats, A: Floats, residual: Floats, told: _InformativeGroups, direction: Floats
 ) -> tuple[Floats, float]:
     """What all groups miss alike adds, (wide, wide), and the ratio of its square to its noise.
 

@@ -48,20 +48,25 @@ class WeightedNormalEquations:
 
 
 def _weight_units(
-    units: GroupSums, shape: InterceptShape, of: Ints, kept: float, theta: Floats, variance: float
+    units: GroupSums,
+    shape: InterceptShape,
+    level_of_unit: Ints,
+    kept: float,
+    theta: Floats,
+    variance: float,
 ) -> WeightedNormalEquations:
     """Weigh down the sums of units, (units,) of a level each."""
     sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
     tau = shape.levels.scatter * shape.scale
     return WeightedNormalEquations(
-        *_weighted_equations(sums, of, shape.levels.count, kept, theta, tau**2, variance)
+        *_weighted_equations(sums, level_of_unit, shape.levels.count, kept, theta, tau**2, variance)
     )
 
 
 @compiled
 def _weighted_equations(
     sums: tuple[Floats, Floats, Floats, Floats],
-    of: Ints,
+    level_of_unit: Ints,
     count: int,
     kept: float,
     theta: Floats,
@@ -72,7 +77,7 @@ def _weighted_equations(
 
     Args:
         sums: of the units: AᵀA, Aᵀf, and what noise added to each.
-        of: (units,) level of each.
+        level_of_unit: (units,) level of each.
         count: how many levels there are.
         kept: share of the noise that is taken off.
         theta: (wide,) the levels first.
@@ -89,7 +94,7 @@ def _weighted_equations(
     place, own = np.arange(count - 1, wide), np.empty(p)
     g, c, moved = np.empty((p, p)), np.empty(p), np.empty(p)
     for u in range(units):
-        place[0] = of[u]
+        place[0] = level_of_unit[u]
         for i in range(p):
             own[i] = theta[place[i]]
             c[i] = crosses[u, i] - kept * noise_cross[u, i]
@@ -119,7 +124,9 @@ def _weighted_equations(
 
 
 @compiled
-def _residual(A: Floats, f: Floats, group: Ints, theta: Floats, of: Ints, count: int) -> Floats:
+def _residual(
+    A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
+) -> Floats:
     """Response less A θ, (n,), 0 where a sample has no group (group < 0).
 
     Args:
@@ -127,21 +134,21 @@ def _residual(A: Floats, f: Floats, group: Ints, theta: Floats, of: Ints, count:
         f: (n,).
         group: (n,) from 0.
         theta: (wide,) the levels first.
-        of: (groups,) level of each.
+        level_of_unit: (groups,) level of each.
         count: how many levels there are.
     """
     out = np.zeros(f.size)
     shared = theta[count:]
     for k in range(f.size):
         if group[k] >= 0:
-            left = f[k] - A[k, 0] * theta[of[group[k]]]
+            left = f[k] - A[k, 0] * theta[level_of_unit[group[k]]]
             for i in range(shared.size):
                 left -= A[k, i + 1] * shared[i]
             out[k] = left
     return out
 
 
-class Solved(NamedTuple):
+class SolutionParts(NamedTuple):
     """Estimates, H⁻¹, H⁻¹ G S⁻¹, residuals, their correlation and variance, the noise's share."""
 
     theta: Floats
@@ -163,7 +170,7 @@ def solve_with_priors(
     shape: InterceptShape,
     priors: tuple[Floats, Floats],
     correlated: tuple[Floats | None, Floats],
-) -> Solved:
+) -> SolutionParts:
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
 
     S is σ² AᵀA, by the residuals' long-run variance, and what is uncertain of the noise's
@@ -192,10 +199,14 @@ def solve_with_priors(
     first = np.linalg.lstsq(gram, cross, rcond=None)[0]
     left = f - A @ first
     variance = float(left @ left) / n
-    theta = shape.widened(np.asarray(first, np.float64))
-    wide_precision, wide_believed = shape.widened(precision), shape.widened(believed)
-    solved: Solved | None = None
-    units, of_units, of = sums.by(shape.levels.unit), shape.of_units, shape.levels.of
+    theta = shape.widen(np.asarray(first, np.float64))
+    wide_precision, wide_believed = shape.widen(precision), shape.widen(believed)
+    solved: SolutionParts | None = None
+    units, of_units, level_of_unit = (
+        sums.by(shape.levels.unit),
+        shape.of_units,
+        shape.levels.membership,
+    )
     for _ in range(_ROUNDS):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
@@ -206,28 +217,32 @@ def solve_with_priors(
             found = np.linalg.inv(turned.clean / variance + np.diag(wide_precision))
             theta = found @ (turned.bare / variance + wide_believed)
             turned = _weight_units(units, shape, of_units, kept, theta, variance)
-        weighed = _weighed(turned.clean, turned.gram, variance, doubted_share(kept) * turned.taken)
+        weighed = _weighted_gram(
+            turned.clean, turned.gram, variance, uncertain_noise_share(kept) * turned.taken
+        )
         bread = np.asarray(
             np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
         )
         theta = bread @ (weighed @ turned.bare + wide_believed)
-        residual = _residual(A, f, index, theta, of, shape.levels.count)
+        residual = _residual(A, f, index, theta, level_of_unit, shape.levels.count)
         correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
         with np.errstate(over="ignore"):  # of what rounding alone determines
             white = float(residual @ residual) / (n - theta.size)
         gain = bread @ weighed
-        solved = Solved(theta, bread, gain, residual, correlation, white, share, kept, turned)
+        solved = SolutionParts(
+            theta, bread, gain, residual, correlation, white, share, kept, turned
+        )
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     assert solved is not None
     return solved
 
 
-def doubted_share(kept: float) -> float:
+def uncertain_noise_share(kept: float) -> float:
     """The uncertain share of the noise; what was not taken off is doubted whole."""
     return DOUBT * kept + (1.0 - kept)
 
 
-def _weighed(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
+def _weighted_gram(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
     """G S⁻¹ with S = σ² AᵀA and one error that is common to all samples."""
     S = variance * gram + np.outer(doubted, doubted)
     return np.linalg.solve(S + 1e-12 * np.trace(S) * np.eye(len(S)), clean).T

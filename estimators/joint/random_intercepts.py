@@ -19,7 +19,7 @@ class RandomIntercepts:
         freedom: degrees of freedom by which that is known.
     """
 
-    of: Ints
+    membership: Ints
     unit: Ints
     scatter: float = 0.0
     freedom: float = np.inf
@@ -27,7 +27,7 @@ class RandomIntercepts:
     @property
     def count(self) -> int:
         """How many levels there are."""
-        return int(self.of.max()) + 1
+        return int(self.membership.max()) + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,44 +38,44 @@ class InterceptShape:
     p: int
     scale: float
 
-    def widened(self, values: Floats) -> Floats:
+    def widen(self, values: Floats) -> Floats:
         """(p,) of a group as (wide,), the first for every level."""
         return np.concatenate([np.full(self.levels.count, values[0]), values[1:]])
 
     def by_group(self, theta: Floats) -> Floats:
         """(groups, p) parameters of each."""
-        of = self.levels.of
-        shared = np.broadcast_to(theta[self.levels.count :], (of.size, self.p - 1))
-        return np.column_stack([theta[of], shared])
+        membership = self.levels.membership
+        shared = np.broadcast_to(theta[self.levels.count :], (membership.size, self.p - 1))
+        return np.column_stack([theta[membership], shared])
 
     def rows(self, values: Floats) -> Floats:
         """(groups, wide) of (groups, p)."""
-        count, of = self.levels.count, self.levels.of
-        out = np.zeros((of.size, count + self.p - 1))
-        out[np.arange(of.size), of] = values[:, 0]
+        count, membership = self.levels.count, self.levels.membership
+        out = np.zeros((membership.size, count + self.p - 1))
+        out[np.arange(membership.size), membership] = values[:, 0]
         out[:, count:] = values[:, 1:]
         return out
 
     def square(self, values: Floats) -> Floats:
         """The sum (wide, wide) of (groups, p, p)."""
-        return _square(values, self.levels.of, self.levels.count)
+        return _sum_outer_products(values, self.levels.membership, self.levels.count)
 
     @property
     def of_units(self) -> Ints:
         """(units,) level of each."""
         out = np.zeros(int(self.levels.unit.max()) + 1, np.int64)
-        out[self.levels.unit] = self.levels.of
+        out[self.levels.unit] = self.levels.membership
         return out
 
 
 @compiled
-def _square(values: Floats, of: Ints, count: int) -> Floats:
+def _sum_outer_products(values: Floats, membership: Ints, count: int) -> Floats:
     """The sum (wide, wide) of (groups, p, p), the first row and column of each at its level."""
     groups, p, _ = values.shape
     out = np.zeros((count + p - 1, count + p - 1))
     for g in range(groups):
         for i in range(p):
-            row = of[g] if i == 0 else count + i - 1
+            row = membership[g] if i == 0 else count + i - 1
             for j in range(p):
-                out[row, of[g] if j == 0 else count + j - 1] += values[g, i, j]
+                out[row, membership[g] if j == 0 else count + j - 1] += values[g, i, j]
     return out

@@ -20,7 +20,7 @@ from estimators.methods.fgls import FglsOptions
 from estimators.methods.fgls import reweight as reweight_fgls
 from estimators.methods.huber import HuberOptions
 from estimators.methods.huber import reweight as reweight_huber
-from estimators.methods.ls import LsOptions, WindowStatistics, least_squares, predicted
+from estimators.methods.ls import LsOptions, WindowStatistics, least_squares, predict_statistics
 from estimators.methods.pooled import PooledOptions, add_sample, without_noise
 from estimators.methods.rls import RlsOptions, RlsState
 from estimators.methods.rtls import RtlsOptions
@@ -29,7 +29,7 @@ from estimators.numerics import directional_forgetting
 from estimators.numerics.mutual_information import correlation
 from estimators.numerics.normal_equations import columns_of, gram, residual_squares, solve
 from estimators.numerics.recursive import feed_products, in_lanes, weights
-from estimators.numerics.rolling import centred_terms, lanes_of, suffix_sums, uncentred
+from estimators.numerics.rolling import add_centre, centred_terms, lanes_of, suffix_sums
 from estimators.numerics.small_systems import (
     condition_number,
     condition_numbers,
@@ -108,7 +108,7 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
         for lane in range(prefix.size):
             moments[lane, 0] = suffix[lane, since] + prefix[lane]
         products = np.empty(state.products.shape)
-        uncentred(moments, centre, window, 0, 1, products)
+        add_centre(moments, centre, window, 0, 1, products)
     return WindowState(z, seen, centre, suffix, prefix, products, moments)
 
 
@@ -117,7 +117,7 @@ def window_statistics(state: WindowState, noise: Floats | None = None) -> Window
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
     correlation(state.moments, state.centre, window, rho, spread)
-    return WindowStatistics(rho, spread, *predicted(state.products, window, noise))
+    return WindowStatistics(rho, spread, *predict_statistics(state.products, window, noise))
 
 
 def ls(state: WindowState, mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
@@ -189,7 +189,9 @@ class WindowHistory:
     weight: float
 
 
-def _fed(state: WindowState, past: WindowHistory, newest: int, forgetting: float) -> WindowHistory:
+def _feed_newest(
+    state: WindowState, past: WindowHistory, newest: int, forgetting: float
+) -> WindowHistory:
     """Feed the newest samples of the window."""
     A, f, _ = _as_log(state)
     fed = np.arange(f.size - newest, f.size)
@@ -249,7 +251,7 @@ def _exponential_rls(
         )
         theta, rss, condition = begin.theta, begin.square, condition_number(G)
     else:
-        past = _fed(state, past, newest, options.forgetting)
+        past = _feed_newest(state, past, newest, options.forgetting)
         solved = solve(past.products[:entries].reshape(-1, 1))
         R = unpack(past.products, p + 1, p)
         theta, rss, condition = solved.theta[:, 0], float(solved.rss[0]), condition_number(R)
@@ -284,10 +286,10 @@ def rtls(
     if past is None:
         A, f, _ = _as_log(state)
         begin = total_recursion.start(A, f, options)
-        products = in_lanes(pack(total_recursion.unscaled(begin, options)))
+        products = in_lanes(pack(total_recursion.unscale_gram(begin, options)))
         past = WindowHistory(products, in_lanes(state.products[:, 0]), begin.weight)
     else:
-        past = _fed(state, past, newest, options.forgetting)
+        past = _feed_newest(state, past, newest, options.forgetting)
     products = past.products[:entries].reshape(-1, 1)
     theta, clean = solve_scaled(products, options.noise)
     rss = float(residual_squares(products, theta)[0])

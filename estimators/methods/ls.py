@@ -171,14 +171,16 @@ def window_statistics(
 
     def work(rows: slice) -> None:
         products, *seen = correlated_sums(A, f, window, index[rows])
-        for whole, part in zip(out, (*seen, *predicted(products, window, noise)), strict=True):
+        for whole, part in zip(
+            out, (*seen, *predict_statistics(products, window, noise)), strict=True
+        ):
             whole[rows] = part
 
     in_chunks(work, index.size)
     return out
 
 
-def predicted(
+def predict_statistics(
     products: Floats, window: int, noise: Floats | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """The last four of `WindowStatistics`, (m,) each, from packed products (entries, m)."""
@@ -263,10 +265,10 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    return traced(A, f, window, index, solve_windows(A, f, window, index))
+    return trace_windows(A, f, window, index, solve_windows(A, f, window, index))
 
 
-def traced(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
+def trace_windows(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
     """Give solved windows their deviations, from the residuals' autocorrelation over the log."""
     theta, grams, rss, condition = solved
     residual, owner = window_residuals(A, f, theta, index, window)

@@ -131,11 +131,11 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    run = _along_samples if options.directional else _discounted
+    run = _along_samples if options.directional else _solve_discounted
     return run(A, f, window, index, options.forgetting, begin)
 
 
-def _discounted(
+def _solve_discounted(
     A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
 ) -> Trace:
     """Exponential forgetting: (12)-(15) solve the discounted normal equations."""

@@ -76,7 +76,7 @@ def _theta(C: Floats, options: RtlsOptions) -> Floats:
     return solve_scaled(products, options.noise)[0][:, 0]
 
 
-def unscaled(state: RtlsState, options: RtlsOptions) -> Floats:
+def unscale_gram(state: RtlsState, options: RtlsOptions) -> Floats:
     """The discounted Gram matrix (p+1, p+1) of [A f] in its own units."""
     units = np.append(options.noise.scales(len(state.theta)), 1.0)
     return state.C * np.outer(units, units)
@@ -115,7 +115,7 @@ def trace(
         rms[of_rows] = np.sqrt(residual_squares(products, x) / weight)
         condition[of_rows] = condition_numbers(products, p + 1, p)
 
-    past, weight = in_lanes(pack(unscaled(begin, options))), np.array([begin.weight])
+    past, weight = in_lanes(pack(unscale_gram(begin, options))), np.array([begin.weight])
     entries = (p + 1) * (p + 2) // 2
     keep(slice(0, 1), past[:entries].reshape(-1, 1), weight)
     fed, seen = fed_samples(index, window)

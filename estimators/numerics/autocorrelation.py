@@ -147,9 +147,9 @@ def pooled_autocorrelation(
     run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
     # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one
     kept = _quiet_from(found, noise, 1)
-    kept = _quiet_from(_restored(found, loss, _flat_top(kept, limit)), noise, run)
+    kept = _quiet_from(_restore_lost_covariance(found, loss, _flat_top(kept, limit)), noise, run)
     taper = _flat_top(kept, limit)
-    restored = _restored(found, loss, taper)
+    restored = _restore_lost_covariance(found, loss, taper)
     both_sides = np.where(np.arange(limit) > 0, 2.0, 1.0) * taper
     long_run = max(float(both_sides @ restored), 0.0)
     growth = max(long_run / max(float(both_sides @ found), 1e-3 * found[0]), 1.0)
@@ -181,7 +181,7 @@ def _quiet_from(covariance: Floats, noise: float, run: int) -> int:
     return first
 
 
-def _restored(found: Floats, loss: Floats, taper: Floats) -> Floats:
+def _restore_lost_covariance(found: Floats, loss: Floats, taper: Floats) -> Floats:
     """The autocovariances (lags,) with what the fits took out of them.
 
     By substitution: where a fit leaves little, a solution would put back anything.

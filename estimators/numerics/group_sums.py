@@ -101,7 +101,7 @@ def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, F
     """
     scale = np.sqrt(_squares(A, group) / max(int((group >= 0).sum()), 1))
     scale = np.where(scale**2 > NOTHING, scale, 1.0)
-    return *_divided(A, f, group, scale), scale
+    return *_divide_columns(A, f, group, scale), scale
 
 
 @compiled
@@ -115,7 +115,7 @@ def _squares(A: Floats, group: Ints) -> Floats:
 
 
 @compiled
-def _divided(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple[Floats, Floats]:
+def _divide_columns(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple[Floats, Floats]:
     columns, response = np.empty(A.shape), np.empty(f.size)
     for k in range(A.shape[0]):
         used = group[k] >= 0
@@ -161,13 +161,13 @@ class GroupSums:
         if np.array_equal(unit, np.arange(len(self.rows))):
             return self
 
-        def added(values: Floats) -> Floats:
+        def sum_by_unit(values: Floats) -> Floats:
             out = np.zeros((int(unit.max()) + 1, *values.shape[1:]))
             np.add.at(out, unit, values)
             return out
 
         sums = (self.grams, self.crosses, self.noise_gram, self.noise_cross)
-        return type(self)(self.rows, *(added(each) for each in sums))
+        return type(self)(self.rows, *(sum_by_unit(each) for each in sums))
 
 
 def _span(rows: Ints) -> slice | Ints:

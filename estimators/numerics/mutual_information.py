@@ -4,7 +4,7 @@ import numpy as np
 
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.numerics.rolling import pairs_of_blocks, sum_pair, uncentred, workspace
+from estimators.numerics.rolling import add_centre, pairs_of_blocks, sum_pair, workspace
 from estimators.numerics.small_systems import packed_index
 from estimators.threads import in_chunks
 
@@ -58,7 +58,7 @@ def correlated_sums(
         row: int = pairs[number]
         end: int = pairs[number + 1]
         sum_pair(A, f, window, index, row, end, work)
-        uncentred(work.moments, work.centre, window, row, end, products)
+        add_centre(work.moments, work.centre, window, row, end, products)
         correlation(work.moments, work.centre, window, rho[row:end], spread[row:end])
     return products, rho, spread
 

@@ -120,7 +120,7 @@ def sample_products(z: Floats, count: int, products: Floats) -> None:
 
 
 @compiled
-def uncentred(
+def add_centre(
     moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
 ) -> None:
     """Σ z_i z_j of windows row … end - 1, from their centred moments, into out (entries, rows)."""
@@ -217,5 +217,5 @@ def sum_windows(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
         row: int = pairs[number]
         end: int = pairs[number + 1]
         sum_pair(A, f, window, index, row, end, work)
-        uncentred(work.moments, work.centre, window, row, end, out)
+        add_centre(work.moments, work.centre, window, row, end, out)
     return out

@@ -187,7 +187,7 @@ def fit(
     shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
     system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve(np.ones(k))
-    coefficients = _placed(fitted.theta, columns, p)
+    coefficients = _place_parameters(fitted.theta, columns, p)
     residual = residuals(A, f, used, coefficients)
     losses = _losses(A, columns, segment_id)
     correlations = _correlations(segment_id, residual, losses)
@@ -195,7 +195,7 @@ def fit(
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
         fitted = system.solve(np.array(lasting))
-        coefficients = _placed(fitted.theta, columns, p)
+        coefficients = _place_parameters(fitted.theta, columns, p)
         residual = residuals(A, f, used, coefficients)
         correlations = _correlations(segment_id, residual, losses)
     covariance = _covariance(A, columns, segment_id, correlations, fitted, prior)
@@ -207,10 +207,10 @@ def fit(
     return BaseEstimate(
         identifiability=found,
         parameters=tuple(parameters),
-        theta=_placed(fitted.theta[single], here, p, np.nan),
-        by_axis=_placed(fitted.by_axis[:, single], here, p, np.nan),
+        theta=_place_parameters(fitted.theta[single], here, p, np.nan),
+        by_axis=_place_parameters(fitted.by_axis[:, single], here, p, np.nan),
         covariance=full,
-        responses=_placed(fitted.responses[:, single], here, p, np.nan),
+        responses=_place_parameters(fitted.responses[:, single], here, p, np.nan),
         coefficients=coefficients,
         combination=fitted.theta[~single],
         combination_std=np.sqrt(np.diagonal(covariance))[~single],
@@ -218,7 +218,7 @@ def fit(
     )
 
 
-def _placed(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
+def _place_parameters(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
     """Values (…, r) in columns `at` of p."""
     out = np.full((*values.shape[:-1], p), other)
     out[..., at] = values
@@ -226,7 +226,7 @@ def _placed(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class _Fitted:
+class _FittedParameters:
     """Weighted least squares of r columns, of which the last q have a prior.
 
     Attributes:
@@ -271,14 +271,14 @@ class _System:
     prior: Prior
     samples: int
 
-    def solve(self, lasting: Floats) -> _Fitted:
+    def solve(self, lasting: Floats) -> _FittedParameters:
         """Fit, each sample counting for one over how many its residual lasts (k,)."""
         k, _, r = self.A.shape
         q = len(self.prior.names)
         if self.samples == 0 or r == 0:
             nothing = np.full((r, r), np.nan)
             rms = _rms(self.f, self.samples) if self.samples else np.full(k, np.nan)
-            return _Fitted(
+            return _FittedParameters(
                 theta=np.full(r, np.nan),
                 by_axis=np.full((k, r), np.nan),
                 grams=np.full((k, r, r), np.nan),
@@ -294,11 +294,11 @@ class _System:
         theta = np.empty(0)
         for number in range(MOST_ROUNDS):
             # the first weights are none, beside which no prior is to be weighed
-            theta = self._solved(rms, lasting, with_prior=number > 0).sum(axis=0)
+            theta = self._solve_regularised(rms, lasting, with_prior=number > 0).sum(axis=0)
             before, rms = rms, np.maximum(_rms(self.f - self.A @ theta, self.samples), floor)
             if (np.abs(rms / before - 1.0) < SETTLED).all():
                 break
-        by_axis = self._solved(rms, lasting)
+        by_axis = self._solve_regularised(rms, lasting)
         scale = 1.0 / (rms * np.sqrt(lasting))
         weighted = self.A * scale[:, None, None]
         grams = np.einsum("kqi,kqj->kij", weighted, weighted)
@@ -320,7 +320,7 @@ class _System:
         std = np.linalg.cholesky(self.prior.covariance) if q else np.zeros((0, 0))
         responses = (bread[:, r - q :] @ precision @ std).T
         residual = _rms(self.f - self.A @ theta, self.samples)
-        return _Fitted(
+        return _FittedParameters(
             theta=theta,
             by_axis=by_axis,
             grams=grams,
@@ -332,7 +332,9 @@ class _System:
             samples=self.samples,
         )
 
-    def _solved(self, rms: Floats, lasting: Floats, *, with_prior: bool = True) -> Floats:
+    def _solve_regularised(
+        self, rms: Floats, lasting: Floats, *, with_prior: bool = True
+    ) -> Floats:
         """Least squares (k, r), a row an axis' force, of columns scaled to unit norm."""
         k, s, r = self.A.shape
         q = len(self.prior.names)
@@ -385,7 +387,7 @@ def _covariance(
     columns: Ints,
     segment_id: Ints,
     correlations: list[Floats],
-    fitted: _Fitted,
+    fitted: _FittedParameters,
     prior: Prior,
 ) -> Floats:
     """The sandwich (r, r) with the priors, and what is uncertain of the noise that was taken off.

@@ -72,4 +72,4 @@ def calibration_run(
         "runs": pl.DataFrame(runs),
     }
     run = Run({name: conform(name, frame) for name, frame in frames.items()}, about)
-    return run.fingerprinted()
+    return run.with_fingerprint()

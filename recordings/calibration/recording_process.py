@@ -21,7 +21,7 @@ def _digested(path: Path) -> dict[str, Any]:
     from recordings.rrd.reader import read_recording
 
     try:
-        run = read_recording(path).fingerprinted()
+        run = read_recording(path).with_fingerprint()
     except RecordingError as fault:
         return {"fault": f"cannot be read ({str(fault)[-_LONGEST:]})"}
     taken = run.provenance.fingerprint

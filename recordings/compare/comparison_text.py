@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Final
 
-from analysis.compare.run_comparison import Changed, Comparison, EstimateChange
+from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from recordings.report.number_text import number, plus_minus, table
 
 _MOST: Final = 12
@@ -41,7 +41,7 @@ def comparison_text(found: Comparison, a: str, b: str) -> str:
     return "\n\n".join(parts)
 
 
-def _values(changes: Iterable[Changed]) -> str:
+def _values(changes: Iterable[ValueChange]) -> str:
     return table(("", "A", "B"), [(c.name, _said(c.a), _said(c.b)) for c in changes])
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Final
 
-from analysis.explain import Determined, Explanation
+from analysis.explain import DeterminedParameters, Explanation
 from analysis.explain.worst_manoeuvres import GateStretch, ManoeuvreReport
 from estimators.errors import counted
 from recordings.report.finding_text import (
@@ -103,7 +103,7 @@ def gate_lines(explained: Explanation) -> Iterator[str]:
         yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
 
 
-def determined_lines(found: Determined | None) -> Iterator[str]:
+def determined_lines(found: DeterminedParameters | None) -> Iterator[str]:
     """What the motion determines, and what it leaves open."""
     if found is None:
         return

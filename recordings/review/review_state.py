@@ -10,9 +10,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from analysis.cycles.cycle_motion import (
     CycleMotion,
     DriveSummary,
-    cycle_motions,
     idle_stands,
-    shift_motion,
+    summarise_cycle_motion,
+    summarise_shift_motion,
 )
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
 from analysis.cycles.lost_cycles import holes
@@ -188,8 +188,8 @@ def state_of(
         timezone=timezone,
         serial=str(body.get("id") or ""),
         duration_s=duration_s,
-        motions=tuple(cycle_motions(frames["cycles"], frames["excitation"], gaps)),
-        motion=shift_motion(frames["excitation"], gaps),
+        motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
+        motion=summarise_shift_motion(frames["excitation"], gaps),
         idle_s=tuple((s / _NS, e / _NS) for s, e in idle_stands(frames["excitation"])),
         torn=torn,
     )

@@ -12,6 +12,7 @@ from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.review.review_state import ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
+from recordings.review.safe_cell import FORMULA
 
 PARQUET: Final = "ledger.parquet"
 CSV: Final = "ledger.csv"
@@ -130,7 +131,7 @@ def write_ledger(frame: pl.DataFrame, folder: Path) -> None:
     frame.write_parquet(folder / PARQUET, compression="zstd")
     texts = [name for name, kind in frame.schema.items() if kind == pl.String]
     safe = [
-        pl.when(pl.col(name).str.contains(r"^[=+\-@\t\r]"))
+        pl.when(pl.col(name).str.contains(FORMULA))
         .then(pl.lit("'") + pl.col(name))
         .otherwise(pl.col(name))
         .alias(name)

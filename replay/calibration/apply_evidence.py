@@ -11,7 +11,7 @@ import polars as pl
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrate_loads
 from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import as_later, with_learnt
+from analysis.calibration.use.learnt_priors import as_later_log, with_learnt
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -91,7 +91,7 @@ class MachineCalibration:
         terms = {} if document.learnt is None else document.learnt.terms
         weighing = with_learnt(machine, terms)
         if self.calibration.responses:
-            weighing = as_later(weighing)
+            weighing = as_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(canonical(weighing.model_dump(mode="json")))
 
@@ -198,7 +198,7 @@ class MachineCalibration:
         said = self.says(run.provenance.logged_machine_id)
         about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, said)})
         frames = {**run.frames, "loads": loads}
-        return replace(run, frames=frames, provenance=about).fingerprinted()
+        return replace(run, frames=frames, provenance=about).with_fingerprint()
 
 
 def load_calibration(asked: AskedCalibration) -> MachineCalibration:

@@ -11,7 +11,7 @@ from replay.commands.common_options import Calibration, RequireSigned, SignerKey
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from analysis.compare.run_comparison import Changed, Comparison, EstimateChange
+    from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
     from analysis.compare.stage_change import ColumnChange
 
 #: Tables as wide as this run over on a narrower screen, since a name that is cut is no name.
@@ -118,7 +118,7 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
     screen.print(f"\n{said}", markup=False)
 
 
-def _values(changes: Iterable["Changed"]) -> "Table":
+def _values(changes: Iterable["ValueChange"]) -> "Table":
     from rich.markup import escape
 
     from replay.commands.print_tables import plain_table, value_text

@@ -77,13 +77,18 @@ def command(
     full: Annotated[
         bool, typer.Option("--full", help="Keep every sample and intermediate in shift.rrd.")
     ] = False,
+    decimal_comma: Annotated[
+        bool,
+        typer.Option("--decimal-comma", help="Write ledger_table.csv with 1,5 and semicolons."),
+    ] = False,
     timing: Annotated[bool, typer.Option(help="Print the duration of each stage.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the sums as JSON.")] = False,
 ) -> None:
     """Review a shift: ledger, recording and one page with tonnes, cycles and what is wrong.
 
-    Verdicts are added to verdicts.toml in the folder. Exit status 1 if no cycle counts; stderr and
-    the page say why.
+    Verdicts are added to verdicts.toml in the folder.
+
+    Exit status 1 if no cycle counts; stderr and the page say why.
     """
     from estimators.errors import one_line
     from recordings.review.shift_facts import headline
@@ -104,18 +109,19 @@ def command(
     given.check()
     asked = read_calibration(calibration, key, signed=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):
-        if asked is not None or target is not None or overrides or full:
+        if asked is not None or target is not None or overrides or full or decimal_comma:
             raise typer.BadParameter(
-                "--calibration, --target, --set and --full need the logs, -m and -o once more"
+                "--calibration, --target, --set, --full and --decimal-comma need the logs, -m and "
+                "-o once more"
             )
         made = count_again(logs[0], given)
     elif machine is None or output is None:
         raise typer.BadParameter(
-            f"{logs[0]} is not the folder of a review: logs need a machine file (-m) and a folder "
-            "to write (-o)"
+            f"{logs[0]}: logs need a machine file (-m) and a folder to write (-o); only the folder "
+            "of a review needs neither"
         )
     else:
-        options = ReviewOptions(overrides or [], asked, target, full)
+        options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)
         with Stages(len(STAGES) + 3, timing=timing) as stages:
             made = review(logs, machine, output, options, stages.begin)
         if given:

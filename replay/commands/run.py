@@ -12,7 +12,7 @@ from replay.commands.common_options import Calibration, RequireSigned, SignerKey
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from analysis.compare.run_comparison import Changed
+    from analysis.compare.run_comparison import ValueChange
     from analysis.model.answer import Answer
     from replay.runs.run_logs import RecordTo
 
@@ -118,7 +118,7 @@ def _watch(
     from replay.commands.print_tables import value_text
     from replay.runs.watch_machine_file import watch
 
-    def on_answer(answer: "Answer", changed: "list[Changed]") -> None:
+    def on_answer(answer: "Answer", changed: "list[ValueChange]") -> None:
         if changed:
             said = ", ".join(
                 f"{each.name} {value_text(each.a)} → {value_text(each.b)}" for each in changed

@@ -157,7 +157,7 @@ def _with_evidence(replayed: Run, calibrated: Calibrated, empty_kg: float) -> Ru
         point_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
     )
     both = pl.concat([first, replayed.frames["calibration"]])
-    return replace(replayed, frames={**replayed.frames, "calibration": both}).fingerprinted()
+    return replace(replayed, frames={**replayed.frames, "calibration": both}).with_fingerprint()
 
 
 def replay_campaign(
@@ -169,4 +169,4 @@ def replay_campaign(
         replayed = run(opened, machine, on_stage)
     calibration = calibrate_methods(run_estimates(replayed, true_trials(logs)))
     frames = {**replayed.frames, "calibration": calibration}
-    return replace(replayed, frames=frames).fingerprinted()
+    return replace(replayed, frames=frames).with_fingerprint()

@@ -14,7 +14,7 @@ import polars as pl
 from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.learnt_priors import contradiction
 from analysis.cycles.calibrated_payloads import calibrate_cycles
-from analysis.cycles.shift_totals import recounted
+from analysis.cycles.shift_totals import recount_shift
 from analysis.fleet.daily_figures import UNDATED
 from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_of, tables_of
 from analysis.model.run_record import Run
@@ -187,7 +187,7 @@ def replayed(log: Log, setup: MachineSetup, source: str) -> Run:
     if not against:
         unlike = Unlike.of(frames)
         frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, unlike)
-        frames["shift"] = recounted(frames["shift"], frames["cycles"])
+        frames["shift"] = recount_shift(frames["shift"], frames["cycles"])
     return setup.by.of_run(Run(frames, made.provenance))
 
 

@@ -14,7 +14,7 @@ from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradiction
 from analysis.cycles.calibrated_payloads import calibrate_cycles
-from analysis.cycles.mixed_machines import mixed_machines
+from analysis.cycles.mixed_machines import find_mixed_machine
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, RecordingError
@@ -63,12 +63,14 @@ class ReviewOptions:
         calibration: evidence, and what is asked of it.
         target_kg: of a load.
         full: whether the recording keeps every sample and every intermediate.
+        decimal_comma: whether ledger_table.csv is for a locale that writes 1,5.
     """
 
     overrides: Sequence[str] = ()
     calibration: AskedCalibration | None = None
     target_kg: float | None = None
     full: bool = False
+    decimal_comma: bool = False
 
 
 def review(
@@ -184,7 +186,7 @@ def _replayed(
 def _mixed(made: Run, opened: list[Log], machine: Machine) -> str:
     """That these may be logs of two machines; empty where nothing says so."""
     begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
-    found = mixed_machines(made.frames["manoeuvres"], list(begins.values()))
+    found = find_mixed_machine(made.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.text(list(begins)[found.log].path.name)
 
 
@@ -260,6 +262,7 @@ def _resolved(
         "settings": machine.settings.model_dump(mode="json"),
         "versions": versions(),
         "target_kg": options.target_kg,
+        "decimal_comma": options.decimal_comma,
         "calibration": "none" if by is None else f"evidence {by.document.id}",
     }
 

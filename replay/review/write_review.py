@@ -9,7 +9,8 @@ import polars as pl
 
 from analysis.cycles.label_totals import LabelTotal, label_totals
 from analysis.cycles.payload_target import TargetCheck, check_target
-from analysis.cycles.shift_totals import recounted
+from analysis.cycles.shift_totals import recount_shift
+from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
 from recordings.review.review_state import STATE, ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, VerdictFile, matched
@@ -24,7 +25,7 @@ from recordings.review.shift_ledger import (
 )
 
 #: What a review writes besides its recording.
-OUTPUTS: Final = (PARQUET, CSV, PAGE, STATE)
+OUTPUTS: Final = (PARQUET, CSV, XLSX, TABLE_CSV, PAGE, STATE)
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class CountedShift:
         totals = {name: label_totals(cycles, rows[name].to_list(), rejected) for name in LABELS}
         return cls(
             rows,
-            recounted(summary, cycles, rejected).row(0, named=True),
+            recount_shift(summary, cycles, rejected).row(0, named=True),
             verdicts,
             by_row,
             {name: sums for name, sums in totals.items() if sums},
@@ -152,5 +153,9 @@ class CountedShift:
 def write_review(page: ReviewPage, folder: Path) -> None:
     """Write ledger, page and state."""
     write_ledger(page.ledger, folder)
+    clock = page.state.clock
+    write_xlsx(page.ledger, clock, folder / XLSX)
+    comma = bool(page.state.resolved.get("decimal_comma", False))
+    write_table_csv(page.ledger, clock, folder / TABLE_CSV, decimal_comma=comma)
     (folder / PAGE).write_text(review_html(page), encoding="utf-8")
     (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")

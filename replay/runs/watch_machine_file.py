@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from analysis.compare.run_comparison import Changed, changed_settings
+from analysis.compare.run_comparison import ValueChange, changed_settings
 from analysis.model.answer import Answer
 from analysis.model.machine import Machine
 from estimators.errors import PayscopeError
@@ -30,7 +30,7 @@ def watch(
     output: RecordTo,
     overrides: list[str],
     replay: Callable[[RecordTo], Answer],
-    on_answer: Callable[[Answer, list[Changed]], None],
+    on_answer: Callable[[Answer, list[ValueChange]], None],
     on_error: Callable[[PayscopeError], None],
 ) -> None:
     """Replay now and after each change of the machine file, until interrupted.

@@ -14,7 +14,7 @@ from analysis.stages.gating.gate import gate
 from analysis.stages.motion.forces import forces
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.timestamps import assign_timestamps
 
 STARTS = 9
@@ -62,7 +62,7 @@ def raw(seed=1, noise=1.0, **topics):
 
 def excitation(log, machine):
     """The log through every stage up to `forces`."""
-    channels, _ = derive(measured(assign_timestamps(log)[0], machine)[0], machine)
+    channels, _ = derive(read_measured(assign_timestamps(log)[0], machine)[0], machine)
     aligned, _ = align(channels, machine)
     return forces(smooth(aligned, machine.settings.smooth), machine)
 

@@ -19,7 +19,7 @@ from analysis.stages.motion.forces import forces
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.signals.align import align
-from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.mounting import rotation
 from estimators.planar import planar_rows as model
 from tests.analysis.settings_by_name import staged
@@ -159,7 +159,7 @@ def replayed(said, loader=None):
     """Every stage of what the sensors say, by name."""
     loader = loader or machine()
     settings = loader.settings
-    channels, _ = derive(measured({"table": said}, loader)[0], loader)
+    channels, _ = derive(read_measured({"table": said}, loader)[0], loader)
     aligned, _ = align(channels, loader)
     excitation = forces(smooth(aligned, settings.smooth), loader)
     noise = channel_noise(aligned, excitation, loader)

@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from analysis.stages.signals.align import notes
-from analysis.stages.signals.derive import derive, measured
+from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis import phased
 from tests.analysis.conftest import make_machine
@@ -21,7 +21,7 @@ def in_phase_kg(method):
 
 
 def said(log, machine):
-    return notes(derive(measured(assign_timestamps(log)[0], machine)[0], machine)[0], machine)
+    return notes(derive(read_measured(assign_timestamps(log)[0], machine)[0], machine)[0], machine)
 
 
 @pytest.mark.parametrize("method", ["pooled", "ls"])

@@ -60,7 +60,7 @@ def test_more_than_another_processor_may_change_is_a_difference(
 
 def test_one_bit_is_a_difference_on_the_processor_that_the_results_are_of(table: Run) -> None:
     kept = json.loads(json.dumps(reference(table)))
-    nudged = changed(table, "masses", mass_kg=pl.col("mass_kg") * (1 + 2.3e-16)).fingerprinted()
+    nudged = changed(table, "masses", mass_kg=pl.col("mass_kg") * (1 + 2.3e-16)).with_fingerprint()
     assert list(differences(nudged, kept)) == [
         "masses: not bit for bit as on this processor before"
     ]

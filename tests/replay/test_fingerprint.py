@@ -27,7 +27,7 @@ def test_one_line_shows_it_and_json_and_recording_hold_it_whole(
     taken = kept.provenance.fingerprint
     assert taken is not None
     assert line == f"fingerprint: {taken}"
-    assert kept.fingerprinted() == kept
+    assert kept.with_fingerprint() == kept
     assert list(taken.frames) == list(kept.frames)
     answer = json.loads(payscope("run", log, "-m", machine_file, "--json").out)
     assert answer["fingerprint"] == {

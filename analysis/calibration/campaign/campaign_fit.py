@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, CalibrationCampaign
 from analysis.calibration.campaign.reference_masses import references
-from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, Stated
+from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.line.unlike_driving import RunResponse
 from analysis.calibration.use.error_limits import DecisionRule, ErrorLimits, error_limits, limit_kg
@@ -110,7 +110,7 @@ def rule_of(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule 
     return rule
 
 
-def options_of(campaign: CalibrationCampaign, stated: Iterable[Stated]) -> CalibrationOptions:
+def options_of(campaign: CalibrationCampaign, stated: Iterable[StatedPart]) -> CalibrationOptions:
     """The options of the fit that a campaign file asks for.
 
     Args:
@@ -119,7 +119,7 @@ def options_of(campaign: CalibrationCampaign, stated: Iterable[Stated]) -> Calib
     """
     method = campaign.method
     own = tuple(
-        Stated(each.component, each.u_kg, each.absorbed, each.known) for each in method.stated
+        StatedPart(each.component, each.u_kg, each.absorbed, each.known) for each in method.stated
     )
     named = {each.component for each in own}
     return CalibrationOptions(
@@ -133,7 +133,7 @@ def options_of(campaign: CalibrationCampaign, stated: Iterable[Stated]) -> Calib
 
 def stated_scale(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
-) -> tuple[Stated, ...]:
+) -> tuple[StatedPart, ...]:
     """The factors of the force that no log tells, from the budgets of the replays.
 
     They are constants of the machine, which the line takes with it.
@@ -151,7 +151,7 @@ def stated_scale(
             known = [each for each in (before, u_kg) if each is not None]
             found[row["cause"]] = max(known) if known else None
     return tuple(
-        Stated(_SCALES[cause], u_kg, absorbed=True, known=_FROM_FILE)
+        StatedPart(_SCALES[cause], u_kg, absorbed=True, known=_FROM_FILE)
         for cause, u_kg in sorted(found.items())
         if u_kg is not None
     )

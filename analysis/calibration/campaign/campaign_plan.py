@@ -55,7 +55,7 @@ class Organisation(BaseModel):
         return f"{self.name}, {self.address}, {self.city}, {self.country}{email}"
 
 
-class About(BaseModel):
+class EvidenceSubject(BaseModel):
     """Who makes the evidence, and what for."""
 
     model_config = _FORBID
@@ -294,7 +294,7 @@ class CalibrationCampaign(BaseModel):
 
     model_config = _FORBID
 
-    campaign: About
+    campaign: EvidenceSubject
     laboratory: Organisation | None = None
     customer: Organisation | None = None
     machine: CalibratedMachine
@@ -334,10 +334,10 @@ class CalibrationCampaign(BaseModel):
             for load in run.loads:
                 if load not in known:
                     raise ValueError(f"run '{run.id}': no mass '{load}'; {nearest(load, known)}")
-        self._apart()
+        self._check_disjoint()
         return self
 
-    def _apart(self) -> None:
+    def _check_disjoint(self) -> None:
         """No start counts twice."""
         spans = sorted(
             (run.log, run.from_s or 0.0, np.inf if run.to_s is None else run.to_s, run.id)

@@ -14,6 +14,7 @@ from analysis.calibration.campaign.campaign_plan import (
 )
 from analysis.calibration.campaign.campaign_trials import run_estimates
 from analysis.calibration.line.unlike_driving import RunResponse, Unlike
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 
 #: A row a manoeuvre; a run of which nothing could be read has one row without a mass.
@@ -31,7 +32,6 @@ READINGS: Final[dict[str, type[pl.DataType]]] = {
     "used": pl.Boolean,
     "reason": pl.String,
 }
-_NS: Final = 1e9
 _NOTHING: Final = "no manoeuvre of this stretch was informative enough"
 _IS_ZERO: Final = "without load: the zero that payloads are counted from"
 _NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
@@ -90,7 +90,11 @@ def run_responses(
         run.id: np.mean([shared.moved_kg["mass", each["load_id"]] for each in inside], axis=0)
         for run in runs
         if not run.excluded
-        and (inside := [e for e in said if run.holds(e["start_t_ns"] / _NS, e["end_t_ns"] / _NS)])
+        and (
+            inside := [
+                e for e in said if run.holds(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
+            ]
+        )
     }
     if estimator == "joint_payload":
         zero = [moved[run.id] for run in runs if run.id in moved and run.load_id == EMPTY]
@@ -111,8 +115,8 @@ def _manoeuvres(replayed: Run) -> list[dict[str, Any]]:
     for row in replayed.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
-        common_kg = _without(load["u_common_kg"], own_kg.get(row["load_id"]))
-        found.append(_said(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
+        common_kg = _subtract_u(load["u_common_kg"], own_kg.get(row["load_id"]))
+        found.append(_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
     return found
 
 
@@ -129,7 +133,7 @@ def _no_common_causes(replayed: Run) -> list[str]:
     return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
 
 
-def _without(u_kg: float | None, part_kg: float | None) -> float | None:
+def _subtract_u(u_kg: float | None, part_kg: float | None) -> float | None:
     """A standard uncertainty less a part of it."""
     if u_kg is None or not part_kg:
         return u_kg
@@ -160,11 +164,11 @@ def _of_method(replayed: Run, method: str) -> list[dict[str, Any]]:
         inside = stated.filter(pl.col("t_ns").is_between(row["start_t_ns"], row["end_t_ns"]))
         # windows overlap: together they say no more than one of them
         std_kg = inside["mass_std_kg"].mean() if inside.height else None
-        found.append(_said(row, mass_kg, std_kg, 0.0, withheld))
+        found.append(_reading_row(row, mass_kg, std_kg, 0.0, withheld))
     return found
 
 
-def _said(
+def _reading_row(
     row: dict[str, Any],
     mass_kg: float | None,
     std_kg: Any,
@@ -174,8 +178,8 @@ def _said(
     known = mass_kg is not None and bool(np.isfinite(mass_kg))
     reason = withheld or ("" if known else _NOTHING)
     return {
-        "start_s": row["start_t_ns"] / _NS,
-        "end_s": row["end_t_ns"] / _NS,
+        "start_s": row["start_t_ns"] / NS_PER_S,
+        "end_s": row["end_t_ns"] / NS_PER_S,
         "mass_kg": mass_kg if known else None,
         "std_kg": std_kg if known else None,
         "common_u_kg": common_u_kg if known else None,

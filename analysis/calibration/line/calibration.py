@@ -17,7 +17,7 @@ _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
-class Stated:
+class StatedPart:
     """A component of the budget that the points do not show.
 
     Attributes:
@@ -50,7 +50,7 @@ class CalibrationOptions:
     confidence_1: float = 0.95
     day_known_kg: float | None = None
     margin_1: float = 0.0
-    stated: tuple[Stated, ...] = ()
+    stated: tuple[StatedPart, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -225,7 +225,7 @@ class Calibration:
     few_days: int | None
     most_readings: int
     variance_covariance: tuple[tuple[float, ...], ...]
-    stated: tuple[Stated, ...]
+    stated: tuple[StatedPart, ...]
     common_kg: float
     common_counts: bool
     lack_of_fit: LackOfFit
@@ -291,7 +291,7 @@ class Calibration:
             interval that says less than the valid range does, or lies outside of it.
         """
         if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
-            return _refused("no estimate")
+            return _refusal_reason("no estimate")
         found = self.inversion.with_more(unlike_u_kg / abs(self.c1_1)).inverted(
             np.array([mass_kg]),
             np.array([float(readings)]),
@@ -302,15 +302,15 @@ class Calibration:
             float(x[0]) for x in (found.mass_kg, found.u_kg, found.low_kg, found.high_kg)
         )
         if not np.isfinite([low, high]).all():
-            return _refused("the calibration's slope cannot be told from 0")
+            return _refusal_reason("the calibration's slope cannot be told from 0")
         least, most = self.range_kg
         half = (high - low) / 2.0
         if half > most - least:
-            return _refused(
+            return _refusal_reason(
                 f"± {half:.3g} kg is more than the calibrated range, {least:.6g} to {most:.6g} kg"
             )
         if high < least or low > most:
-            return _refused(
+            return _refusal_reason(
                 f"{mass:.6g} kg is outside of the calibrated range, {least:.6g} to {most:.6g} kg"
             )
         return CalibratedMass(mass, u, low, high, "")
@@ -335,13 +335,13 @@ class Calibration:
             raise DataError(f"calibration: {where}: {what}") from error
 
 
-def extra_kg2(stated: tuple[Stated, ...], common_kg: float) -> float:
+def extra_kg2(stated: tuple[StatedPart, ...], common_kg: float) -> float:
     """Variance of every later m̂ that the points do not show."""
     anew = (one.u_kg for one in stated if not one.absorbed and one.u_kg is not None)
     return common_kg**2 + sum(u_kg**2 for u_kg in anew)
 
 
-def _refused(reason: str) -> CalibratedMass:
+def _refusal_reason(reason: str) -> CalibratedMass:
     return CalibratedMass(None, None, None, None, reason)
 
 

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.calibration.line.calibration import BudgetRow, Component, Stated
+from analysis.calibration.line.calibration import BudgetRow, Component, StatedPart
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import DAY, LACK_OF_FIT, REFERENCES, REPEATABILITY, RUN
 from analysis.calibration.line.variance_components import Floats
@@ -26,7 +26,7 @@ _MEANINGS: Final = {
 def budget(
     inversion: Inversion,
     components: Sequence[Component],
-    stated: Sequence[Stated],
+    stated: Sequence[StatedPart],
     at: tuple[float, int],
     common_kg: float | None,
 ) -> tuple[BudgetRow, ...]:
@@ -111,7 +111,7 @@ def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, floa
     return float(np.sqrt(level)), float(np.sqrt(slope)), float(np.sqrt(max(references, 0.0)))
 
 
-def _stated_row(one: Stated, size: float) -> BudgetRow:
+def _stated_row(one: StatedPart, size: float) -> BudgetRow:
     if one.absorbed:
         before = "" if one.u_kg is None else f"; {one.u_kg / size:.3g} kg without a calibration"
         known = f"{one.known}; the line takes it with it{before}"

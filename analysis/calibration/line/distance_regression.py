@@ -10,6 +10,7 @@ from estimators.errors import DataError
 
 Floats = NDArray[np.float64]
 
+#: Iterations at most.
 _ITERATIONS: Final = 100
 #: Steps below this share of the parameters' own deviations change nothing that is printed,
 _SMALL_STEP: Final = 1e-8

@@ -99,12 +99,12 @@ class Inversion:
         """
         new = self._new(readings)
         beyond = self._beyond_kg2(new, u_random_kg)
-        return self._solved(y_kg, new, beyond + self.extra_kg2, confidence_1)
+        return self._solve_estimates(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def exact(self, y_kg: float, confidence_1: float) -> InverseReading:
         """Where the line itself has the value `y_kg`: nothing scatters it."""
         none = np.zeros((1, self.variance_kg2.size))
-        return self._solved(np.array([y_kg]), none, np.zeros(1), confidence_1)
+        return self._solve_estimates(np.array([y_kg]), none, np.zeros(1), confidence_1)
 
     def slope_interval(self, confidence_1: float) -> tuple[float, float]:
         """Interval of the slope."""
@@ -187,7 +187,7 @@ class Inversion:
             new[:, self.effects[REPEATABILITY]] /= readings
         return new
 
-    def _solved(
+    def _solve_estimates(
         self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float
     ) -> InverseReading:
         """Mass, uncertainty and interval of values with the given share of each effect anew."""

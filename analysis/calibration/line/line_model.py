@@ -16,6 +16,7 @@ from analysis.calibration.line.variance_components import (
 
 Ints = NDArray[np.int64]
 
+#: Rounds of line and variances at most.
 _ROUNDS: Final = 20
 #: A slope that moves by less than this share of its own deviation has settled.
 _SETTLED: Final = 1e-4

@@ -43,7 +43,7 @@ def grubbs(values: Floats) -> tuple[int, float, float]:
     return farthest, distance, min(2.0 * n * float(stdtr(n - 2, -t)), 1.0)
 
 
-def studentised(line: FittedLine) -> Floats:
+def studentise(line: FittedLine) -> Floats:
     """(points,) residuals over their own deviations."""
     design = np.column_stack([np.ones_like(line.adjusted_kg), line.adjusted_kg - line.centre_kg])
     covariance = line.point_covariance_kg2
@@ -69,7 +69,7 @@ def outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
     found = [Outlier(one.test, one.about, one.value_1, min(tested * one.p_1, 1.0)) for one in found]
     freedom = line.freedom
     if freedom > 1:
-        for place, residual in zip(campaign.fitted, studentised(line), strict=True):
+        for place, residual in zip(campaign.fitted, studentise(line), strict=True):
             left = freedom - residual**2
             t = abs(residual) * np.sqrt((freedom - 1) / left) if left > 0.0 else np.inf
             p = min(2.0 * line.residual_kg.size * float(stdtr(freedom - 1, -t)), 1.0)

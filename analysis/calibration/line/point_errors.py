@@ -10,7 +10,7 @@ from analysis.calibration.line.calibration import Point
 from analysis.calibration.line.calibration_points import Campaign
 from analysis.calibration.line.distance_regression import StraightLine, distance_regression
 from analysis.calibration.line.line_model import FittedLine, Points
-from analysis.calibration.line.outliers import studentised
+from analysis.calibration.line.outliers import studentise
 from analysis.calibration.line.straight_line import line_of_19
 from analysis.calibration.line.variance_components import Floats
 
@@ -26,7 +26,7 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
         "calibrated_kg": calibrated,
         "error_kg": calibrated - reference,
         "error_left_out_kg": _left_out(campaign, line),
-        "studentised_1": studentised(line),
+        "studentised_1": studentise(line),
     }
     place = {int(row): k for k, row in enumerate(campaign.fitted)}
     rows: list[Point] = []

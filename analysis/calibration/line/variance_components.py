@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+#: Scoring steps at most.
 _ITERATIONS: Final = 60
 #: A change of every variance below this share of their sum ends the iteration.
 _SMALL: Final = 1e-7
@@ -89,7 +90,7 @@ def restricted_likelihood(
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
         score, information = _score(residual, design, effects, known, within, value)
-        stepped = _stepped(value, score, information, floor)
+        stepped = _scoring_step(value, score, information, floor)
         settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
         value = stepped
         if settled:
@@ -156,7 +157,7 @@ def _score(
     return score, _information(through, within, value)
 
 
-def _stepped(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
+def _scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
     """A scoring step that takes no variance below a share of itself."""
     try:
         step = np.linalg.solve(information, score)

@@ -74,11 +74,12 @@ def calibrate_loads(
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
     check = _empty_machine(rows, calibration, log)
-    refused = log.refused or _changed(check, log)
+    refused = log.refused or _change_reason(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
-        _calibrated(row, calibration, log, refused, told=told, empties=empties) for row in rows
+        _calibrated_columns(row, calibration, log, refused, told=told, empties=empties)
+        for row in rows
     ]
     types = dict.fromkeys(CALIBRATED, pl.Float64)
     types |= {"calibrated_reason": pl.String, "calibrated_said": pl.String}
@@ -86,7 +87,7 @@ def calibrate_loads(
     return conform("loads", loads.with_columns(**columns))
 
 
-def _calibrated(
+def _calibrated_columns(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
@@ -96,7 +97,7 @@ def _calibrated(
     empties: int,
 ) -> dict[str, Any]:
     """The calibrated columns of a load."""
-    off_kg, unlike_u_kg = _apart(row, calibration, log.unlike)
+    off_kg, unlike_u_kg = _unlike_driving_shift(row, calibration, log.unlike)
     one = _mass(row, calibration, refused, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
@@ -123,7 +124,7 @@ def _calibrated(
     return said
 
 
-def _apart(
+def _unlike_driving_shift(
     row: Mapping[str, Any], calibration: Calibration, unlike: Unlike | None
 ) -> tuple[float, float]:
     """What m̂ is off by since its log is driven unlike the campaign, and the uncertainty of that."""
@@ -197,7 +198,7 @@ def _empty_machine(
         return None
     count = np.array([row["manoeuvres"] for row in empty], np.float64)
     share = count / count.sum()
-    apart = [_apart(row, calibration, log.unlike) for row in empty]
+    apart = [_unlike_driving_shift(row, calibration, log.unlike) for row in empty]
     mass_kg = float(
         share @ [row["mass_kg"] - off for row, (off, _) in zip(empty, apart, strict=True)]
     )
@@ -209,7 +210,7 @@ def _empty_machine(
     return check_against(calibration, log.empty_kg, u_kg, point)
 
 
-def _changed(check: DriftCheck | None, log: LaterLog) -> str:
+def _change_reason(check: DriftCheck | None, log: LaterLog) -> str:
     """Why the calibration is no longer that of this machine; "" where nothing says so."""
     if check is None or check.p_1 is None or check.p_1 > _RARE or log.empty_kg is None:
         return ""

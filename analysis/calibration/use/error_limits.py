@@ -159,7 +159,7 @@ def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
                 outside_1=outside,
             )
         )
-    return _together(rule, tuple(rows))
+    return _overall_verdict(rule, tuple(rows))
 
 
 def _errors(calibration: Calibration) -> list[tuple[str, float, float]]:
@@ -183,7 +183,7 @@ def _verdict(outside_1: float, risk_1: float) -> str:
     return OUTSIDE if outside_1 >= 1.0 - risk_1 else UNDECIDED
 
 
-def _together(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
+def _overall_verdict(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
     verdicts = {row.verdict for row in rows}
     verdict = next(v for v in (OUTSIDE, UNDECIDED, WITHIN) if v in verdicts)
     when = "in service" if rule.in_service else "at first verification"

@@ -101,11 +101,11 @@ def learnt_terms(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
     found: dict[LearnableTerm, LearntTerm] = {}
     for term in sorted(by_term):
         if len(by_term[term]) >= LOGS_MIN:
-            found[term] = _pooled(by_term[term])
+            found[term] = _pool_term(by_term[term])
     return found
 
 
-def _pooled(said: Sequence[TermOfLog]) -> LearntTerm:
+def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in said))
     told = [own for each in said if (own := _of_data(each)) is not None]
@@ -161,7 +161,7 @@ def with_learnt(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> 
     return machine.model_copy(update={"settings": machine.settings.changed(content)})
 
 
-def as_later(machine: Machine) -> Machine:
+def as_later_log(machine: Machine) -> Machine:
     """The machine as later logs are weighed: one of several loads tells what means have wrong."""
     told = {"priors.learnt_means": "told"}
     return machine.model_copy(update={"settings": machine.settings.changed(told)})

@@ -22,7 +22,7 @@ _X: Final = "specific_force_x_m_s2"
 _Y: Final = "specific_force_y_m_s2"
 
 
-def _unchanged(_: Sections, __: float) -> Sections:
+def _keep_unchanged(_: Sections, __: float) -> Sections:
     return {}
 
 
@@ -52,7 +52,7 @@ class Fault:
     name: str
     causes: tuple[str, ...]
     said: str
-    sections: Callable[[Sections, float], Sections] = _unchanged
+    sections: Callable[[Sections, float], Sections] = _keep_unchanged
     topics: Callable[[Frames, float, np.random.Generator], Frames] = _same
     needs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     ground: Callable[[Sections, float], Sections] | None = None
@@ -134,7 +134,7 @@ def _times(topic: str, names: tuple[str, ...], of: Callable[[float], float]) -> 
     return topics
 
 
-def _yawed(frames: Frames, size: float, _: np.random.Generator) -> Frames:
+def _yaw_imu(frames: Frames, size: float, _: np.random.Generator) -> Frames:
     angle = np.deg2rad(min(8.0 * size, 60.0))
     imu = frames["imu"]
     x, y = pl.col(_X), pl.col(_Y)
@@ -145,7 +145,7 @@ def _yawed(frames: Frames, size: float, _: np.random.Generator) -> Frames:
     return {**frames, "imu": imu.with_columns(turned)}
 
 
-def _spiked(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
+def _add_spikes(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
     torque = frames["torque"]
     rows = dice.choice(torque.height, 40, replace=False)
     signs = dice.choice([-1.0, 1.0], 40)
@@ -157,11 +157,11 @@ def _spiked(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
 
 def _uneven(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
     return {
-        topic: frame.with_columns(_jittered(frame, size, dice)) for topic, frame in frames.items()
+        topic: frame.with_columns(_add_jitter(frame, size, dice)) for topic, frame in frames.items()
     }
 
 
-def _jittered(frame: pl.DataFrame, size: float, dice: np.random.Generator) -> pl.Series:
+def _add_jitter(frame: pl.DataFrame, size: float, dice: np.random.Generator) -> pl.Series:
     stamps = frame["header_stamp_ns"].to_numpy()
     period = float(np.median(np.diff(stamps)))
     off = dice.uniform(-0.5, 0.5, stamps.size) * min(0.3 * size, 3.0) * period
@@ -177,7 +177,7 @@ def _holes(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
     return {**frames, "torque": torque.filter(pl.Series(kept))}
 
 
-def _jumped(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
+def _add_clock_jump(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
     torque = frames["torque"]
     stamps = torque["header_stamp_ns"].to_numpy().copy()
     at = int(stamps.size * dice.uniform(0.3, 0.7))
@@ -196,7 +196,7 @@ def _noisier(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
     return {**frames, "torque": torque.with_columns(changed)}
 
 
-def _rectified(frames: Frames, _: float, __: np.random.Generator) -> Frames:
+def _rectify_force(frames: Frames, _: float, __: np.random.Generator) -> Frames:
     return {
         **frames,
         "torque": frames["torque"].with_columns([pl.col(name).abs() for name in _TORQUES]),
@@ -243,7 +243,7 @@ FAULTS: Final = (
         "force without its sign",
         ("unsigned",),
         "its size alone",
-        topics=_rectified,
+        topics=_rectify_force,
         needs=_BOTH_WAYS,
         has_size=False,
     ),
@@ -281,7 +281,7 @@ FAULTS: Final = (
         "0.02 m/s",
         lambda _, size: {"sensors": {"speed_lsb_m_s": 0.02 * size}},
     ),
-    Fault("torque with spikes", ("spikes",), "40 of 20 deviations", topics=_spiked),
+    Fault("torque with spikes", ("spikes",), "40 of 20 deviations", topics=_add_spikes),
     Fault(
         "speed in km/h",
         ("wrong_unit",),
@@ -296,7 +296,7 @@ FAULTS: Final = (
         topics=_times("imu", (_X, _Y, "specific_force_z_m_s2"), lambda _: 1.0 / 9.80665),
         has_size=False,
     ),
-    Fault("force clock jumps", ("clock_jump",), "20 ms", topics=_jumped),
+    Fault("force clock jumps", ("clock_jump",), "20 ms", topics=_add_clock_jump),
     Fault(
         "force clock fast",
         ("clock_drift",),
@@ -311,7 +311,7 @@ FAULTS: Final = (
     Fault(
         "IMU tilted", ("imu_misaligned",), "0.2°", _keys("defects", acc_tilt_deg=0.2), largest=100.0
     ),
-    Fault("IMU turned", ("imu_misaligned",), "8°", topics=_yawed, largest=7.0),
+    Fault("IMU turned", ("imu_misaligned",), "8°", topics=_yaw_imu, largest=7.0),
     Fault(
         "IMU biased", ("imu_bias",), "0.04 m/s²", _keys("sensors", acc_bias_m_s2=0.04), largest=60.0
     ),

@@ -27,12 +27,15 @@ from estimators.compiled import compiled, inlined
 
 #: The state: position, speed of wheels and body, stretch between them, forces, pitch.
 POSITION, WHEEL, BODY, STRETCH, DRIVE, BRAKE, PITCH, PITCH_RATE = range(8)
+#: Length of the state.
 STATES: Final = 8
 #: Beside the derivatives of the state: forces and mass of the instant, and the ground's slope.
 _PULL, _CAPACITY, _FORCE, _GROUND, _BRAKED, _MASS, _YAW_RATE = range(8, 15)
+#: Length of what a derivative gives.
 _OUT: Final = 15
 #: Columns of what is kept: time, the state, and so on.
 TIME, ACCELERATION, FORCE, GROUND, BRAKED, MASS, YAW_RATE, STANDS = (0, *range(9, 16))
+#: Their number.
 COLUMNS: Final = 16
 #: Less friction, in N, is lost in rounding before it holds anything.
 _LEAST_GRIP: Final = 1e-6
@@ -55,7 +58,7 @@ def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
 
 
 @inlined
-def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
+def _demand(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
     """The commanded drive force; of a pedal, the speed that its wave wants."""
     since_s = t - stage.begin_s
     if wave.size:
@@ -69,7 +72,7 @@ def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> flo
 
 
 @inlined
-def _pedalled(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
+def _pedal_force(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
     """Drive force and force of the brakes that a pedal asks for."""
     ahead_N = stage.way * stage.pedal_N_s_m * (wanted_m_s - speed_m_s)
     if ahead_N >= 0.0:
@@ -168,9 +171,9 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
     out[WHEEL] = wheel_acc
     out[BODY] = body_acc
     out[STRETCH] = wheel - body if soft else 0.0
-    asked, braking = _asked(t, stage, wave, wave_step_s), stage.brake_N
+    asked, braking = _demand(t, stage, wave, wave_step_s), stage.brake_N
     if stage.pedal_N_s_m > 0.0:
-        asked, braking = _pedalled(asked, wheel, stage)
+        asked, braking = _pedal_force(asked, wheel, stage)
     out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
     out[BRAKE] = (braking - y[BRAKE]) / plant.lag_s
     out[PITCH] = y[PITCH_RATE]

@@ -11,6 +11,7 @@ from estimators.compiled import inlined, uncounted
 
 #: What changes how fast: the force on the ground, the yaw rate, the acceleration, the mass.
 FORCE_RATE, TURN, JERK, FILLING = range(4)
+#: Their number.
 SLOPES: Final = 4
 #: Rows that are passed one by one before the rest is searched.
 _NEAR: Final = 16

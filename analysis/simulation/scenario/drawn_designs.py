@@ -140,13 +140,13 @@ def brought_to_size(situation: Mapping[str, Mapping[str, Any]], design: Sections
     """
     force = design["campaign"]["throttle_force_N"] / LOADER_N
     mass = design["machine"]["mass_kg"] / LOADER_KG
-    return {name: _sized(keys, force, mass) for name, keys in situation.items()}
+    return {name: _scale_to_size(keys, force, mass) for name, keys in situation.items()}
 
 
-def _sized(keys: Mapping[str, Any], force: float, mass: float) -> dict[str, Any]:
+def _scale_to_size(keys: Mapping[str, Any], force: float, mass: float) -> dict[str, Any]:
     def sized(key: str, value: Any) -> Any:
         if key == "manoeuvres":
-            return [_sized(each, force, mass) for each in value]
+            return [_scale_to_size(each, force, mass) for each in value]
         if key == "loads_kg":
             return [load_kg * mass for load_kg in value]
         if key in _BY_FORCE:

@@ -78,7 +78,7 @@ def record(
     ).filter(keeps)
     if not log.swapped_share:
         return frame
-    late = _swapped(log_time_ns, streams.uniform(f"{topic}_swap") < log.swapped_share)
+    late = _swap_order(log_time_ns, streams.uniform(f"{topic}_swap") < log.swapped_share)
     return frame.with_columns(log_time_ns=late[keeps]).sort("log_time_ns")
 
 
@@ -98,7 +98,7 @@ def _stamps_ns(
     return at_ns + np.rint(ahead_ns).astype(np.int64)
 
 
-def _swapped(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _swap_order(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
     """The times (n,) where chosen messages have changed places with the next."""
     swapped = time_ns.copy()
     for index in np.flatnonzero(chosen[:-1]):

@@ -51,7 +51,7 @@ class DrivenMotion:
             DataError: Coulomb friction on both axes finds no grip that fits.
         """
         phases: list[MotionPhase] = []
-        machine = self._gripped(state, self.free)
+        machine = self._apply_stiction(state, self.free)
         for stage_s in [*(k for k in sorted(asked.kinks_s) if start_s < k < end_s), end_s]:
             while start_s < stage_s:
                 phase, state, changed = machine.integrate(name, start_s, stage_s, state, asked)
@@ -61,7 +61,7 @@ class DrivenMotion:
                     _check_progress(phases)
                     state[[RATES[axis] for axis in changed]] = 0.0
                     loose = [axis for axis in changed if machine.grip[axis] is None]
-                    machine = self._gripped(state, self.free, loose)
+                    machine = self._apply_stiction(state, self.free, loose)
         return phases, state
 
     def stop(
@@ -71,7 +71,7 @@ class DrivenMotion:
         phases: list[MotionPhase] = []
         moving = [axis for axis in (0, 1) if self.free[axis] and state[RATES[axis]] != 0.0]
         while moving:
-            machine = self._gripped(state, free=(0 in moving, 1 in moving))
+            machine = self._apply_stiction(state, free=(0 in moving, 1 in moving))
             last_s = start_s + _LONGEST_STOP_S
             phase, state, stood = machine.integrate(name, start_s, last_s, state, asked, stop=True)
             phases.append(phase)
@@ -80,7 +80,7 @@ class DrivenMotion:
             moving = [axis for axis in moving if axis not in stood]
         return phases
 
-    def _gripped(
+    def _apply_stiction(
         self, state: Floats, free: tuple[bool, bool], loose: Sequence[int] = ()
     ) -> Stiction:
         """The grip of friction in `state`; it has just let go of the `loose` axes."""

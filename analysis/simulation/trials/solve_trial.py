@@ -92,7 +92,7 @@ class _Trial:
             case Arc():
                 return arc_phases(self.body, manoeuvre, begin_s, heading_rad)
             case Excite():
-                return self._excited(manoeuvre, begin_s, heading_rad)
+                return self._excited_trial(manoeuvre, begin_s, heading_rad)
             case Travel():
                 raise AssertionError("needs a whole log, which `integrate_for` says")
 
@@ -120,7 +120,7 @@ class _Trial:
         names = ("accelerating", "cruising", "braking") if axis == 0 else ("spinning",) * 3
         machine = DrivenMotion(self.body, lag_s, (axis == 0, axis == 1))
 
-        stalled, state = self._stalled(axis, sign, full, begin_s, heading_rad)
+        stalled, state = self._is_stalled(axis, sign, full, begin_s, heading_rad)
         asked = Commands(_constant(axis, sign * full))
         opened, state = machine.move(names[0], stalled.end_s, steady_s, state, asked)
         signs = Pair(sign, 0.0) if axis == 0 else Pair(0.0, sign)
@@ -133,7 +133,7 @@ class _Trial:
         kind = manoeuvre.kind
         return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
 
-    def _stalled(
+    def _is_stalled(
         self, axis: int, sign: float, full: float, begin_s: float, heading_rad: float
     ) -> tuple[MotionPhase, Floats]:
         """The throttle opens until the drive overcomes slope and friction: that, and the state.
@@ -163,7 +163,7 @@ class _Trial:
         start[6] = heading_rad
         return MotionPhase("standstill", begin_s, breakaway_s, state), start
 
-    def _excited(
+    def _excited_trial(
         self, manoeuvre: Excite, begin_s: float, heading_rad: float
     ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Follow the waveforms through the valves of both sides, then brake."""

@@ -14,6 +14,7 @@ from analysis.simulation.scenario.waveforms import Floats
 LEAST_GRIP: Final = 1e-6
 #: Of the state v, drive, brake; ω, drive, brake, heading: what belongs to x and what to z.
 _ROWS: Final = (slice(0, 3), slice(3, 7))
+#: Places of the two rates in the state.
 RATES: Final = (0, 3)
 
 

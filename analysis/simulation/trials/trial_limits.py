@@ -47,7 +47,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
             "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
             f"give more than {full_N:g}, or 0 for none"
         )
-    loads_kg = [*loads_kg, *_changed(scenario, loads_kg)]
+    loads_kg = [*loads_kg, *_change_scenario(scenario, loads_kg)]
     bodies = [RigidBody.loaded(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))]
     for body in bodies:
         square = body.first_moment_x_kg_m**2 + body.first_moment_y_kg_m**2
@@ -64,7 +64,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
         limits.check(manoeuvre, key)
 
 
-def _changed(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
+def _change_scenario(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
     """The loads of starts that have another than their log began with."""
     loading = scenario.loading
     if not (loading.alternating or loading.change_before_start):

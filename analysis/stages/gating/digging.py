@@ -21,7 +21,7 @@ from analysis.model.axes import X, regressor
 from analysis.model.machine import Machine
 from analysis.model.schema import build
 from analysis.model.settings import Settings
-from analysis.stages.gating.gate import refused
+from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows
 
 Floats = NDArray[np.float64]
@@ -83,7 +83,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     Returns:
         `digging`, a row a start that digs.
     """
-    met = _met(excitation, machine) if machine.machine.digs else []
+    met = _pile_contacts(excitation, machine) if machine.machine.digs else []
     found = [each.row for each in _piles(met)]
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
@@ -106,7 +106,7 @@ class _PileContact:
     stops: bool
 
 
-def _met(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
+def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileContact]:
     """The starts whose resistance surely grows or falls by what may be a pile's size, in time."""
     A, force = regressor(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
@@ -187,16 +187,16 @@ def without_digging(
     if digs.is_empty():
         return gated
     # the phase sees a start late, and its end
-    dug = _dug(excitation["t_ns"].to_numpy(), digs, span_rows(machine.settings))
-    return refused(gated, dug, "digging", machine.settings)
+    dug = _is_digging(excitation["t_ns"].to_numpy(), digs, span_rows(machine.settings))
+    return refuse_windows(gated, dug, "digging", machine.settings)
 
 
 def with_digs(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
     """The grid with `digs`, whether each sample is of a start that digs."""
-    return aligned.with_columns(digs=pl.Series(_dug(aligned["t_ns"].to_numpy(), digs)))
+    return aligned.with_columns(digs=pl.Series(_is_digging(aligned["t_ns"].to_numpy(), digs)))
 
 
-def _dug(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
+def _is_digging(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
     """Which samples are of a start that digs, or so many beside one, (n,)."""
     dug = np.zeros(t_ns.size, np.bool_)
     for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():

@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+#: Standard gravity, in m/s² (ISO 80000-3).
 _STANDARD_GRAVITY_M_S2 = 9.80665
 
 
@@ -41,11 +42,11 @@ def gate(
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
     for axis in axes(excitation):
-        columns |= _judged(axis, excitation, settings, noise)
+        columns |= _judge_axis(axis, excitation, settings, noise)
     return build("gate", columns)
 
 
-def _judged(
+def _judge_axis(
     axis: Axis, excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None
 ) -> dict[str, Floats | pl.Series]:
     """The columns of one axis."""
@@ -120,7 +121,7 @@ def accepted_samples(
     return used & ~braking_within_sight(_braking(axis, excitation, settings), settings)
 
 
-def refused(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
+def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
     """The gate with the accepted windows of straight motion refused that hold one of these rows.
 
     Args:

@@ -20,7 +20,7 @@ from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
 from analysis.model.settings import NoiseSettings
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.stages.noise.column_response import ColumnResponse, responses
-from analysis.stages.noise.grid_noise import hidden, own_noise
+from analysis.stages.noise.grid_noise import is_hidden_by_grid, own_noise
 from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, bound
 from analysis.stages.noise.noise_spectra import (
     LAGS,
@@ -37,10 +37,10 @@ from analysis.stages.noise.noise_spectra import (
     pieces,
     quantisation,
     quantum,
-    settled,
     spectra_of,
     spectrum_frequencies,
     stretches,
+    trim_to_settled,
 )
 from analysis.stages.signals.mounting import Series
 
@@ -166,7 +166,10 @@ def _from_samples(
 ) -> None:
     """Put what the channels' own samples tell where the grid does not show it."""
     beyond = [source == "differences" for source in sources]
-    unseen = np.array(hidden([_channels(name, machine) for name in names], machine, read)) & beyond
+    unseen = (
+        np.array(is_hidden_by_grid([_channels(name, machine) for name in names], machine, read))
+        & beyond
+    )
     if not unseen.any():
         return
 
@@ -215,7 +218,7 @@ def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: floa
     after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
     quiet = [(a + after, b - before) for a, b in stretches(stands) if b - before > a + after]
     quiet = quiet[:: max(len(quiet) // _MOST_STRETCHES, 1)]
-    quiet = [settled(x, begin, end) for begin, end in quiet]
+    quiet = [trim_to_settled(x, begin, end) for begin, end in quiet]
     still = np.zeros(stands.size, np.bool_)
     for begin, end in quiet:
         still[begin:end] = True

@@ -65,14 +65,14 @@ class ColumnNoise:
         """(p, p) of the trailing means of `samples`."""
         lag = np.arange(self.covariances.shape[2])
         pairs = np.maximum(samples - lag, 0) / samples**2
-        return _possible(self._summed(pairs))
+        return _possible(self._sum_lags(pairs))
 
     def lasting(self) -> Floats:
         """(p, p) that sums of many samples vary by, a sample: the power at 0 Hz."""
         lags = self.covariances.shape[2]
-        return _possible(self._summed(1.0 - np.arange(lags) / lags))
+        return _possible(self._sum_lags(1.0 - np.arange(lags) / lags))
 
-    def _summed(self, weights: Floats) -> Floats:
+    def _sum_lags(self, weights: Floats) -> Floats:
         """The covariances of all lags, earlier and later, weighed by `weights` (lags,)."""
         # summed without BLAS, whose last bits depend on its threads: on board they are the replay's
         later = np.einsum("ijk,k->ij", self.covariances[:, :, 1:], weights[1:])

@@ -45,7 +45,7 @@ _SAME_RATE: Final = 0.02
 _SECOND_DIFFERENCES: Final = 6.0
 
 
-def hidden(
+def is_hidden_by_grid(
     columns: list[tuple[str, ...]], machine: Machine, read: Mapping[str, mounting.Series]
 ) -> list[bool]:
     """Whether the grid does not show the noise of columns as the stages left it.
@@ -107,7 +107,7 @@ def own_noise(
         if name not in UNFILTERED
     }
     longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
-    part = _repeated(_beginning(read, settings.rate_hz), settings.rate_hz, longest_ns)
+    part = _repeat_stamps(_beginning(read, settings.rate_hz), settings.rate_hz, longest_ns)
     rng = np.random.default_rng(_SEED)
     noise = {
         name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
@@ -127,7 +127,9 @@ def _beginning(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str,
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in read.items()}
 
 
-def _repeated(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float) -> dict[str, Ints]:
+def _repeat_stamps(
+    stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float
+) -> dict[str, Ints]:
     """Stamps of a short log, again and again behind a gap each, up to as many rows."""
     last = max(int(t[-1]) for t in stamps.values())
     lasts_ns = last - min(int(t[0]) for t in stamps.values())

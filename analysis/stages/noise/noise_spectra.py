@@ -69,7 +69,7 @@ def stretches(of: Bools) -> list[tuple[int, int]]:
     return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
-def settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
+def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
     """Trim a stretch to where no column's short mean has left its level yet, or no longer.
 
     A slow start stands by its speed for up to a second.

@@ -48,9 +48,9 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
         DataError: the channels share no time, or their grid would not fit into memory.
     """
     raw, series = _series(channels, machine)
-    start, end = _common(_needed(series))
+    start, end = _common(_required_series(series))
     origin = Origin(start, _latency_ns(series, machine) if machine.settings.filter.causal else 0)
-    grid = _grid(_needed(series), start, end, 1e9 / machine.settings.align.rate_hz)
+    grid = _grid(_required_series(series), start, end, 1e9 / machine.settings.align.rate_hz)
     return _rows(raw, series, grid, origin, machine), start + origin.late_ns
 
 
@@ -73,7 +73,7 @@ def find_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origi
         DataError: the channels share no time yet.
     """
     _, series = _series(channels, machine)
-    return Origin(_common(_needed(series))[0], _latency_ns(series, machine))
+    return Origin(_common(_required_series(series))[0], _latency_ns(series, machine))
 
 
 def align_on(
@@ -98,7 +98,7 @@ def align_on(
         `aligned`, rows from `after_ns` on.
     """
     raw, series = _series(channels, machine)
-    needed = _needed(series)
+    needed = _required_series(series)
     if is_whole:
         end = min(int(each.t_ns[-1]) for each in needed.values())
     else:
@@ -118,10 +118,10 @@ def _series(
     """The channels as they come, and with the regressors' at the stamps of their slowest."""
     align = machine.settings.align
     raw = {name: rates.series_of(name, frame, align) for name, frame in channels.items()}
-    return raw, _reduced(raw, machine)
+    return raw, _reduce_channels(raw, machine)
 
 
-def _needed(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
+def _required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
     """Those that the grid has to have."""
     return {name: each for name, each in series.items() if name not in HINTS}
 
@@ -135,7 +135,7 @@ def _rows(
 ) -> pl.DataFrame:
     """`aligned` on some instants (rows,) of the grid."""
     is_causal = machine.settings.filter.causal
-    chosen = _Chosen(series, grid, origin.late_ns, machine) if is_causal else None
+    chosen = _KnownInstants(series, grid, origin.late_ns, machine) if is_causal else None
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
@@ -144,7 +144,7 @@ def _rows(
         if each is not raw[name]:
             # between two stamps of the slowest channel, a faster one may have a gap
             stale = stale | np.isnan(raw[name].at(instants))
-        columns[name] = np.where(stale, np.nan, rates.wrapped(name, x))
+        columns[name] = np.where(stale, np.nan, rates.wrap_angle(name, x))
         if name not in HINTS:
             gap |= np.isnan(columns[name])
     columns = mounting.at_origin(columns, machine.machine.imu)
@@ -154,16 +154,18 @@ def _rows(
 def notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Say what `align` does to these channels that a reader of the answer should know."""
     raw = {n: rates.series_of(n, frame, machine.settings.align) for n, frame in channels.items()}
-    said = [str(each) for each in rates.reduced(raw, machine)]
+    said = [str(each) for each in rates.find_reduced_regressors(raw, machine)]
     if machine.settings.filter.causal:
-        late_s = _latency_ns(_reduced(raw, machine), machine) / 1e9
+        late_s = _latency_ns(_reduce_channels(raw, machine), machine) / 1e9
         said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
     return said
 
 
-def _reduced(raw: Mapping[str, ChannelSeries], machine: Machine) -> dict[str, ChannelSeries]:
+def _reduce_channels(
+    raw: Mapping[str, ChannelSeries], machine: Machine
+) -> dict[str, ChannelSeries]:
     series = dict(raw)
-    for each in rates.reduced(raw, machine):
+    for each in rates.find_reduced_regressors(raw, machine):
         series |= rates.reduce(raw, each)
     return series
 
@@ -187,7 +189,7 @@ def _latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
     return round(max(filters.period_ns(series[n].t_ns) + series[n].lag_ns for n in names))
 
 
-class _Chosen:
+class _KnownInstants:
     """The instants that rows hold where nothing may be known before it has come.
 
     A row at the time t stands for t - latency; where a channel of the regressor is not known of

@@ -70,7 +70,7 @@ def derive(
             t, x = _arithmetic(name, series, machine, notes)
         else:
             continue
-        series[name] = _filled(name, t, x * channel.scale + channel.offset)
+        series[name] = _fill_gaps(name, t, x * channel.scale + channel.offset)
     # what arithmetic alone needed
     series = {name: each for name, each in series.items() if name in _SI}
     t, speed = series["speed_x_m_s"]
@@ -79,7 +79,7 @@ def derive(
     series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
     frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
     if settings.filter.causal:
-        for name, known_ns in _known(read, picked, series, machine).items():
+        for name, known_ns in _known_times(read, picked, series, machine).items():
             frames[name] = frames[name].hstack([pl.Series("known_ns", known_ns)])
     return frames, notes
 
@@ -156,7 +156,7 @@ def _arithmetic(
     return at[known], x[known]
 
 
-def measured(
+def read_measured(
     placed: Mapping[str, pl.DataFrame], machine: Machine
 ) -> tuple[dict[str, mounting.Series], list[Loss]]:
     """Read every channel that comes from a topic: SI units, finite, one sample a stamp.
@@ -202,7 +202,7 @@ def _low_passed(
     for name in (each for each in rates_hz if each not in slow):
         t, x = read[name]
         longest_ns = filters.longest_step_ns(t, settings.align)
-        out[name] = _filled(name, *filters.low_pass(t, x, cutoff_hz, longest_ns, causal=causal))
+        out[name] = _fill_gaps(name, *filters.low_pass(t, x, cutoff_hz, longest_ns, causal=causal))
     return out
 
 
@@ -282,16 +282,16 @@ def _usable(
     t, x = t[told][last], x[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - round(channel.delay_s * 1e9), _resolved(x)
+    return t - round(channel.delay_s * 1e9), _flush_unresolved(x)
 
 
-def _filled(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
+def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
     if t.size == 0:
         raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
-    return t, _resolved(x)
+    return t, _flush_unresolved(x)
 
 
-def _resolved(x: filters.Floats) -> filters.Floats:
+def _flush_unresolved(x: filters.Floats) -> filters.Floats:
     """The same with 0 for what no sensor resolves: a filter rings out down to the last number."""
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
@@ -303,11 +303,11 @@ def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mo
     """
     if filters.period_ns(b[0]) > filters.OTHER_RATE * filters.period_ns(a[0]):
         a, b = b, a
-    t, other = filters.interpolated(*b, a[0], filters.longest_step_ns(b[0], settings))
+    t, other = filters.interpolate_line(*b, a[0], filters.longest_step_ns(b[0], settings))
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 
-def _known(
+def _known_times(
     read: Mapping[str, mounting.Series],
     picked: Mapping[str, mounting.Series],
     series: Mapping[str, mounting.Series],

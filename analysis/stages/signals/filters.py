@@ -117,7 +117,7 @@ def _slope_of_three(t_ns: Ints, x: Floats) -> Floats:
     return (before * rise + after * fall) / (before + after)
 
 
-def interpolated(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:
+def interpolate_line(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:
     """Read the line between samples no further apart than `longest_ns` at ascending instants.
 
     Returns:

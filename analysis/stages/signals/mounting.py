@@ -87,7 +87,7 @@ def turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str,
 
 
 def _at(series: Series, t: Ints, settings: AlignSettings) -> Series:
-    return filters.interpolated(*series, t, filters.longest_step_ns(series[0], settings))
+    return filters.interpolate_line(*series, t, filters.longest_step_ns(series[0], settings))
 
 
 def at_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:

@@ -88,7 +88,7 @@ def _mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
     return float(steps.mean()) if steps.size else step_ns
 
 
-def wrapped(name: str, x: Floats) -> Floats:
+def wrap_angle(name: str, x: Floats) -> Floats:
     """Undo the unwrapping of an angle that `series_of` took."""
     if name not in _WHOLE_TURN:
         return x
@@ -119,7 +119,7 @@ def sources(name: str, machine: Machine) -> frozenset[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Reduced:
+class ReducedRegressor:
     """A regressor that is taken at the stamps of its slowest channel.
 
     Attributes:
@@ -140,20 +140,22 @@ class Reduced:
     def __str__(self) -> str:
         """What a reader of the answer should know of it."""
         return (
-            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_listed(self.names)} are "
-            f"taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow channel "
-            "among faster ones biases the estimate"
+            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_list_names(self.names)} "
+            f"are taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow "
+            "channel among faster ones biases the estimate"
         )
 
 
-def reduced(series: Mapping[str, ChannelSeries], machine: Machine) -> list[Reduced]:
+def find_reduced_regressors(
+    series: Mapping[str, ChannelSeries], machine: Machine
+) -> list[ReducedRegressor]:
     """The regressors of which one channel is slower than another one, or a slow derivative.
 
     The line between its samples is a low-pass that the others do not have. On a grid coarser than
     all of them there is none.
     """
     step_ns = 1e9 / machine.settings.align.rate_hz
-    found: list[Reduced] = []
+    found: list[ReducedRegressor] = []
     for names in regressors(machine):
         # the sign of the speed comes with the speed
         own = sorted((names & set(series)) - {"direction_x_1"})
@@ -173,11 +175,13 @@ def reduced(series: Mapping[str, ChannelSeries], machine: Machine) -> list[Reduc
             # without a derived one, as long as no sample of a faster channel is left out
             span_ns = max((2 * periods[name] for name in derived), default=periods[slowest])
             rate_hz = 1e9 / periods[slowest]
-            found.append(Reduced(names & set(series), slowest, rate_hz, derived, round(span_ns)))
+            found.append(
+                ReducedRegressor(names & set(series), slowest, rate_hz, derived, round(span_ns))
+            )
     return found
 
 
-def reduce(series: Mapping[str, ChannelSeries], each: Reduced) -> dict[str, ChannelSeries]:
+def reduce(series: Mapping[str, ChannelSeries], each: ReducedRegressor) -> dict[str, ChannelSeries]:
     """Take a regressor's channels at the stamps of the slowest, where all of them are known.
 
     There they are means over one span, alike: single samples of a fast channel would let its
@@ -216,6 +220,6 @@ def _mean(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
     return share * line + (1.0 - share) * series.at(at_ns)
 
 
-def _listed(names: frozenset[str]) -> str:
+def _list_names(names: frozenset[str]) -> str:
     *first, last = sorted(names - {"direction_x_1"})
     return f"{', '.join(first)} and {last}"

@@ -18,10 +18,10 @@ from replay.logs.decoding.spans import (
     first_alignment,
     fixed_size,
     is_delimited,
+    mean_stride,
     members,
     place_in,
     smallest_size,
-    stride_of,
 )
 from replay.logs.decoding.wire import Wire
 from replay.logs.messages.message_types import FieldType, ListOf, RecordType, Scalar
@@ -161,7 +161,7 @@ class _Compiler:
         if not least:
             return self._in_span(Scalar("uint32"), None)
         one, value = fixed
-        stride = stride_of(one)
+        stride = mean_stride(one)
         self._step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)
         return None if wanted is None else Strided(self._note(2), stride, value)
 

@@ -80,9 +80,9 @@ def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> Inl
     fixed = fixed_size(element, wire)
     assert fixed is not None
     one, value = fixed
-    size = (length - 1) * stride_of(one) + one.size if length else 0
+    size = (length - 1) * mean_stride(one) + one.size if length else 0
     offset = span.place(one.alignment, size)
-    return None if offset is None else InlineArray(offset, length, stride_of(one), value)
+    return None if offset is None else InlineArray(offset, length, mean_stride(one), value)
 
 
 def fixed_size(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
@@ -92,7 +92,7 @@ def fixed_size(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | Non
     return None if value is None else (span, value)
 
 
-def stride_of(span: Span) -> int:
+def mean_stride(span: Span) -> int:
     """The distance of elements that follow one another."""
     return -(-span.size // span.alignment) * span.alignment
 

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.cycle_motion import cycle_motions, idle_stands, shift_motion
+from analysis.cycles.cycle_motion import idle_stands, summarise_cycle_motion, summarise_shift_motion
 
 NS = 10**9
 
@@ -28,7 +28,7 @@ def cycle(start_s: float, end_s: float, **more: float | None) -> dict[str, objec
 
 
 def test_distance_counts_both_ways_and_time_is_split_into_moving_and_standing() -> None:
-    whole = shift_motion(driven(), ())
+    whole = summarise_shift_motion(driven(), ())
     assert whole.distance_m == pytest.approx(60.0 + 90.0, abs=0.5)
     assert whole.top_speed_m_s == 3.0
     assert (whole.moving_s, whole.standing_s) == (
@@ -39,25 +39,25 @@ def test_distance_counts_both_ways_and_time_is_split_into_moving_and_standing() 
 
 def test_a_haul_is_what_is_driven_from_the_load_to_the_dump() -> None:
     table = pl.DataFrame([cycle(0.0, 100.0, dig_t_ns=5 * NS, load_s=5.0, haul_s=20.0)])
-    [motion] = cycle_motions(table, driven(), ())
+    [motion] = summarise_cycle_motion(table, driven(), ())
     assert motion.haul_m == pytest.approx(40.0, abs=0.3)
 
 
 def test_a_cycle_whose_digging_was_not_seen_has_no_haul_distance() -> None:
     table = pl.DataFrame([cycle(0.0, 100.0, haul_s=20.0)], schema_overrides={"dig_t_ns": pl.Int64})
-    assert cycle_motions(table, driven(), ())[0].haul_m is None
+    assert summarise_cycle_motion(table, driven(), ())[0].haul_m is None
 
 
 def test_a_hole_is_neither_moving_nor_standing() -> None:
     cut = driven().filter((pl.col("t_ns") < 10 * NS) | (pl.col("t_ns") >= 25 * NS))
-    [motion] = cycle_motions(pl.DataFrame([cycle(0.0, 30.0)]), cut, [(10 * NS, 25 * NS)])
+    [motion] = summarise_cycle_motion(pl.DataFrame([cycle(0.0, 30.0)]), cut, [(10 * NS, 25 * NS)])
     assert motion.whole.hole_s == pytest.approx(15.0)
     assert motion.whole.distance_m == pytest.approx(30.0, abs=0.5)
     assert motion.whole.moving_s == pytest.approx(15.0, abs=0.3)
 
 
 def test_without_a_speed_there_is_no_distance() -> None:
-    whole = shift_motion(driven().drop("speed_x_m_s"), ())
+    whole = summarise_shift_motion(driven().drop("speed_x_m_s"), ())
     assert (whole.distance_m, whole.top_speed_m_s) == (None, None)
     assert whole.standing_s == pytest.approx(40.0, abs=0.2)
 

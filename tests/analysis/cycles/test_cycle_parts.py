@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDump, BoomDumps
-from analysis.cycles.cycle_parts import CycleParts, cycle_parts, dump_times
+from analysis.cycles.cycle_parts import CycleParts, add_dump_times, cycle_parts
 from analysis.cycles.load_passes import Passes
 
 NS = 10**9
@@ -22,7 +22,7 @@ def dumped_s(boom_rad: np.ndarray) -> float:
     )
     part = CycleParts(loaded=0, after=1)
     boom = np.pad(boom_rad, 10, mode="edge")
-    dump_times(
+    add_dump_times(
         [part],
         found,
         pl.DataFrame({"t_ns": t_ns, "boom_rad": boom}),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from analysis.cycles.cycles import cycles
 from analysis.cycles.lost_cycles import holes, lost_cycles
 from analysis.cycles.payload_target import check_target
-from analysis.cycles.shift_totals import recounted, shift
+from analysis.cycles.shift_totals import recount_shift, shift
 from analysis.model.schema import FRAMES
 from analysis.model.verdict import Verdict
 from replay import load_machine
@@ -126,7 +126,7 @@ def test_common_parts_do_not_average_out_and_random_ones_do() -> None:
         common = table.with_columns(payload_u_shared_kg=pl.lit(7.0))
         columns = FRAMES["shift"].columns
         blank = pl.DataFrame({c.name: pl.Series([None], dtype=c.dtype) for c in columns})
-        sums.append(recounted(blank, common).row(0, named=True))
+        sums.append(recount_shift(blank, common).row(0, named=True))
     few, lots = sums
     assert lots["payload_u_common_kg"] == pytest.approx(16 * few["payload_u_common_kg"])
     assert lots["payload_u_random_kg"] < 6 * few["payload_u_random_kg"]
@@ -136,7 +136,7 @@ def test_a_rejected_cycle_is_not_in_the_sum() -> None:
     frames = drawn_shift([700.0, 600.0, 800.0])
     table = found(frames)
     whole = shift(table, frames["excitation"], frames["aligned"])
-    row = recounted(whole, table, [2]).row(0, named=True)
+    row = recount_shift(whole, table, [2]).row(0, named=True)
     assert row["payload_kg"] == pytest.approx(1500.0)
     assert (row["cycles_counted"], row["cycles_rejected"]) == (2, 1)
 

@@ -5,7 +5,7 @@ from functools import cache
 import polars as pl
 import pytest
 
-from analysis.diagnosis import withhold_by_causes
+from analysis.diagnosis import withhold_by_findings
 from analysis.model.machine import Machine
 from analysis.simulation import Scenario, simulate_campaign
 from replay import load_machine
@@ -114,6 +114,6 @@ def test_a_cause_that_makes_a_mass_worthless_withholds_it_too():
     row = dict.fromkeys(found.columns) | {"cause": "sign_flipped"}
     grave = pl.concat([found, pl.DataFrame([row | {"severity": "withhold"}], schema=found.schema)])
     others = judged.filter(pl.col("check") != "causes")
-    with_it = withhold_by_causes(others, grave, log.machine)
+    with_it = withhold_by_findings(others, grave, log.machine)
     assert with_it.filter(pl.col("passed").not_())["check"].to_list() == ["causes"]
     assert with_it["check"].to_list() == judged["check"].to_list()

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis import Settings
-from analysis.explain.determined_parameters import Determined, determined
+from analysis.explain.determined_parameters import DeterminedParameters, determine_parameters
 from analysis.explain.worst_manoeuvres import gate_along, worst_manoeuvres
 from analysis.model.schema import REASON
 
@@ -13,7 +13,7 @@ SETTINGS = Settings(noise={"force_N": 1.0, "acc_m_s2": 0.01, "speed_m_s": 0.01})
 S = 10**9
 
 
-def of(acceleration: np.ndarray, speed: np.ndarray) -> Determined:
+def of(acceleration: np.ndarray, speed: np.ndarray) -> DeterminedParameters:
     excitation = pl.DataFrame(
         {
             "regressor_acc_x_m_s2": acceleration,
@@ -21,7 +21,7 @@ def of(acceleration: np.ndarray, speed: np.ndarray) -> Determined:
             "direction_x_1": np.sign(speed),
         }
     )
-    found = determined(excitation, np.ones(speed.size, bool), None, SETTINGS)
+    found = determine_parameters(excitation, np.ones(speed.size, bool), None, SETTINGS)
     assert found is not None
     return found
 
@@ -59,8 +59,8 @@ def test_an_acceleration_in_proportion_to_the_speed_trades_mass_for_friction() -
 def test_without_noise_or_with_few_samples_nothing_is_said() -> None:
     excitation = pl.DataFrame({"regressor_acc_x_m_s2": t, "speed_x_m_s": t})
     rows = np.ones(t.size, bool)
-    assert determined(excitation, rows, None, Settings.model_validate({})) is None
-    assert determined(excitation, rows & (t < 0.1), None, SETTINGS) is None
+    assert determine_parameters(excitation, rows, None, Settings.model_validate({})) is None
+    assert determine_parameters(excitation, rows & (t < 0.1), None, SETTINGS) is None
 
 
 def test_the_gate_is_told_in_order_with_the_median_of_what_decided() -> None:

@@ -11,7 +11,7 @@ from analysis.fleet.control_chart import (
     innovations,
     limit_for,
     run_length_of,
-    whitened,
+    whiten_series,
 )
 
 FINITE = st.floats(-1e3, 1e3)
@@ -108,8 +108,10 @@ def test_days_that_are_alike_in_a_row_are_told_from_a_drift() -> None:
     x = np.zeros(4000)
     for n in range(1, x.size):
         x[n] = 0.5 * x[n - 1] + draw.normal()
-    left = whitened(x)
+    left = whiten_series(x)
     assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.06
     # a drift alone does not look like it
     drifting = draw.normal(size=400) + np.arange(400) / 30.0
-    np.testing.assert_allclose(whitened(drifting), drifting, atol=0.15 * np.abs(drifting).max())
+    np.testing.assert_allclose(
+        whiten_series(drifting), drifting, atol=0.15 * np.abs(drifting).max()
+    )

@@ -132,7 +132,7 @@ def run(**changes: object) -> Run:
         machine={"machine": {"name": "sledge", "empty_mass_kg": 100.0}},
     )
     frames = {"aligned": FRAME, "gate": FRAME[:2]}
-    return Run(frames, provenance.model_copy(update=changes)).fingerprinted()
+    return Run(frames, provenance.model_copy(update=changes)).with_fingerprint()
 
 
 def test_each_part_of_a_fingerprint_says_what_it_is_of():
@@ -148,7 +148,7 @@ def test_each_part_of_a_fingerprint_says_what_it_is_of():
     changed = {
         "inputs": run(inputs=renamed[:1]),
         "settings": run(settings=Settings().changed({"align.rate_hz": 50.0})),
-        "results": Run({"aligned": FRAME}, run().provenance).fingerprinted(),
+        "results": Run({"aligned": FRAME}, run().provenance).with_fingerprint(),
     }
     for part, other in changed.items():
         theirs = other.provenance.fingerprint

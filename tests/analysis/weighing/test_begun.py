@@ -5,14 +5,14 @@ import pytest
 
 from analysis.model.axes import X
 from analysis.stages.noise.column_noise import ColumnNoise
-from analysis.weighing.fit_columns import EarlierRounds, averages
-from analysis.weighing.motion_samples import KeptNoise
-from analysis.weighing.wheel_kinematics import kinematics
+from analysis.weighing.fit_columns import PreviousEstimates, average_columns
+from analysis.weighing.motion_samples import CachedNoise
+from analysis.weighing.wheel_kinematics import compare_wheels
 from tests.analysis.weighing.weighed import RICH, weighed
 
 REACH_S = 0.4
 #: A force and a speed that are moved in time as far as a fit may move them.
-FOUND = EarlierRounds(lag_s=-0.29, slip_1_N=1e-5, speed_late_s=0.15)
+FOUND = PreviousEstimates(lag_s=-0.29, slip_1_N=1e-5, speed_late_s=0.15)
 
 
 @pytest.fixture(scope="module")
@@ -23,16 +23,16 @@ def log():
 @pytest.fixture(scope="module")
 def noise(log):
     settings = log.machine.settings.noise
-    return KeptNoise(ColumnNoise.of(X, log.replayed.frames["noise"], settings))
+    return CachedNoise(ColumnNoise.of(X, log.replayed.frames["noise"], settings))
 
 
 def test_samples_around_the_fitted_ones_make_the_same_columns(log, noise):
     fit = log.weighing.fit
-    near = fit.motion.around_fitted(REACH_S)
+    near = fit.motion.near_fitted(REACH_S)
     assert near.force.size < fit.motion.force.size
-    for found in (EarlierRounds(), FOUND):
+    for found in (PreviousEstimates(), FOUND):
         whole, part = (
-            averages(motion, noise, fit.terms, fit.mean_samples, found)
+            average_columns(motion, noise, fit.terms, fit.mean_samples, found)
             for motion in (fit.motion, near)
         )
         np.testing.assert_array_equal(part.group, whole.group)
@@ -47,11 +47,11 @@ def test_noise_that_is_kept_is_that_of_its_columns(noise):
 
 def test_wheels_that_begin_from_their_own_words_say_them_again(log, noise):
     motion, priors = log.weighing.fit.motion, log.machine.settings.priors
-    first = kinematics(motion, noise, priors)
-    again = kinematics(motion, noise, priors, first)
+    first = compare_wheels(motion, noise, priors)
+    again = compare_wheels(motion, noise, priors, first)
     assert first is not None
     assert again is not None
-    assert again.goes_together == first.goes_together
+    assert again.is_consistent == first.is_consistent
     assert again.gain_counts == first.gain_counts
     for name in ("gain", "gain_by_prior", "delay_s", "slip_1_N"):
         (was, std), (now, std_now) = getattr(first, name), getattr(again, name)
@@ -61,9 +61,9 @@ def test_wheels_that_begin_from_their_own_words_say_them_again(log, noise):
 
 def test_wheels_of_a_speed_that_is_moved_are_found_from_where_they_were(log, noise):
     motion, priors = log.weighing.fit.motion, log.machine.settings.priors
-    first = kinematics(motion, noise, priors)
-    moved = motion.with_speed_moved_back(-0.02)
-    begun, anew = kinematics(moved, noise, priors, first), kinematics(moved, noise, priors)
+    first = compare_wheels(motion, noise, priors)
+    moved = motion.shift_speed(-0.02)
+    begun, anew = compare_wheels(moved, noise, priors, first), compare_wheels(moved, noise, priors)
     assert begun is not None
     assert anew is not None
     assert abs(begun.delay_s[0] - anew.delay_s[0]) < 0.1 * anew.delay_s[1]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from analysis.weighing import motion_samples
-from analysis.weighing.fit_columns import EarlierRounds, averages
+from analysis.weighing.fit_columns import PreviousEstimates, average_columns
 from tests.analysis.weighing.weighed import RICH, weighed
 
 #: Of what earlier rounds find, everything reaches to other samples or other columns.
-FOUND = EarlierRounds(
+FOUND = PreviousEstimates(
     lag_s=0.13,
     slip_1_N=1e-5,
     transfer_s2_m=0.02,
@@ -21,17 +21,17 @@ FOUND = EarlierRounds(
 )
 
 
-@pytest.mark.parametrize("found", [EarlierRounds(), FOUND], ids=["at first", "later"])
+@pytest.mark.parametrize("found", [PreviousEstimates(), FOUND], ids=["at first", "later"])
 @pytest.mark.parametrize("samples", [5, 40])
 def test_columns_of_pieces_are_those_of_the_whole(found, samples, monkeypatch):
     log = weighed(RICH)
     fit = log.weighing.fit
     noise = _White()
-    of_whole = averages(fit.motion, noise, fit.terms, samples, found)
+    of_whole = average_columns(fit.motion, noise, fit.terms, samples, found)
     monkeypatch.setattr(motion_samples, "_PIECE", 200)
     motion = replace(fit.motion)  # which has not been cut yet
     assert len(motion.pieces) > 5
-    of_pieces = averages(motion, noise, fit.terms, samples, found)
+    of_pieces = average_columns(motion, noise, fit.terms, samples, found)
     np.testing.assert_array_equal(of_pieces.group, of_whole.group)
     for mine, whole in (
         (of_pieces.A, of_whole.A),

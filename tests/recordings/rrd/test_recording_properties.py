@@ -32,7 +32,7 @@ def told(drives: Callable[..., Run]) -> Run:
             "inputs": (InputFile(name="shift.bag", sha256="0" * 64, size_bytes=1),),
         }
     )
-    return replace(run, provenance=about).fingerprinted()
+    return replace(run, provenance=about).with_fingerprint()
 
 
 @pytest.fixture(scope="module")

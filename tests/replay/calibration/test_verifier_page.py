@@ -13,7 +13,7 @@ import polars as pl
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from analysis.calibration.line.calibration import CalibrationOptions, Stated
+from analysis.calibration.line.calibration import CalibrationOptions, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
 from recordings.calibration.bundle_folder import REPORT, STATEMENT
 from recordings.calibration.page.verifier_page import verifier_page, verifier_sha256
@@ -378,7 +378,7 @@ def campaign(seed: int) -> tuple[dict[str, Any], pl.DataFrame, Any]:
                  "common_u_kg": 3.0, "used": used, "reason": "" if used else "slip"}
             )  # fmt: skip
     loads = list(dict.fromkeys("+".join(run["loads"]) or "empty" for run in runs))
-    stated = (Stated("tare", 1.5, absorbed=False, known="so"),) if seed % 3 == 0 else ()
+    stated = (StatedPart("tare", 1.5, absorbed=False, known="so"),) if seed % 3 == 0 else ()
     options = CalibrationOptions("joint_mass", 0.95, 6.0 if seed % 5 == 0 else None, 0.1, stated)
     on_board_1 = np.array([[float(m["id"] in load.split("+")) for m in masses] for load in loads])
     shared = np.array(

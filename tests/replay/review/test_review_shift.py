@@ -23,7 +23,10 @@ from replay.review.review_shift import ReviewOptions, review
 from replay.review.write_review import ShiftReview
 from tests.replay.shift_review import shift_folder, verdict
 
-OUTPUTS = {"ledger.csv", "ledger.parquet", "review.html", "review.json", "shift.rrd"}
+OUTPUTS = {
+    *("ledger.csv", "ledger.parquet", "ledger.xlsx", "ledger_table.csv"),
+    *("review.html", "review.json", "shift.rrd"),
+}
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.compare.run_comparison import Changed
+from analysis.compare.run_comparison import ValueChange
 from analysis.model.answer import Answer
 from estimators.errors import PayscopeError
 from recordings import read_provenance
@@ -117,7 +117,7 @@ class TestViewer:
     ) -> None:
         with headless_viewer(None) as (client, address):
 
-            def on_answer(_: Answer, changed: list[Changed]) -> None:
+            def on_answer(_: Answer, changed: list[ValueChange]) -> None:
                 held = client.get_state().recordings
                 if not changed:
                     client.set_time("time", timestamp=7.0, play_state="paused")

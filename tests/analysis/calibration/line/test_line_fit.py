@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Stated
+from analysis.calibration.line.calibration import Calibration, CalibrationOptions, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
 from estimators.errors import DataError
 from tests.analysis.calibration.campaigns import readings, references
@@ -70,8 +70,8 @@ def test_the_same_readings_give_the_same_numbers_in_any_order_of_their_runs():
 
 def test_the_budget_adds_up_to_the_uncertainty():
     stated = (
-        Stated("tare", 3.0, absorbed=False, known="fuel, half a tank"),
-        Stated("wheel radius", 60.0, absorbed=True, known="machine file"),
+        StatedPart("tare", 3.0, absorbed=False, known="fuel, half a tank"),
+        StatedPart("wheel radius", 60.0, absorbed=True, known="machine file"),
     )
     for campaign in ({}, {"days": 1}, {"days": 1, "common_u_kg": 40.0}, {"days": 3, "seed": 4}):
         found = fitted(options=CalibrationOptions("joint_mass", stated=stated), **campaign)

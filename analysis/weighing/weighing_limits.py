@@ -1,0 +1,316 @@
+"""Limits of the joint fit that no machine file sets."""
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class WeighingLimits:
+    """Limits of the joint fit that no machine file sets.
+
+    One section per file; a comment says what a value limits, in which unit, and how it was chosen.
+    """
+
+    # body_squat
+    #: Length of a mean, in samples.
+    squat_mean_samples: int = 10
+    #: Fewest means of a stretch that is compared.
+    squat_min_means: int = 10
+    #: Fewest stretches with a load that differs, and without: fewer do not determine a gain.
+    squat_min_stretches: int = 6
+    #: Prior probability that a body squats with its load: one log in ten.
+    squat_prior_probability: float = 0.1
+    #: The same where the wheels show that it squats at all.
+    squat_by_load_prior_probability: float = 0.5
+    #: Standard deviation of a squat's growth with the mass, over proportional growth: springs
+    #: stiffen, and the load raises or lowers the centre of mass.
+    squat_growth_std: float = 0.5
+    #: Log odds above which the choice is certain.
+    squat_certain_log_odds: float = 50.0
+
+    # empty_mass_datum
+    #: Largest difference of the log's empty mass and the stated one, in its standard uncertainties.
+    empty_mass_agreement_u: float = 3.0
+
+    # fit_columns
+    #: Rows fitted per length of the mean: two hold nearly all that its means hold.
+    rows_per_mean: int = 2
+    #: Shortest stretch, in s: shorter ones determine nothing of their own.
+    shortest_stretch_s: float = 0.5
+    #: A derivative of the force below so many standard deviations is noise.
+    force_rate_min_std: float = 4.0
+    #: Smallest share of the force that load transfer leaves.
+    load_transfer_min_gain: float = 0.5
+    #: Largest load, as a share of the mass that it is related to.
+    largest_relative_load: float = 0.9
+    #: Quantiles of the manoeuvres' masses between which the middle of empty and loaded lies.
+    load_contrast_quantiles: tuple[float, float] = (0.1, 0.9)
+    #: R.m.s. of the derivative, in standard deviations, from which it is clear on a grid that has
+    #: it of more than two rows: of jerks that are stick-slip or noise slip comes out too small
+    #: (loaders have 4 to 10, cars 10 to 13).
+    clear_force_rate_std: float = 10.0
+    #: Half width of the parabola that gives the derivative, in s.
+    force_rate_half_width_s: float = 0.04
+
+    # fit_task
+    #: A lag that changes by less, in s, has converged.
+    lag_tolerance_s: float = 1e-4
+    #: Largest offset that is taken off the force, in widths of its prior.
+    max_offset_prior_std: float = 3.0
+    #: Longest lag that is searched, in s.
+    longest_lag_s: float = 0.3
+    #: Smallest width of the prior of slip by the wheels, as a share of its prior: they are not
+    #: trusted further.
+    min_slip_std_fraction: float = 0.05
+    #: Share of its prior below which the wheels' own acceleration determines slip: where a third
+    #: was left, slip was up to two standard deviations off.
+    slip_posterior_fraction: float = 0.1
+    #: Fewest drives between stands or holes: fewer do not separate a drift from a change of load.
+    drift_min_drives: int = 6
+
+    # growing_load
+    #: Fewest rows of a manoeuvre that shows a growing load.
+    growth_min_rows: int = 20
+    #: Share of a column's squares below which what is left is rounding.
+    column_rounding_fraction: float = 1e-12
+    #: Fewest manoeuvres that show what is usual.
+    growth_min_manoeuvres: int = 4
+    #: Rows that miss by more standard deviations count as missing by so many.
+    row_clip_std: float = 4.0
+    #: Probability that any manoeuvre of a log is reported by chance.
+    growth_false_alarm_probability: float = 0.01
+    #: Largest change of a load, as a share of the machine's mass: a bucket that goes on filling
+    #: holds more than the rated third of it, and no loader carries its own mass.
+    max_growth_fraction: float = 1.0
+    #: Standard deviation of a start's own friction, as a share of it.
+    own_friction_fraction: float = 0.1
+    #: Standard deviation of a start's own constant, as a share of the largest force.
+    own_constant_fraction: float = 0.01
+    #: Smallest share of a term's variance that is its own; with less it cannot be separated.
+    min_own_variance_fraction: float = 1e-9
+
+    # joint_fit
+    #: Rounds of finding the lag, shifting the force by it, and fitting again.
+    lag_rounds: int = 4
+    #: Rounds of the fits that choose the mean: a lag left in would decide the choice.
+    pilot_rounds: int = 2
+    #: Rounds of finding a squat under loads whose size it changes.
+    squat_rounds: int = 4
+    #: Rounds of load states and the fit that removes the nuisances.
+    state_rounds: int = 4
+    #: Smallest mass that is one, as a share of force over acceleration.
+    min_mass_fraction: float = 0.1
+    #: Largest share of noise in a direction of the columns: with more a mean is too short.
+    max_noise_fraction: float = 0.3
+    #: Standard deviation over the smallest one up to which the shortest mean is taken.
+    near_best_std_ratio: float = 1.1
+    #: Difference of masses, in standard deviations, from which the mean's length matters.
+    mean_length_std: float = 2.5
+    #: The same as a share of the mass.
+    mean_length_fraction: float = 0.005
+    #: Means, in rows, on a slow grid of which the shortest mean is a row: motion changes within its
+    #: step, and a product (slip) is not that of means. Cars at 1 Hz with slip were 1 to 3 % off.
+    slow_grid_mean_rows: tuple[int, int, int] = (1, 2, 4)
+    #: As `mean_length_fraction`, on such a grid.
+    slow_grid_mean_length_fraction: float = 0.002
+    #: Error that no mean shows there, as a share of the mass per second of step: a bus at 1 Hz was
+    #: 0.3 % off.
+    slow_grid_hidden_1_s: float = 0.003
+    #: Fewest means of a stretch that have no sample in common.
+    disjoint_means_per_stretch: int = 6
+    #: Lag in s up to which a delayed and a low-passed force do not differ.
+    short_lag_s: float = 0.003
+    #: Delay in s of the motion with which its effect on the masses is measured.
+    probe_delay_s: float = 0.005
+    #: Gain of the motion with which its effect on the masses is measured.
+    probe_gain_1: float = 0.01
+
+    # load_frames
+    #: The lightest state is empty if its mass is the machine's within so many uncertainties,
+    empty_state_u: float = 2.0
+    #: and the heaviest is heavier by so many.
+    heaviest_state_u: float = 3.0
+    #: States are equally light within so many standard deviations of their difference.
+    equally_light_std: float = 3.0
+    #: Manoeuvres that are named; the others are counted.
+    max_named_manoeuvres: int = 3
+
+    # load_states
+    #: Largest load, as a share of the machine's mass (rated loads of loaders).
+    largest_load_fraction: float = 1.0 / 3.0
+    #: Repeatability of manoeuvres with one load, as a share of the machine's mass: manufacturers of
+    #: loader scales state one or two percent.
+    repeatability_fraction: float = 0.02
+    #: One load is not ruled out above this probability.
+    single_load_min_probability: float = 0.05
+    #: Several loads are not while all their partitions together exceed this: some of many always
+    #: fit chance.
+    several_loads_min_probability: float = 0.2
+    #: Reversals from heavier to lighter or back from which a load returns, if not to the kilogram:
+    #: a bucket is never quite empty.
+    load_return_reversals: int = 2
+    #: Movement of a boom or bucket between manoeuvres that may load or dump, in rad.
+    arm_movement_rad: float = 0.15
+    #: Shortest manoeuvre that determines a mass, in s,
+    informative_manoeuvre_s: float = 0.5
+    #: and its fewest samples.
+    informative_manoeuvre_samples: int = 10
+    #: Manoeuvres disagree if the ratio of variances exceeds 1 by so many standard deviations: more
+    #: than of a fit's groups, whose own deviations are of more samples.
+    excess_scatter_std: float = 5.0
+
+    # log_effects
+    #: Prior probability that a log has an effect.
+    effect_prior_probability: float = 0.2
+
+    # low_gears
+    #: Speed in m/s from which a vehicle has gears for the road: 40 km/h; loaders are slower.
+    road_speed_m_s: float = 11.0
+    #: Speed in m/s of the first gear. Only a log that drives so slowly determines the gears,
+    first_gear_m_s: float = 4.0
+    #: for at least this share of its samples; else the prior alone would separate them.
+    first_gear_min_fraction: float = 0.05
+
+    # mass_budget
+    #: Shift by doubled priors, in standard deviations, from which the answer depends on them.
+    prior_dependence_std: float = 1.5
+    #: Relative standard uncertainty of what the ground along the way does to a difference of loads:
+    #: the model is a line between a few places, and real ground is not. Set on 60 shifts of the
+    #: independent bench (seeds 70000 to 70059), where small loads move by half of them.
+    ground_shape_u_1: float = 0.15
+    #: Share of a gain's drift by which either end of the log differs from its mean.
+    half_gain_drift: float = 0.5
+
+    # motion_samples
+    #: Time in s before a manoeuvre in which the break-away lies: mean and phases see it late.
+    break_away_look_back_s: float = 0.3
+    #: Speed that moves, in standard deviations of its noise,
+    moving_speed_std: float = 4.0
+    #: and at least, in m/s.
+    moving_speed_m_s: float = 0.01
+    #: Time in s after a break-away in which friction is not surely that of motion: noise shows the
+    #: break-away to a few samples, and resampling mixes them with the standstill.
+    mixed_friction_s: float = 0.05
+    #: The same at least, in samples, where a zero-phase low-pass reached across it,
+    mixed_friction_filtered_samples: int = 3
+    #: and elsewhere.
+    mixed_friction_samples: int = 1
+    #: Driving without a stand is cut into manoeuvres of this length, in s: far longer than a loader
+    #: drives between two stands, and some dozen readings at 1 Hz.
+    longest_manoeuvre_s: float = 60.0
+    #: Silence in s that separates two records: files that count from 0 follow after 10 s, a network
+    #: that drops messages is back sooner.
+    record_break_s: float = 8.0
+    #: Margin beside a gap in which nothing is fitted, in s.
+    gap_margin_s: float = 0.1
+    #: Fraction of the samples each way from which motion is both ways.
+    two_way_min_fraction: float = 0.1
+    #: Longest path of a bench, in m, on which a spring or gravity may push back,
+    bench_path_m: float = 6.0
+    #: and its fewest passes.
+    bench_min_passes: float = 6.0
+    #: Time in s around a piece from where a lag or derivative may take samples.
+    piece_margin_s: float = 0.6
+
+    # nuisances
+    #: Mean square of the progress, which goes from -1/2 to 1/2.
+    progress_mean_square: float = 1.0 / 12.0
+    #: Standard deviation of an offset, in N, below which nothing is left to find.
+    min_offset_std_N: float = 1e-3
+
+    # other_motion
+    #: Variance of a sample of a central difference over that of the speed, by the step squared,
+    central_difference_variance: float = 0.5
+    #: and of a longer mean, which is the difference of two samples.
+    mean_difference_variance: float = 2.0
+
+    # pitch_squat
+    #: Distance in m from the start of a stretch over which the grade is a polynomial: half a hill.
+    grade_reach_m: float = 8.0
+    #: Degree of that polynomial.
+    grade_degree: int = 3
+    #: Half width of a rate of change, in means: 0.1 s at 100 Hz; springs swing faster than a longer
+    #: one sees.
+    pitch_rate_means: int = 3
+    #: Fewest rows of a stretch beside four coefficients of the grade.
+    pitch_min_rows: int = 20
+    #: Smallest squat that matters, as a share of the acceleration,
+    min_pitch_squat_fraction: float = 0.005
+    #: and fewest stretches that separate it from hills.
+    pitch_min_stretches: int = 6
+    #: Standard deviations from which a squat by the pitch counts.
+    pitch_squat_min_std: float = 3.5
+    #: Standard uncertainty of what a squat does to the accelerometer, over the squat: while the
+    #: springs swing, an accelerometer 0.5 to 1 m above their axis moves by half as much more.
+    spring_swing_u: float = 0.5
+
+    # record_places
+    #: Rounds of moving records onto each other.
+    place_rounds: int = 12
+    #: Largest offset of a record whose path is centred, over the path.
+    max_record_offset_1: float = 0.5
+    #: Largest move of a record in a round, over the path: half of the shortest half wave.
+    max_record_step_1: float = 0.06
+    #: Moves of less have converged, over the path.
+    record_tolerance_1: float = 1e-4
+    #: Standard deviation of a free column of unit mean square, over that of the force.
+    free_column_std: float = 1e3
+
+    # uneven_ground
+    #: Fraction of the samples from which a direction has ground of its own.
+    direction_min_fraction: float = 0.05
+
+    # weigh
+    #: Braking is left out if it moves the mass by so many standard uncertainties.
+    braking_left_out_u: float = 3.0
+    #: It is doubted if it moves it by so many of the answer's,
+    braking_doubted_u: float = 2.0
+    #: and in either case moves it by at least this share.
+    braking_min_fraction: float = 0.005
+    #: Fits of one log find one lag, within so many s: half of what its prior expects.
+    same_lag_s: float = 0.01
+    #: Standard deviations from which a term in a·|a| shows,
+    curvature_min_std: float = 6.0
+    #: if it moves the mass by this share.
+    curvature_min_fraction: float = 0.01
+    #: Means of so many samples of a derivative are differences.
+    derivative_mean_samples: int = 20
+    #: Rounds of the fit that finds the errors of a calibration's means: terms are products.
+    learnt_mean_rounds: int = 2
+    #: Shortest driving that is fitted, in s.
+    shortest_log_s: float = 1.0
+
+    # wheel_kinematics
+    #: Share of the mismatch below which an accelerometer without its gravity is taken.
+    gravity_mismatch_ratio: float = 0.8
+    #: Samples over which noise accumulates.
+    accumulated_noise_samples: int = 100
+    #: Standard deviation with which a gain is searched without leaning on its prior.
+    gain_search_std_1: float = 0.3
+    #: Standard deviations from which a gain counts,
+    gain_min_std: float = 3.5
+    #: and its least size.
+    gain_min_1: float = 0.01
+    #: Largest squat, as a share of the acceleration: 0.46° a m/s².
+    max_squat_1: float = 0.08
+    #: Relative standard uncertainty of the share of a squat that the speed's own scale makes.
+    speed_scale_squat_u: float = 0.25
+    #: Driven wheels turn farther than they roll: slip below 0 by so many standard deviations is a
+    #: gain, and is fitted again
+    negative_slip_std: float = 2.0
+    #: with a prior of slip that is narrower by this factor.
+    negative_slip_prior_ratio: float = 0.02
+    #: Passes in which slip and ground speed are found in turn.
+    slip_passes: int = 3
+    #: A delay started from an earlier fit that changes by less, in s, has converged.
+    delay_tolerance_s: float = 5e-4
+    #: Longest delay that is searched, in s.
+    longest_delay_s: float = 0.15
+    #: Largest slip of a wheel that weighs, as a fraction of its speed.
+    max_slip_fraction: float = 0.4
+    #: Residuals over the noise of the speed from which wheels and accelerometer are inconsistent.
+    max_kinematic_mismatch: float = 3.0
+
+
+#: The values in use.
+LIMITS: Final = WeighingLimits()

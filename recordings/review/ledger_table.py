@@ -1,0 +1,159 @@
+"""The ledger for a spreadsheet: dates as dates, ± as on the page, and a row of units."""
+
+import csv
+import datetime as dt
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import polars as pl
+import xlsxwriter
+
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.clock_text import ShiftClock
+from recordings.report.shift_text import K
+from recordings.review.reviewer_verdicts import LABELS
+from recordings.review.safe_cell import safe_cell
+
+XLSX: Final = "ledger.xlsx"
+TABLE_CSV: Final = "ledger_table.csv"
+_NS: Final = 10**9
+_KM_H: Final = 3.6
+_WIDTH: Final = 19
+_DATE: Final = "yyyy-mm-dd hh:mm:ss"
+Row = Mapping[str, Any]
+Cell = str | float | int | bool | dt.datetime | None
+
+
+class TableColumn(NamedTuple):
+    """A column: its head, unit, where its value comes from, and how many digits are shown."""
+
+    head: str
+    unit: str
+    value: Callable[[Row, ShiftClock], Cell]
+    digits: int | None = None
+
+
+def _scaled(name: str, factor: float = 1.0) -> Callable[[Row, ShiftClock], Cell]:
+    return lambda row, _: None if row[name] is None else factor * row[name]
+
+
+def _as_it_is(name: str) -> Callable[[Row, ShiftClock], Cell]:
+    return lambda row, _: row[name]
+
+
+def _utc(row: Row, _: ShiftClock) -> Cell:
+    if row["end_unix_ns"] < FIRST_DATE_NS:
+        return None
+    return dt.datetime.fromtimestamp(row["end_unix_ns"] // _NS, dt.UTC).replace(tzinfo=None)
+
+
+def _local(row: Row, clock: ShiftClock) -> dt.datetime | None:
+    if not clock.is_dated:
+        return None
+    return clock.local((row["end_unix_ns"] - clock.t0_unix_ns) / _NS)
+
+
+def _wall(row: Row, clock: ShiftClock) -> Cell:
+    local = _local(row, clock)
+    return None if local is None else local.replace(tzinfo=None)
+
+
+def _offset_h(row: Row, clock: ShiftClock) -> Cell:
+    local = _local(row, clock)
+    offset = None if local is None else local.utcoffset()
+    return None if offset is None else offset / dt.timedelta(hours=1)
+
+
+def _counted(row: Row, _: ShiftClock) -> Cell:
+    return "yes" if row["counted"] else "no"
+
+
+def _remark(row: Row, _: ShiftClock) -> Cell:
+    return "; ".join(filter(None, (row["withheld_for"], row["doubt"])))
+
+
+#: Times are those of the dump; the offset tells two 02:30 of one night apart.
+COLUMNS: Final = (
+    TableColumn("cycle", "1", _as_it_is("cycle"), 0),
+    TableColumn("local time", "date", _wall),
+    TableColumn("offset from UTC", "h", _offset_h, 2),
+    TableColumn("UTC", "date", _utc),
+    TableColumn("payload", "kg", _scaled("payload_kg"), 0),
+    TableColumn("± (95 %, k = 2)", "kg", _scaled("payload_u_kg", K), 0),
+    TableColumn("counted", "yes or no", _counted),
+    TableColumn("quality", "", _as_it_is("quality")),
+    TableColumn("remark", "", _remark),
+    *(TableColumn(name, "", _as_it_is(name)) for name in LABELS),
+    TableColumn("note", "", _as_it_is("note")),
+    TableColumn("author", "", _as_it_is("author")),
+    TableColumn("haul", "m", _scaled("haul_m"), 0),
+    TableColumn("top speed", "km/h", _scaled("top_speed_m_s", _KM_H), 1),
+    TableColumn("moving", "s", _scaled("moving_s"), 0),
+    TableColumn("standing", "s", _scaled("standing_s"), 0),
+    TableColumn("id", "", _as_it_is("id")),
+)
+
+
+def table_rows(ledger: pl.DataFrame, clock: ShiftClock) -> list[list[Cell]]:
+    """The cells, a row a cycle.
+
+    Args:
+        ledger: with motion.
+        clock: of the machine: a reader's own zone changes nothing.
+    """
+    return [
+        [column.value(row, clock) for column in COLUMNS] for row in ledger.iter_rows(named=True)
+    ]
+
+
+def write_xlsx(ledger: pl.DataFrame, clock: ShiftClock, path: Path) -> None:
+    """Write a workbook: heads, units, then rows; the two on top stay in sight."""
+    # no text becomes a formula or a link, and the same ledger gives the same bytes
+    options = {"strings_to_formulas": False, "strings_to_urls": False, "in_memory": True}
+    with xlsxwriter.Workbook(str(path), options) as book:
+        book.set_properties({"created": dt.datetime(2000, 1, 1, tzinfo=dt.UTC)})
+        sheet = book.add_worksheet("ledger")
+        bold, quiet = book.add_format({"bold": True}), book.add_format({"italic": True})
+        sheet.freeze_panes(2, 1)
+        rows = table_rows(ledger, clock)
+        for place, column in enumerate(COLUMNS):
+            form = "0" if not column.digits else f"0.{'0' * column.digits}"
+            shown = book.add_format({"num_format": _DATE if column.unit == "date" else form})
+            sheet.set_column(place, place, _WIDTH if column.unit == "date" else None)
+            sheet.write_string(0, place, column.head, bold)
+            sheet.write_string(1, place, column.unit, quiet)
+            for number, row in enumerate(rows, start=2):
+                if (cell := row[place]) not in (None, ""):
+                    sheet.write(number, place, cell, None if isinstance(cell, str) else shown)
+
+
+def write_table_csv(
+    ledger: pl.DataFrame, clock: ShiftClock, path: Path, *, decimal_comma: bool = False
+) -> None:
+    """Write the same as text that a spreadsheet opens by a double click.
+
+    Args:
+        ledger: with motion.
+        clock: of the machine.
+        path: to write.
+        decimal_comma: for a spreadsheet of a locale that writes 1,5: cells part at semicolons.
+    """
+    with path.open("w", encoding="utf-8-sig", newline="") as file:
+        writer = csv.writer(file, delimiter=";" if decimal_comma else ",")
+        writer.writerow([column.head for column in COLUMNS])
+        writer.writerow([column.unit for column in COLUMNS])
+        for row in table_rows(ledger, clock):
+            cells = zip(row, COLUMNS, strict=True)
+            writer.writerow([_text(cell, c.digits, comma=decimal_comma) for cell, c in cells])
+
+
+def _text(cell: Cell, digits: int | None, *, comma: bool) -> str:
+    if cell is None:
+        return ""
+    if isinstance(cell, dt.datetime):
+        return f"{cell:%Y-%m-%d %H:%M:%S}"
+    if isinstance(cell, str):
+        return safe_cell(cell)
+    text = f"{cell:.{digits or 0}f}"
+    return text.replace(".", ",") if comma else text
