@@ -86,6 +86,9 @@ def said(found: Claims) -> Said:
         (
             "Campaigns as in Tables 3 and 4, at 320 samples and 0.7 nat. The paper does not say "
             "whether its averages are of errors or of their sizes, nor what its ± covers.",
+            "About the buffer, RLS runs on over changes of the load, as on board. Elsewhere it "
+            "begins anew at each, as in a replay, from the first window of the load alone, and so "
+            "is worse.",
             "RLS without the criterion is fed every sample, or every sample but braking; the "
             f"claim's constant speed is a cruise of {CRUISE_S:g} s after a start of 3 s.",
         ),

@@ -143,6 +143,11 @@ class Recording:
             time.sleep(0.001)
         return self
 
+    @property
+    def is_over(self) -> bool:
+        """Whether everything is written."""
+        return not self._thread.is_alive()
+
     def __exit__(self, *_: object) -> None:
         self._thread.join()
 
