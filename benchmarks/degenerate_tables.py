@@ -364,6 +364,12 @@ def calibrated(of: Replayed, payscope: Driven) -> None:
     payscope("init", "--campaign", logs, "-m", drawn.machine, "-o", draft)
 
 
+def followed(of: Replayed, payscope: Driven) -> None:
+    """`follow`: the table as a log that no longer grows."""
+    words = ("-m", of.drawn.machine, "--json", "--idle-s", "0")
+    payscope("follow", of.drawn.log, *words)
+
+
 def queried(of: Replayed, payscope: Driven) -> None:
     """`query`: of the recording and of the table; `convert`, and the converted log once more."""
     payscope("query", of.recording, 'SELECT "check", value FROM verdict', "--format", "json")
@@ -388,6 +394,7 @@ JOBS: Final[tuple[Job, ...]] = (
     reviewed,
     calibrated,
     queried,
+    followed,
 )
 
 

@@ -17,8 +17,11 @@ from recordings.review.safe_cell import safe_cell
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
+#: Nanoseconds of a second.
 _NS: Final = 10**9
+#: Kilometres an hour of a metre a second.
 _KM_H: Final = 3.6
+#: Width of a column of the workbook, in characters: a date with its time.
 _WIDTH: Final = 19
 _DATE: Final = "yyyy-mm-dd hh:mm:ss"
 Row = Mapping[str, Any]
