@@ -229,19 +229,18 @@ def _fit_comparison(
             lines = _line_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
-    free = wide.fit
-    if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
-        slip_std *= LIMITS.negative_slip_prior_ratio
-        free = solved(
-            rows, widths(LIMITS.gain_search_std_1, about, slip_std), delay_s, lines, loss
-        ).fit
     # a speed without noise is known to its last digit
     rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
     noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
+    free = wide.fit
+    if free.theta[1] < -LIMITS.negative_slip_std * free.std[1]:
+        narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
+        stiff = widths(LIMITS.gain_search_std_1, about, narrow_std)
+        rolling = solved(rows, stiff, delay_s, lines, loss).fit
+        if rolling.theta[0] < 0.0 and _gain_counts(rolling, noise_m_s):
+            free, slip_std = rolling, narrow_std
     mismatch = free.residual_rms / noise_m_s
-    # where the two do not go together, deviations say nothing
-    times = LIMITS.gain_min_std if mismatch <= LIMITS.max_kinematic_mismatch else 0.0
-    counts = bool(abs(free.theta[0]) > max(LIMITS.gain_min_1, times * free.std[0]))
+    counts = _gain_counts(free, noise_m_s)
     std = widths(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
@@ -263,6 +262,19 @@ def _fit_comparison(
         prior_std=std[[1, 0, 2]],
         mean_u=np.zeros(len(TERMS)),
     )
+
+
+def _gain_counts(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
+    """Whether a gain is more than its prior and the log's noise allow.
+
+    Args:
+        fit: of the comparison, the gain first.
+        noise_m_s: of the speed's means.
+    """
+    # where the two do not go together, deviations say nothing
+    agrees = fit.residual_rms / noise_m_s <= LIMITS.max_kinematic_mismatch
+    times = LIMITS.gain_min_std if agrees else 0.0
+    return bool(abs(fit.theta[0]) > max(LIMITS.gain_min_1, times * fit.std[0]))
 
 
 def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: float) -> Floats:
