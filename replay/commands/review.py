@@ -36,6 +36,7 @@ def _cycles(name: str, does: str) -> Any:
 
 
 def command(
+    context: typer.Context,
     logs: Annotated[
         list[Path],
         typer.Argument(
@@ -77,6 +78,9 @@ def command(
     full: Annotated[
         bool, typer.Option("--full", help="Keep every sample and intermediate in shift.rrd.")
     ] = False,
+    week: Annotated[
+        bool, typer.Option("--week", help="Sum the folders of reviews by day, machine, product.")
+    ] = False,
     decimal_comma: Annotated[
         bool,
         typer.Option("--decimal-comma", help="Write ledger_table.csv with 1,5 and semicolons."),
@@ -98,6 +102,10 @@ def command(
     from replay.review.give_verdicts import GivenVerdicts, count_again, is_review
     from replay.review.review_shift import ReviewOptions, review
 
+    if week:
+        _check_alone(context)
+        print_week(logs, as_json=as_json)
+        return
     labels = {
         "product": product,
         "operator": operator,
@@ -133,6 +141,39 @@ def command(
     if made.no_tonnes:
         typer.echo(one_line(headline(made.shift, made.no_tonnes, made.state)), err=True)
         raise typer.Exit(1)
+
+
+def _check_alone(context: typer.Context) -> None:
+    """Refuse what a week is not made with, so that no option is ignored."""
+    for name in context.params:
+        source = context.get_parameter_source(name)
+        if name in ("logs", "week", "as_json") or source is None or source.name != "COMMANDLINE":
+            continue
+        raise typer.BadParameter("--week takes folders of reviews and --json, nothing else")
+
+
+def print_week(folders: list[Path], *, as_json: bool) -> None:
+    """Print what reviews add up to by day, machine and product; nothing is replayed."""
+    from recordings.report.shift_text import K
+    from recordings.review.week_totals import GROUPS, read_week, sum_by, sum_week
+    from replay.commands.print_tables import console, print_json, print_line
+
+    parts = read_week(folders)
+    sums = {by: sum_by(parts, by) for by in GROUPS}
+    whole = sum_week(parts)
+    if as_json:
+        print_json(
+            {by: [each._asdict() for each in totals] for by, totals in sums.items()}
+            | {"all": whole._asdict()}
+        )
+        return
+    screen = console()
+    for by, totals in [*sums.items(), ("all", [whole])]:
+        for each in totals:
+            t, u_t = each.payload_kg / 1e3, K * each.payload_u_kg / 1e3
+            name = f"{by} {each.name or 'not named'}" if by != "all" else "all"
+            print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t")
+    print_line(screen, "counted loads; what holes and missing logs hide is on each review's page")
 
 
 def print_review(screen: "Console", made: "ShiftReview") -> None:

@@ -1,0 +1,144 @@
+"""Days, machines and products of several reviewed shifts, from their ledgers and verdicts."""
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import polars as pl
+
+from analysis.cycles.shift_totals import sum_cycles
+from estimators.errors import ReviewError
+from recordings.review.review_state import ReviewState, read_state
+from recordings.review.reviewer_verdicts import matched, read_verdicts
+from recordings.review.shift_ledger import PARQUET, cycles_of
+
+#: Of a second, in ns.
+_NS: Final = 10**9
+NO_DATE: Final = "no date"
+GROUPS: Final = ("day", "machine", "product")
+
+
+class WeekPart(NamedTuple):
+    """The counted loads of one product, on one day, of one machine, in one review."""
+
+    day: str
+    machine: str
+    product: str
+    loads: int
+    payload_kg: float
+    random_u_kg: float
+    common_u_kg: float
+
+
+class WeekTotal(NamedTuple):
+    """What one day, machine or product adds up to.
+
+    Attributes:
+        name: of it; empty for loads without a product.
+        loads: that count.
+        payload_kg: their sum.
+        payload_u_kg: its standard uncertainty.
+    """
+
+    name: str
+    loads: int
+    payload_kg: float
+    payload_u_kg: float
+
+
+def read_week(folders: Sequence[Path]) -> list[WeekPart]:
+    """The counted loads of reviews; `verdicts.toml` counts as it is now, nothing is replayed.
+
+    A load is of the day on which it ends, by the clock of its own machine.
+
+    Raises:
+        ReviewError: a folder holds no review of this version, or two hold one load.
+    """
+    owners: dict[tuple[str, int], Path] = {}
+    found: list[WeekPart] = []
+    for folder in folders:
+        state = read_state(folder)
+        if state is None or not (folder / PARQUET).is_file():
+            raise ReviewError(
+                f"{folder}: holds no review of this version; make it: payscope review LOG… -m "
+                f"MACHINE -o {folder}"
+            )
+        try:
+            rows = pl.read_parquet(folder / PARQUET)
+            cycles = cycles_of(rows, state.t0_unix_ns)
+        except OSError as error:
+            raise ReviewError(
+                f"{folder / PARQUET}: cannot be read ({error.strerror}); review its logs once more"
+            ) from None
+        except pl.exceptions.PolarsError:
+            raise ReviewError(
+                f"{folder / PARQUET}: is no ledger of this version; review its logs once more"
+            ) from None
+        machine = _name_machine(state)
+        for ends_ns in rows["end_unix_ns"] if state.clock.is_dated else ():
+            other = owners.get((machine, ends_ns))
+            if other is not None:
+                raise ReviewError(f"{folder}: has loads that {other} has too; name one of them")
+        owners |= {(machine, ends_ns): folder for ends_ns in rows["end_unix_ns"]}
+        found += _sum_parts(rows, cycles, state, folder)
+    return found
+
+
+def _name_machine(state: ReviewState) -> str:
+    return f"{state.machine} {state.serial}".strip()
+
+
+def _sum_parts(
+    rows: pl.DataFrame, cycles: pl.DataFrame, state: ReviewState, folder: Path
+) -> list[WeekPart]:
+    verdicts = read_verdicts(folder)
+    by_row = matched(verdicts, rows["id"], folder)
+    rejected = [int(rows["cycle"][row]) for row, each in by_row.items() if each.reject]
+    clock, shift_product = state.clock, verdicts.shift_labels.product
+    groups: dict[tuple[str, str], list[int]] = defaultdict(list)
+    for row, ends_ns in enumerate(rows["end_unix_ns"]):
+        own = by_row[row].product if row in by_row else ""
+        local = clock.local((ends_ns - state.t0_unix_ns) / _NS) if clock.is_dated else None
+        day = NO_DATE if local is None else f"{local:%Y-%m-%d}"
+        groups[day, own or shift_product or ""].append(row)
+    parts: list[WeekPart] = []
+    for (day, product), members in groups.items():
+        sums = sum_cycles(cycles[members], rejected)
+        masses = (sums[f"payload_{name}kg"] for name in ("", "u_random_", "u_common_"))
+        if sums["cycles_counted"]:
+            parts.append(
+                WeekPart(day, _name_machine(state), product, sums["cycles_counted"], *masses)
+            )
+    return parts
+
+
+def sum_by(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
+    """The sums by one of `GROUPS`, in its order.
+
+    What is common to the loads of a machine is common to all of its shifts, and adds up as it is;
+    machines are independent.
+
+    Args:
+        parts: of the week.
+        by: the group.
+    """
+    members: dict[str, list[WeekPart]] = defaultdict(list)
+    for part in parts:
+        members[getattr(part, by)].append(part)
+    return [_sum(name, members[name]) for name in sorted(members)]
+
+
+def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
+    """The sum of all."""
+    return _sum("all", parts)
+
+
+def _sum(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
+    common_kg: dict[str, float] = defaultdict(float)
+    for part in parts:
+        common_kg[part.machine] += part.common_u_kg
+    u_kg = math.hypot(*(part.random_u_kg for part in parts), *common_kg.values())
+    mass_kg = math.fsum(part.payload_kg for part in parts)
+    return WeekTotal(name, sum(part.loads for part in parts), mass_kg, u_kg)
