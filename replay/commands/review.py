@@ -69,7 +69,8 @@ def command(
     customer: Annotated[str, _label("customer")] = "",
     stockpile: Annotated[str, _label("stockpile")] = "",
     author: Annotated[
-        str, typer.Option(help="Name of the person who gives the verdict.", rich_help_panel=_VERDICT)
+        str,
+        typer.Option(help="Name of the person who gives the verdict.", rich_help_panel=_VERDICT),
     ] = "",
     overrides: Annotated[
         list[str] | None,
