@@ -70,7 +70,7 @@ def command(
     stockpile: Annotated[str, _label("stockpile")] = "",
     author: Annotated[
         str,
-        typer.Option(help="Name of the person who gives the verdict.", rich_help_panel=_VERDICT),
+        typer.Option(help="Name of the one who gives the verdict.", rich_help_panel=_VERDICT),
     ] = "",
     overrides: Annotated[
         list[str] | None,
