@@ -42,6 +42,14 @@ def folder_of(source: Path) -> Path:
     return _passing() / module
 
 
+known_folder_of: Final = cache(folder_of)
+
+
+def is_kept(source: Path, name: str) -> bool:
+    """Whether something is kept of a function that is compiled, given its module's file."""
+    return any(known_folder_of(source).glob(f"{source.stem}.{name}-*.nbi"))
+
+
 def forget() -> list[Path]:
     """Remove what is kept, since some of it cannot be read; the folders that were removed."""
     packages = [path.parent.name for path in _HOUSE.glob("*/__init__.py")]
@@ -72,7 +80,8 @@ def _digest(source: Path) -> str:
     """Hash the sources of a module and of all that it imports of its package and of this one."""
     packages = {Path(__file__).parent.name, source.relative_to(_HOUSE).parts[0]}
     found: set[Path] = set()
-    left = [source]
+    # how it is compiled, which a loop that may be interpreted does not import
+    left = [source, _HOUSE / Path(__file__).parent.name / "compiled.py"]
     while left:
         path = left.pop()
         if path not in found and path.relative_to(_HOUSE).parts[0] in packages:
