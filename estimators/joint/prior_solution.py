@@ -123,7 +123,7 @@ def _weighted_equations(
     return turns, clean, bare, gram, taken, scatter
 
 
-def _residual_by_arrays(
+def _subtract_fit_by_arrays(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:
     left = f - A[:, 0] * theta[level_of_unit[group]]
@@ -132,7 +132,7 @@ def _residual_by_arrays(
     return np.where(group >= 0, left, 0.0)
 
 
-@compiled_beside(_residual_by_arrays)
+@compiled_beside(_subtract_fit_by_arrays)
 def _residual(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from estimators.estimate import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.fit_loss import fit_loss, group_ids
-from estimators.numerics.in_order import sums_in_order
+from estimators.numerics.in_order import sum_axis_in_order
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 16
@@ -63,7 +63,7 @@ def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
     padded[: run.size] = run
     later = np.lib.stride_tricks.sliding_window_view(padded, sums.size)[:count]
     terms = np.vstack([sums, padded[:count, None] * later])
-    sums[:] = sums_in_order(terms, 0)
+    sums[:] = sum_axis_in_order(terms, 0)
 
 
 @compiled_beside(_add_run_by_arrays)

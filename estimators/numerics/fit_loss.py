@@ -10,7 +10,7 @@ import numpy as np
 
 from estimators.estimate import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
-from estimators.numerics.in_order import dot, sums_in_order
+from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 128
@@ -18,7 +18,7 @@ _AT_ONCE = 128
 _MOST_FITS = 100
 
 
-def _products_by_arrays(Q: Floats, distances: int) -> Floats:
+def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
     n, p = Q.shape
     columns = np.zeros((p, n + distances))
     columns[:, :n] = Q.T
@@ -28,7 +28,7 @@ def _products_by_arrays(Q: Floats, distances: int) -> Floats:
     return cross
 
 
-@compiled_beside(_products_by_arrays)
+@compiled_beside(_sum_products_by_arrays)
 def _products_at_distances(Q: Floats, distances: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, (p, p, distances)."""
     n, p = Q.shape
@@ -58,7 +58,7 @@ def _products_at_distances(Q: Floats, distances: int) -> Floats:
 def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
     n, p = Q.shape
     lags = len(loss)
-    cross = _products_by_arrays(Q, 2 * lags - 1)
+    cross = _sum_products_by_arrays(Q, 2 * lags - 1)
     both = (cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)).reshape(p * p, lags)
     alike = cross[np.arange(p), np.arange(p)]
     pushed = np.zeros(lags)
@@ -73,7 +73,7 @@ def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
         shifted = -pushed[:left]
         for near in alike:
             shifted += 2.0 * (near[:left] + near[2 * j : j + lags])
-        inside = sums_in_order(both[:, j, None] * both[:, j:], 0)
+        inside = sum_axis_in_order(both[:, j, None] * both[:, j:], 0)
         more = shifted - 0.5 * inside
         loss[j, j] += (0.5 if j == 0 else 1.0) * more[0]
         loss[j, j + 1 :] += more[1:]
@@ -134,16 +134,16 @@ def _orthonormal(A: Floats) -> Floats:
     for i in range(p):
         for k in range(n):
             q[k] = A[k, i]
-        size = np.sqrt(dot(q, q))
+        size = np.sqrt(multiply_vectors(q, q))
         # twice is enough (Giraud, Langou, Rozložník 2005)
         for _ in range(2):
             for c in range(i):
                 for k in range(n):
                     other[k] = Q[k, c]
-                along = dot(other, q)
+                along = multiply_vectors(other, q)
                 for k in range(n):
                     q[k] -= along * other[k]
-        left = np.sqrt(dot(q, q))
+        left = np.sqrt(multiply_vectors(q, q))
         if left > 1e-7 * size:
             for k in range(n):
                 Q[k, i] = q[k] / left
@@ -161,7 +161,7 @@ def _spans(group: Ints, some: Ints) -> Ints:
     return spans
 
 
-def _total_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
+def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     loss, pairs = np.zeros((lags, lags)), np.zeros(lags)
     for first, last in spans.tolist():
         mine = group[first : last + 1] == group[first]
@@ -171,7 +171,7 @@ def _total_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     return loss / np.maximum(pairs, 1.0)[:, None]
 
 
-@compiled_beside(_total_by_arrays)
+@compiled_beside(_sum_loss_by_arrays)
 def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     """Loss over pairs, (lags, lags), of the fits that lie in `spans`."""
     p = A.shape[1]

@@ -9,16 +9,18 @@ from estimators.estimate import Floats, Ints
 from estimators.interpreted import compiled_beside
 
 
-def runs(group: Ints) -> Iterator[tuple[int, int]]:
+def find_runs(group: Ints) -> Iterator[tuple[int, int]]:
     """The first sample of each run of one group (n,), and the one behind its last."""
     begins = np.flatnonzero(np.diff(group)) + 1
     bounds = [0, *begins.tolist(), group.size] if group.size else []
     return pairwise(bounds)
 
 
-def _means_by_arrays(columns: Floats, group: Ints, samples: int, rows: Ints) -> tuple[Floats, Ints]:
+def _average_by_arrays(
+    columns: Floats, group: Ints, samples: int, rows: Ints
+) -> tuple[Floats, Ints]:
     mean, count = np.empty((rows.size, len(columns))), np.empty(rows.size, np.int64)
-    for first, end in runs(group):
+    for first, end in find_runs(group):
         own = slice(*np.searchsorted(rows, (first, end)))
         after = rows[own] + 1 - first
         before = np.maximum(after - samples, 0)
@@ -29,7 +31,7 @@ def _means_by_arrays(columns: Floats, group: Ints, samples: int, rows: Ints) -> 
     return mean, count
 
 
-@compiled_beside(_means_by_arrays)
+@compiled_beside(_average_by_arrays)
 def trailing_group_means(
     columns: Floats, group: Ints, samples: int, rows: Ints
 ) -> tuple[Floats, Ints]:

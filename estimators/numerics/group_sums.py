@@ -8,8 +8,8 @@ import numpy as np
 from estimators.estimate import Floats, Ints
 from estimators.interpreted import compiled_beside
 from estimators.numerics.fit_loss import group_rows
-from estimators.numerics.group_mean import runs
-from estimators.numerics.in_order import sums_in_order
+from estimators.numerics.group_mean import find_runs
+from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.small_systems import NOTHING
 
 
@@ -26,7 +26,7 @@ class NoiseMoments:
     cross: Floats
 
 
-def _moments_by_arrays(
+def _sum_moments_by_arrays(
     slopes: Floats,
     places: Ints,
     covariances: Floats,
@@ -41,10 +41,10 @@ def _moments_by_arrays(
     pairs = covariances[:, channel[s], channel[t]][which].T
     squares = slopes[s] * slopes[t] * pairs
     singles = slopes * covariances[:, channel, -1][which].T
-    for first, end in runs(group):
+    for first, end in find_runs(group):
         g = group[first]
-        np.add.at(cross[g], column, sums_in_order(singles[:, first:end], 1))
-        totals = sums_in_order(squares[:, first:end], 1)
+        np.add.at(cross[g], column, sum_axis_in_order(singles[:, first:end], 1))
+        totals = sum_axis_in_order(squares[:, first:end], 1)
         for i, j, total, on_diagonal in zip(column[s], column[t], totals, s == t, strict=True):
             gram[g, i, j] += total
             if not on_diagonal:
@@ -52,7 +52,7 @@ def _moments_by_arrays(
     return gram, cross
 
 
-@compiled_beside(_moments_by_arrays)
+@compiled_beside(_sum_moments_by_arrays)
 def noise_moments(
     slopes: Floats,
     places: Ints,
@@ -132,11 +132,11 @@ def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, F
     return *_divide_columns(A, f, group, scale), scale
 
 
-def _squares_by_arrays(A: Floats, group: Ints) -> Floats:
-    return sums_in_order(np.where(group[:, None] >= 0, A * A, 0.0), 0)
+def _sum_squares_by_arrays(A: Floats, group: Ints) -> Floats:
+    return sum_axis_in_order(np.where(group[:, None] >= 0, A * A, 0.0), 0)
 
 
-@compiled_beside(_squares_by_arrays)
+@compiled_beside(_sum_squares_by_arrays)
 def _squares(A: Floats, group: Ints) -> Floats:
     total = np.zeros(A.shape[1])
     for k in range(A.shape[0]):

@@ -13,14 +13,14 @@ from estimators.estimate import Floats
 from estimators.interpreted import Primitive
 
 
-def sums_in_order(x: Floats, axis: int) -> Floats:
+def sum_axis_in_order(x: Floats, axis: int) -> Floats:
     """Sums along an axis from zero on, each from the first term to the last."""
     zero = np.zeros_like(x, shape=[1 if k == axis else size for k, size in enumerate(x.shape)])
-    return np.cumsum(np.concatenate([zero, x], axis), axis).take(-1, axis)
+    return np.asarray(np.cumsum(np.concatenate([zero, x], axis), axis).take(-1, axis))
 
 
 def _sum_by_numpy(x: Floats) -> float:
-    return float(sums_in_order(x, 0))
+    return float(sum_axis_in_order(x, 0))
 
 
 def _dot_by_scipy(x: Floats, y: Floats) -> float:
@@ -49,4 +49,4 @@ def _primitive(by_library: Callable[..., Any], loop: Callable[..., Any]) -> Any:
 #: Σ x of a vector
 sum_in_order = cast("Callable[[Floats], float]", _primitive(_sum_by_numpy, _sum))
 #: Σ x y of two vectors, each without gaps
-dot = cast("Callable[[Floats, Floats], float]", _primitive(_dot_by_scipy, _dot))
+multiply_vectors = cast("Callable[[Floats, Floats], float]", _primitive(_dot_by_scipy, _dot))

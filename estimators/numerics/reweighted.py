@@ -67,14 +67,14 @@ def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> Non
             total[k] += early + (w[k] * product[k + 2] + x[k] * product[k + 3])
 
 
-def _residuals_by_arrays(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
+def _subtract_fit_by_arrays(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
     p, m = theta.shape
     out[:m] = z[p, sample : sample + m]
     for c in range(p):
         out[:m] -= theta[c] * z[c, sample : sample + m]
 
 
-@compiled_beside(_residuals_by_arrays)
+@compiled_beside(_subtract_fit_by_arrays)
 def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
     """Residuals (m,) of sample `sample` + k under estimate k of theta (p, m)."""
     p, m = theta.shape

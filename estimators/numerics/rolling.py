@@ -59,12 +59,12 @@ def workspace(q: int, window: int) -> Workspace:
     )
 
 
-def _suffixes_by_arrays(terms: Floats, count: int, sums: Floats) -> None:
+def _sum_suffixes_by_arrays(terms: Floats, count: int, sums: Floats) -> None:
     # from zero, so that no zero is negative
     sums[:, :count] = 0.0 + np.cumsum(terms[: len(sums), :count][:, ::-1], axis=1)[:, ::-1]
 
 
-@compiled_beside(_suffixes_by_arrays)
+@compiled_beside(_sum_suffixes_by_arrays)
 def suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
     """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each to the last of `count`."""
     for lane in range(0, sums.shape[0], 3):

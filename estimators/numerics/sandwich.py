@@ -10,7 +10,7 @@ import numpy as np
 from estimators.estimate import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.autocorrelation import pooled_autocorrelation, widening
-from estimators.numerics.in_order import sums_in_order
+from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.normal_equations import columns_of
 from estimators.numerics.rolling import (
     add_prefix_sums,
@@ -27,7 +27,7 @@ from estimators.threads import in_chunks
 _MEAT_ROWS = 1024
 
 
-def _meat_by_arrays(
+def _sum_meat_by_arrays(
     A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats
 ) -> Floats:
     lags = correlation.size
@@ -39,11 +39,11 @@ def _meat_by_arrays(
     for column, tail in zip(own, tails, strict=True):
         _add_up_by_arrays(column, correlation, tail)
     products = here[:, None] * tails + tails[:, None] * here
-    B = sums_in_order(products, 2)
+    B = sum_axis_in_order(products, 2)
     return np.tril(B) + np.tril(B, -1).T
 
 
-@compiled_beside(_meat_by_arrays)
+@compiled_beside(_sum_meat_by_arrays)
 def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats) -> Floats:
     """Aᵀ R A over the samples first … last that belong to group `of`: (p, p).
 
@@ -243,7 +243,7 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
     return out
 
 
-def _neighbours_by_arrays(
+def _add_neighbours_by_arrays(
     z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:
     near[:, :samples] = 0.0
@@ -254,7 +254,7 @@ def _neighbours_by_arrays(
         near[:, begins:samples] += correlation[lag] * z[:, begins - lag : max(samples - lag, 0)]
 
 
-@compiled_beside(_neighbours_by_arrays)
+@compiled_beside(_add_neighbours_by_arrays)
 def _neighbours(
     z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:

@@ -131,7 +131,7 @@ def invert(L: Floats, inverse: Floats) -> Floats:
     return out
 
 
-def _conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
+def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
     i, j = np.triu_indices(p)
     rows = [packed_index(a, b, size) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
     squares = np.array([G[packed_index(a, a, size)] for a in range(p)])
@@ -149,7 +149,7 @@ def _conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
     return np.where(np.isnan(values).any(axis=0), np.inf, out)
 
 
-@compiled_beside(_conditions_by_arrays)
+@compiled_beside(_find_conditions_by_arrays)
 def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 
