@@ -14,6 +14,7 @@ help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
 demo: $(RUN_STAMP) ## simulate the calibration campaign and a shift as real logs, show the answers
+	$(BIN)/payscope warm-up
 	$(BIN)/payscope demo -o demo --force
 
 test: lint types tests ## everything that must hold: lint, strict types, tests
@@ -29,6 +30,7 @@ types: $(TEST_STAMP) ## strict types
 	$(BIN)/basedpyright
 
 tests: $(TEST_STAMP) ## the tests alone, in parallel; a file's tests share its fixtures
+	$(BIN)/payscope warm-up
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
 
 slow: $(TEST_STAMP) ## the same statements over many trials and examples (ten minutes)

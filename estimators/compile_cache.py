@@ -15,6 +15,7 @@ import re
 import shutil
 import tempfile
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -24,6 +25,7 @@ _NAME: Final = "payscope-numba"
 #: Folders of other states of a module that are left: the latest used.
 _MOST_STATES: Final = 3
 #: Imports at the top level of a module: compiled functions see no others.
+_LOOPS: Final = re.compile(rb"^from estimators\.(?:compiled|interpreted) import", re.M)
 _IMPORT: Final = re.compile(rb"^(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)|.*))?", re.M)
 
 
@@ -40,6 +42,51 @@ def folder_of(source: Path) -> Path:
             _forget_old(folder)
             return folder
     return _passing() / module
+
+
+known_folder_of: Final = cache(folder_of)
+
+
+def is_kept(source: Path, name: str) -> bool:
+    """Whether something is kept of a function that is compiled, given its module's file."""
+    return any(known_folder_of(source).glob(f"*/{source.stem}.{name}-*.nbi"))
+
+
+def are_all_kept() -> bool:
+    """Whether `note_all_kept` was called for the sources and the numba that are there now."""
+    try:
+        return _marker().read_text(encoding="utf-8") == _state()
+    except OSError:
+        return False
+
+
+def note_all_kept() -> None:
+    """Note that every loop of the house is kept."""
+    marker = _marker()
+    partial = marker.with_name(f"{marker.name}.{os.getpid()}")
+    partial.write_text(_state(), encoding="utf-8")
+    partial.replace(marker)
+
+
+def lasting_folder() -> Path | None:
+    """Where the folders are; None where none can be written to that outlasts the process."""
+    folder = _marker().parent
+    return None if folder == _passing().parent else folder
+
+
+def _marker() -> Path:
+    return known_folder_of(_HOUSE / Path(__file__).parent.name / "compiled.py").parents[1] / "all"
+
+
+def _state() -> str:
+    """Where each module with loops keeps them, which tells its sources, and whose they are."""
+    sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_loops(path))
+    return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
+
+
+def _has_loops(source: Path) -> bool:
+    inside = source.relative_to(_HOUSE).parts[0]
+    return (_HOUSE / inside / "__init__.py").exists() and bool(_LOOPS.search(source.read_bytes()))
 
 
 def forget() -> list[Path]:
@@ -72,7 +119,8 @@ def _digest(source: Path) -> str:
     """Hash the sources of a module and of all that it imports of its package and of this one."""
     packages = {Path(__file__).parent.name, source.relative_to(_HOUSE).parts[0]}
     found: set[Path] = set()
-    left = [source]
+    # how it is compiled, which a loop that may be interpreted does not import
+    left = [source, _HOUSE / Path(__file__).parent.name / "compiled.py"]
     while left:
         path = left.pop()
         if path not in found and path.relative_to(_HOUSE).parts[0] in packages:

@@ -13,7 +13,6 @@ after what it holds.
 import hashlib
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from threading import Lock
 from typing import Any, Final, TypeVar, cast
@@ -22,7 +21,7 @@ from numba import njit
 from numba.core import config
 from numba.core.caching import IndexDataCacheFile
 
-from estimators.compile_cache import folder_of
+from estimators.compile_cache import known_folder_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -34,7 +33,6 @@ _OPTIONS: Final[dict[str, Any]] = {
     "no_cfunc_wrapper": True,
 }
 _SETTINGS: Final[Any] = config
-_FOLDER_OF: Final = cache(folder_of)
 _ONE_AT_A_TIME: Final = Lock()
 
 
@@ -58,7 +56,7 @@ def inlined(function: F) -> F:
 
 
 def _compile_lazily(function: F, options: Mapping[str, Any]) -> F:
-    with _kept_in(_FOLDER_OF(Path(function.__code__.co_filename))):
+    with _kept_in(known_folder_of(Path(function.__code__.co_filename))):
         dispatcher = cast("Any", njit)(**options)(function)
     dispatcher._cache._cache_file.__class__ = _NamedByContent  # noqa: SLF001 - numba has no other way
     return cast("F", dispatcher)

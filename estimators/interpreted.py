@@ -1,19 +1,28 @@
 """Loops that are interpreted while there is little to do, and compiled for all else.
 
 Numba takes 0.6 s of the processor before the first compiled loop runs, though it was compiled
-before: as long as a million turns of a loop in Python. So a process begins by interpreting small
-work, of which it has so many seconds, and is then done with it. Both ways give the same bits: what
-is written for both uses integers of 64 bits and no more than numpy's scalars know.
+before: as long as a million turns of a loop in Python. So a process that reads a log begins by
+interpreting small work, of which it has so many seconds, and is then done with it.
+
+Where nothing is kept of a loop yet, compiling it takes half a second, and all that a run needs
+45 s. Until `payscope warm-up` or a longer log has compiled it, a loop interprets a short log.
+
+Both ways give the same bits: what is written for both uses integers of 64 bits, products and sums
+in their order, and for all else (`in_order`) what calls the same library.
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from functools import cached_property, update_wrapper
+from pathlib import Path
 from time import thread_time
 from types import FunctionType
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
+
+from estimators.compile_cache import is_kept
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -21,6 +30,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 MOST_TURNS: Final = 8192
 #: Processor seconds that a process interprets, a third of what numba takes to begin.
 MOST_SECONDS: Final = 0.2
+#: Rows of one call above which it is compiled though nothing is kept of it: 330 s at 100 Hz.
+MOST_COLD_ROWS: Final = 32_768
+#: Turns likewise of a loop that reads: a topic of 100 s, with a dozen marks a message.
+MOST_COLD_TURNS: Final = 131_072
+#: Processor seconds that a loop of which nothing is kept is interpreted, twice what compiling one
+#: takes: at worst a loop costs three times its compilation.
+MOST_COLD_SECONDS: Final = 1.0
 #: How a function is compiled, by the name of the decorator in `estimators.compiled`.
 _COMPILED, _UNCOUNTED, _INLINED = "compiled", "uncounted", "inlined"
 
@@ -36,19 +52,56 @@ class _Budget:
     seconds = MOST_SECONDS
 
 
+class _Cold:
+    """Whether a loop of which nothing is kept may be interpreted in this process."""
+
+    allowed = True
+
+
+@contextmanager
+def compile_at_once() -> Generator[None]:
+    """Compile every loop when it is called, however little it has to do."""
+    before = _Budget.seconds, _Cold.allowed
+    _Budget.seconds, _Cold.allowed = 0.0, False
+    try:
+        yield
+    finally:
+        _Budget.seconds, _Cold.allowed = before
+
+
 class Loop:
     """A loop over arrays: `interpreted` calls what it calls interpreted, `compiled` compiled."""
 
     def __init__(
-        self, function: Callable[..., Any], how: str, turns: Callable[..., int] | None
+        self,
+        function: Callable[..., Any],
+        how: str,
+        turns: Callable[..., int] | None = None,
+        by_arrays: Callable[..., Any] | None = None,
+        *,
+        at_first: bool = True,
     ) -> None:
+        """Have both.
+
+        Args:
+            function: the loop.
+            how: the decorator that compiles it.
+            turns: tells the turns of the loop from its arguments.
+            by_arrays: gives the same bits by operations on whole arrays, for the interpreter.
+            at_first: little work is interpreted though the compiled loop is kept.
+        """
         self._function, self._how = cast("FunctionType", function), how
         self._turns = turns or _longest
+        self._by_arrays, self._at_first = by_arrays, at_first
+        self._most_cold = MOST_COLD_TURNS if at_first else MOST_COLD_ROWS
+        self._cold_seconds = MOST_COLD_SECONDS
         update_wrapper(self, function)
 
     @cached_property
     def interpreted(self) -> Callable[..., Any]:
         """For the interpreter."""
+        if self._by_arrays is not None:
+            return self._by_arrays
         return self._with_names({name: each.interpreted for name, each in self._twofold().items()})
 
     @cached_property
@@ -59,17 +112,35 @@ class Loop:
         calls = {name: each.compiled for name, each in self._twofold().items()}
         return getattr(compiled, self._how)(self._with_names(calls))
 
+    @cached_property
+    def is_kept(self) -> bool:
+        """Whether a process has compiled it before, so that it is ready."""
+        return is_kept(Path(self._function.__code__.co_filename), self._function.__qualname__)
+
     def __call__(self, *arguments: Any) -> Any:
         """Call it in the way that its work asks for."""
-        if _Budget.seconds <= 0 or self._turns(*arguments) > MOST_TURNS:
-            return self.compiled(*arguments)
-        begin = thread_time()
-        try:
-            # as compiled code, it lets integers run over
-            with np.errstate(over="ignore"):
-                return self.interpreted(*arguments)
-        finally:
-            _Budget.seconds -= thread_time() - begin
+        if self._at_first and _Budget.seconds > 0 and self._turns(*arguments) <= MOST_TURNS:
+            begin = thread_time()
+            try:
+                return self._interpret(arguments)
+            finally:
+                _Budget.seconds -= thread_time() - begin
+        if self._is_cold and self._turns(*arguments) <= self._most_cold:
+            begin = thread_time()
+            try:
+                return self._interpret(arguments)
+            finally:
+                self._cold_seconds -= thread_time() - begin
+        return self.compiled(*arguments)
+
+    @property
+    def _is_cold(self) -> bool:
+        return self._cold_seconds > 0 and _Cold.allowed and not self.is_kept
+
+    def _interpret(self, arguments: tuple[Any, ...]) -> Any:
+        # as compiled code, it lets integers run over and divides by zero
+        with np.errstate(all="ignore"):
+            return _plain(self.interpreted(*arguments))
 
     def _twofold(self) -> "dict[str, Loop | Primitive]":
         names = self._function.__globals__
@@ -105,22 +176,54 @@ class Primitive:
 
 def compiled(function: F) -> F:
     """As `estimators.compiled.compiled`, interpreted at first."""
-    return cast("F", Loop(function, _COMPILED, None))
+    return cast("F", Loop(function, _COMPILED))
 
 
 def uncounted(function: F) -> F:
     """As `estimators.compiled.uncounted`, interpreted at first."""
-    return cast("F", Loop(function, _UNCOUNTED, None))
+    return cast("F", Loop(function, _UNCOUNTED))
 
 
 def inlined(function: F) -> F:
     """As `estimators.compiled.inlined`, interpreted at first."""
-    return cast("F", Loop(function, _INLINED, None))
+    return cast("F", Loop(function, _INLINED))
 
 
 def compiled_for(turns: Callable[..., int]) -> Callable[[F], F]:
     """As `compiled`, with what tells the turns of the loop from its arguments."""
     return lambda function: cast("F", Loop(function, _COMPILED, turns))
+
+
+def compiled_ahead(function: F) -> F:
+    """As `compiled`, interpreted for a short log of which nothing is kept, and only then."""
+    return cast("F", Loop(function, _COMPILED, _most_rows, at_first=False))
+
+
+def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
+    """As `compiled_ahead`, with what gives the interpreter the same bits by whole arrays."""
+    return lambda function: cast(
+        "F", Loop(function, _COMPILED, _most_rows, by_arrays, at_first=False)
+    )
+
+
+def _plain(result: Any) -> Any:
+    """What compiled code returns: numbers of Python, not of numpy."""
+    if isinstance(result, np.generic):
+        return result.item()
+    if type(result) is tuple:
+        return tuple(map(_plain, cast("tuple[Any, ...]", result)))
+    return result
+
+
+def _most_rows(*arguments: Any) -> int:
+    """The most rows, columns or systems of any array among the arguments."""
+    sizes = [0]
+    for each in arguments:
+        if isinstance(each, np.ndarray):
+            sizes.append(max(each.shape, default=0))
+        elif isinstance(each, tuple):
+            sizes.append(_most_rows(*each))
+    return max(sizes)
 
 
 def _longest(*arguments: Any) -> int:

@@ -75,6 +75,7 @@ ORDER = (
     ("replay/calibration", "replay/explain", "replay/init", "replay/paper"),
     ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/runs"),
     ("replay/convert", "replay/demo", "replay/follow", "replay/query"),
+    ("replay/warm_up",),
     ("replay/commands",),
 )
 SHOWN = "\n".join(f"{number:4}  {', '.join(folders)}" for number, folders in enumerate(ORDER, 1))

@@ -19,7 +19,7 @@ from analysis.model.windows import windows_with
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
-from estimators.compiled import compiled
+from estimators.interpreted import compiled_ahead
 
 #: Channels of the force and of the speed, as a machine file may have them.
 FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
@@ -194,7 +194,7 @@ def _is_as_read(channel: Channel) -> bool:
     return channel.unit is None and channel.scale == 1.0
 
 
-@compiled
+@compiled_ahead
 def _places(t: Ints, stamps: Ints) -> Ints:
     """Where stamps, (n,), stand among ascending ones: `searchsorted` of stamps mostly in order."""
     out = np.empty(stamps.size, np.int64)

@@ -23,7 +23,7 @@ from analysis.stages.motion.forces import longitudinal_force, regressor_accelera
 from analysis.stages.motion.phases import stopping
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.compiled import compiled
+from estimators.interpreted import compiled_ahead
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -362,7 +362,7 @@ def _missing_rows(aligned: pl.DataFrame) -> Bools:
     return aligned["left_out"].to_numpy()
 
 
-@compiled
+@compiled_ahead
 def rolling_fraction(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     """The share of the speed of wheels which slip by κ = F / C that is the ground's, (n,)."""
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)

@@ -5,7 +5,8 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.motion_samples import Floats
-from estimators.compiled import compiled
+from estimators.interpreted import compiled_ahead
+from estimators.numerics.in_order import sum_in_order
 
 #: Means of so many samples are compared; stretches shorter than ten of them are not.
 MEAN: Final = 10
@@ -13,19 +14,19 @@ MEAN: Final = 10
 EVERY: Final = 3
 
 
-@compiled
+@compiled_ahead
 def overlapping_means(x: Floats) -> Floats:
     """Means of `MEAN` samples, one every `EVERY`."""
     out = np.empty((x.size - MEAN) // EVERY + 1)
     for i in range(out.size):
-        out[i] = x[i * EVERY : i * EVERY + MEAN].sum() / MEAN
+        out[i] = sum_in_order(x[i * EVERY : i * EVERY + MEAN]) / MEAN
     return out
 
 
-@compiled
+@compiled_ahead
 def subtract_line(x: Floats) -> Floats:
     """The same without a constant and a slope."""
     middle = (x.size - 1) / 2.0
     ramp = np.arange(x.size) - middle
-    slope = (ramp * x).sum() / (ramp * ramp).sum()
-    return x - x.sum() / x.size - slope * ramp
+    slope = sum_in_order(ramp * x) / sum_in_order(ramp * ramp)
+    return x - sum_in_order(x) / x.size - slope * ramp

@@ -22,7 +22,7 @@ from analysis.model.settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Moments, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.compiled import compiled
+from estimators.interpreted import compiled_ahead
 
 #: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
 #: machine's length or two while it gains speed. Farther on the ground is the route's.
@@ -102,7 +102,7 @@ def _fraction_between(begin_m: float, end_m: float) -> Callable[[Moments], Float
     return lambda m: _ramp(m.travelled_m, begin_m, end_m)
 
 
-@compiled
+@compiled_ahead
 def _ramp(place: Floats, begin: float, end: float) -> Floats:
     out = np.empty(place.size)
     for k in range(out.size):
@@ -110,7 +110,7 @@ def _ramp(place: Floats, begin: float, end: float) -> Floats:
     return out
 
 
-@compiled
+@compiled_ahead
 def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
     """A force along the direction of driving, 0 in the other one."""
     out = np.zeros(column.size)

@@ -27,12 +27,13 @@ from analysis.weighing.nuisances import const_prior_std
 from analysis.weighing.pitch_squat import estimate_pitch_squat
 from analysis.weighing.stretch_means import EVERY, MEAN, overlapping_means, subtract_line
 from analysis.weighing.weighing_limits import LIMITS
-from estimators.compiled import compiled
+from estimators.interpreted import compiled_ahead
 from estimators.joint import prior_fit
 from estimators.joint.prior_fit import Grouping
 from estimators.numerics.autocorrelation import autocovariance_loss
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_sums import NoiseMoments
+from estimators.numerics.in_order import sum_in_order
 from estimators.numerics.small_systems import NOTHING
 
 #: What a calibration learns of them, in this order.
@@ -336,7 +337,7 @@ def _comparison_rows(
     return X, y, group, NoiseMoments(grams, np.zeros((len(spans), 4)))
 
 
-@compiled
+@compiled_ahead
 def _compared_means(
     measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
 ) -> tuple[Floats, Floats, Ints, Floats]:
@@ -373,6 +374,6 @@ def _compared_means(
         of_ground = overlapping_means(ground)
         X[rows, 3] = subtract_line(-of_ground)
         group[rows] = number
-        squares[number] = (of_ground**2).sum()
+        squares[number] = sum_in_order(of_ground * of_ground)
         row += counts[number]
     return X, y, group, squares

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.optimal_partition import optimal_partition
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
@@ -227,7 +227,7 @@ def _assign_emptied(level: Floats, variance: Floats, kind: Ints) -> Ints:
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
 
 
-@compiled
+@compiled_ahead
 def _find_heavy_units(gain: Floats, first: Ints) -> NDArray[np.bool_]:
     """Which units are heavy: each stretch's, up to where their gains add up to most.
 

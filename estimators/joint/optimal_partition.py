@@ -4,13 +4,16 @@ Jackson et al. 2005, An algorithm for optimal partitioning of data on an interva
 2012, Optimal detection of changepoints with a linear computational cost.
 """
 
+import math
+
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead
+from estimators.numerics.in_order import sum_in_order
 
 
-@compiled
+@compiled_ahead
 def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float) -> Ints:
     """The partition of least Σ w (y - ȳ)² + log(W L²/2π) a level, and the changes' own cost.
 
@@ -24,12 +27,12 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
         (n,) numbers of the levels, from 0.
     """
     n = level.size
-    y = level - level.mean()
+    y = level - sum_in_order(level) / n
     w, wy, wyy = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     w[1:], wy[1:], wyy[1:] = np.cumsum(weight), np.cumsum(weight * y), np.cumsum(weight * y * y)
     area = spread * spread / (2.0 * np.pi)
     # what one level more costs: at least, and at most
-    least_level, most_level = np.log(weight.min() * area), np.log(w[n] * area)
+    least_level, most_level = math.log(weight.min() * area), math.log(w[n] * area)
     before, begins = np.zeros(n + 1, np.int64), np.zeros(n, np.int64)
     # the best that ends here, the change included
     paid, bare = np.zeros(n), np.zeros(n)
@@ -43,7 +46,7 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
             inside, sums = w[end] - w[begin], wy[end] - wy[begin]
             bare[k] = paid[begin] + wyy[end] - wyy[begin] - sums * sums / inside
             if bare[k] + least_level < least:
-                total = bare[k] + np.log(inside * area)
+                total = bare[k] + math.log(inside * area)
                 if total < least:
                     least, before[end] = total, begin
         if end == n:
@@ -59,7 +62,7 @@ def optimal_partition(level: Floats, weight: Floats, cost: Floats, spread: float
     return _number_levels(before)
 
 
-@compiled
+@compiled_ahead
 def _number_levels(before: Ints) -> Ints:
     """Numbers of the levels, from where the one that ends at each place begins."""
     end = before.size - 1

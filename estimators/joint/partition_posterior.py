@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 from scipy.special import betaln
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 
 Bools = NDArray[np.bool_]
@@ -167,7 +167,7 @@ class PartitionPosterior:
         return log + _log_level_likelihood(levels, own, self.spread), levels, effects
 
 
-@compiled
+@compiled_ahead
 def _sum_by_level(values: Floats, level: Ints) -> Floats:
     """Sums (levels, columns) of (states, columns) by level."""
     sums = np.zeros((level.max() + 1, values.shape[1]))

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.group_sums import GroupSums
@@ -63,7 +63,7 @@ def _weight_units(
     )
 
 
-@compiled
+@compiled_ahead
 def _weighted_equations(
     sums: tuple[Floats, Floats, Floats, Floats],
     level_of_unit: Ints,
@@ -123,7 +123,16 @@ def _weighted_equations(
     return turns, clean, bare, gram, taken, scatter
 
 
-@compiled
+def _subtract_fit_by_arrays(
+    A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
+) -> Floats:
+    left = f - A[:, 0] * theta[level_of_unit[group]]
+    for column, value in zip(A.T[1:], theta[count:], strict=True):
+        left -= column * value
+    return np.where(group >= 0, left, 0.0)
+
+
+@compiled_beside(_subtract_fit_by_arrays)
 def _residual(
     A: Floats, f: Floats, group: Ints, theta: Floats, level_of_unit: Ints, count: int
 ) -> Floats:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ class InterceptShape:
         return out
 
 
-@compiled
+@compiled_ahead
 def _sum_outer_products(values: Floats, membership: Ints, count: int) -> Floats:
     """The sum (wide, wide) of (groups, p, p), the first row and column of each at its level."""
     groups, p, _ = values.shape

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
+from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
 from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.numerics.normal_equations import gram, residual_squares, solve
@@ -116,7 +116,7 @@ def reweight(
     return theta, ResidualStatistics(limit, kept, squares / kept**2)
 
 
-@compiled
+@compiled_ahead
 def _medians(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
     """The median |residual| of each window, (rows,)."""
     p = theta.shape[0]
@@ -133,7 +133,7 @@ def _medians(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> F
     return out
 
 
-@compiled
+@compiled_ahead
 def _newton_sums(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, _squared: bool
 ) -> Floats:
@@ -180,7 +180,7 @@ def _newton_sums(
     return out
 
 
-@compiled
+@compiled_ahead
 def _pseudo_residuals(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats
 ) -> tuple[Floats, Floats]:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Estimate, Floats, Ints
+from estimators.interpreted import compiled_ahead
 from estimators.methods import rls as recursion
 from estimators.methods import rtls as total_recursion
 from estimators.methods.fgls import FglsOptions
@@ -77,7 +77,7 @@ def start_window(parameters: int, window: int) -> WindowState:
     )
 
 
-@compiled
+@compiled_ahead
 def step_window(state: WindowState, sample: Floats) -> WindowState:
     """Slide on by one sample (p + 1,), the regressor's row and then the force.
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
+from estimators.interpreted import compiled_ahead
 from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.numerics.mutual_information import correlated_sums
 from estimators.numerics.normal_equations import gram, solve
@@ -119,7 +119,7 @@ def least_squares(
     return theta, solved.rss
 
 
-@compiled
+@compiled_ahead
 def _normal_residual(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
     """Aᵀ(f - A θ) of each window, (p, rows): zero but for what θ (p, rows) has lost."""
     p = A.shape[1]
@@ -204,7 +204,7 @@ def predict_statistics(
     return np.sqrt(variance * unit[0]), condition_numbers(products, p + 1, p), partial, share
 
 
-@compiled
+@compiled_ahead
 def _with_noise(
     theta: Floats,
     unit: Floats,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints, Trace
+from estimators.interpreted import compiled_ahead
 from estimators.methods.attenuation import DOUBT
 from estimators.numerics.autocorrelation import pooled_autocorrelation, widening
 from estimators.numerics.fit_loss import group_ids
@@ -30,7 +30,7 @@ class PooledOptions:
     noise: Floats | None = None
 
 
-@compiled
+@compiled_ahead
 def _add_samples(A: Floats, f: Floats, used: Ints, row_of: Ints, products: Floats) -> None:
     """Add the products of sample used[i] to row row_of[i] of packed sums (entries, ids)."""
     for i in range(used.size):
@@ -39,7 +39,7 @@ def _add_samples(A: Floats, f: Floats, used: Ints, row_of: Ints, products: Float
         add_sample(A[k], f[k], products[:, row])
 
 
-@compiled
+@compiled_ahead
 def add_sample(a: Floats, f: float, products: Floats) -> None:
     """Add one sample's products to a packed sum (entries,)."""
     p = a.size

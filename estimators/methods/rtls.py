@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Bools, Floats, Ints, Trace
+from estimators.interpreted import compiled_ahead
 from estimators.methods.tls import TlsOptions, solve_scaled
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.normal_equations import residual_squares
@@ -138,7 +138,7 @@ def trace(
     return Trace(index, theta, std, rms, condition, correlation)
 
 
-@compiled
+@compiled_ahead
 def _residuals(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:

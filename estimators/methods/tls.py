@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
+from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
 from estimators.numerics.normal_equations import columns_of, gram, residual_squares
 from estimators.numerics.rolling import sum_windows, window_ends
@@ -114,7 +114,7 @@ def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
     return x
 
 
-@compiled
+@compiled_ahead
 def _newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
     """One step of λ, low and high (3, m) where it is not `done` (m,); whether all are now.
 

@@ -8,15 +8,15 @@ whatever the overlap.
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead
 from estimators.methods.ls import solve_windows
 from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.numerics.sandwich import meat
 from estimators.numerics.small_systems import factor, invert
 
 
-@compiled
+@compiled_ahead
 def _weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[Floats, Ints]:
     """c_k (n, p), and 0 for the samples inside a window of index, -1 for the others.
 

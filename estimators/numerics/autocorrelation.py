@@ -11,9 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.fit_loss import fit_loss, group_ids
+from estimators.numerics.in_order import sum_axis_in_order
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 16
@@ -29,7 +30,7 @@ _ROUNDS = 10
 _FEWEST = 3.0
 
 
-@compiled
+@compiled_ahead
 def _lag_sums(residual: Floats, group: Ints, lags: int, every: int) -> tuple[Floats, Floats]:
     """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0).
 
@@ -57,7 +58,15 @@ def _lag_sums(residual: Floats, group: Ints, lags: int, every: int) -> tuple[Flo
     return sums[:lags], pairs
 
 
-@compiled
+def _add_run_by_arrays(run: Floats, count: int, sums: Floats) -> None:
+    padded = np.zeros(run.size + sums.size)
+    padded[: run.size] = run
+    later = np.lib.stride_tricks.sliding_window_view(padded, sums.size)[:count]
+    terms = np.vstack([sums, padded[:count, None] * later])
+    sums[:] = sum_axis_in_order(terms, 0)
+
+
+@compiled_beside(_add_run_by_arrays)
 def _add_run(run: Floats, count: int, sums: Floats) -> None:
     """Add the products of the first samples with those that adjoin, many distances side by side."""
     n = min(run.size, count + sums.size)
@@ -84,7 +93,7 @@ def _add_run(run: Floats, count: int, sums: Floats) -> None:
                 own[d] += e * others[d]
 
 
-@compiled
+@compiled_ahead
 def _add_beyond(
     residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
 ) -> None:
@@ -159,7 +168,7 @@ def pooled_autocorrelation(
     return corrected / corrected[0], float(corrected[0])
 
 
-@compiled
+@compiled_ahead
 def _flat_top(kept: int, limit: int) -> Floats:
     """Weights (limit,) of the lags: 1 up to `kept`, falling to 0 at twice as many."""
     width = min(2 * kept, limit)
@@ -169,7 +178,7 @@ def _flat_top(kept: int, limit: int) -> Floats:
     return out
 
 
-@compiled
+@compiled_ahead
 def _quiet_from(covariance: Floats, noise: float, run: int) -> int:
     """The first lag from which on `run` lags, or all that are left, stay within the noise."""
     first = 1
@@ -213,7 +222,7 @@ def window_residuals(
     return residual, owner
 
 
-@compiled
+@compiled_ahead
 def _residuals(
     A: Floats,
     f: Floats,

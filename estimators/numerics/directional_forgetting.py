@@ -6,11 +6,11 @@ recursion runs in its covariance form, and its error's covariance by the error's
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead
 
 
-@compiled
+@compiled_ahead
 def _learn(P: Floats, a: Floats, forgetting: float) -> Floats:
     """The gain of a sample; P is updated in place."""
     p = a.size
@@ -29,7 +29,7 @@ def _learn(P: Floats, a: Floats, forgetting: float) -> Floats:
     return Pa / (1.0 + r)
 
 
-@compiled
+@compiled_ahead
 def feed(
     A: Floats,
     f: Floats,
@@ -68,7 +68,7 @@ def feed(
     return out, rms, covariance, (square, weight)
 
 
-@compiled
+@compiled_ahead
 def deviations(
     A: Floats,
     window: int,

@@ -8,8 +8,9 @@ of the long-run variance; less where the correlation lasts as long as the regres
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead, compiled_beside
+from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 128
@@ -17,7 +18,17 @@ _AT_ONCE = 128
 _MOST_FITS = 100
 
 
-@compiled
+def _sum_products_by_arrays(Q: Floats, distances: int) -> Floats:
+    n, p = Q.shape
+    columns = np.zeros((p, n + distances))
+    columns[:, :n] = Q.T
+    cross = np.zeros((p, p, distances))
+    for k in range(n):
+        cross += columns[:, k, None, None] * columns[:, k : k + distances]
+    return cross
+
+
+@compiled_beside(_sum_products_by_arrays)
 def _products_at_distances(Q: Floats, distances: int) -> Floats:
     """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, (p, p, distances)."""
     n, p = Q.shape
@@ -44,7 +55,32 @@ def _products_at_distances(Q: Floats, distances: int) -> Floats:
     return cross
 
 
-@compiled
+def _add_loss_by_arrays(Q: Floats, loss: Floats) -> None:
+    n, p = Q.shape
+    lags = len(loss)
+    cross = _sum_products_by_arrays(Q, 2 * lags - 1)
+    both = (cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)).reshape(p * p, lags)
+    alike = cross[np.arange(p), np.arange(p)]
+    pushed = np.zeros(lags)
+    for j in range(lags):
+        left = lags - j
+        if 0 < j <= n:
+            reach = min(left, n - j + 1)
+            after, before = Q[j - 1 : j - 1 + reach], Q[n - j - reach + 1 : n - j + 1][::-1]
+            for i in range(p):
+                pushed[:reach] += Q[j - 1, i] * after[:, i]
+                pushed[:reach] += before[:, i] * Q[n - j, i]
+        shifted = -pushed[:left]
+        for near in alike:
+            shifted += 2.0 * (near[:left] + near[2 * j : j + lags])
+        inside = sum_axis_in_order(both[:, j, None] * both[:, j:], 0)
+        more = shifted - 0.5 * inside
+        loss[j, j] += (0.5 if j == 0 else 1.0) * more[0]
+        loss[j, j + 1 :] += more[1:]
+        loss[j + 1 :, j] += (0.5 if j == 0 else 1.0) * more[1:]
+
+
+@compiled_beside(_add_loss_by_arrays)
 def _add_loss(Q: Floats, loss: Floats) -> None:
     """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
 
@@ -89,7 +125,7 @@ def _add_loss(Q: Floats, loss: Floats) -> None:
                 loss[j + d, j] += (0.5 if j == 0 else 1.0) * more
 
 
-@compiled
+@compiled_ahead
 def _orthonormal(A: Floats) -> Floats:
     """An orthonormal basis of the columns of A (n, p), without those that depend on others."""
     n, p = A.shape
@@ -98,16 +134,16 @@ def _orthonormal(A: Floats) -> Floats:
     for i in range(p):
         for k in range(n):
             q[k] = A[k, i]
-        size = np.sqrt(q @ q)
+        size = np.sqrt(multiply_vectors(q, q))
         # twice is enough (Giraud, Langou, Rozložník 2005)
         for _ in range(2):
             for c in range(i):
                 for k in range(n):
                     other[k] = Q[k, c]
-                along = other @ q
+                along = multiply_vectors(other, q)
                 for k in range(n):
                     q[k] -= along * other[k]
-        left = np.sqrt(q @ q)
+        left = np.sqrt(multiply_vectors(q, q))
         if left > 1e-7 * size:
             for k in range(n):
                 Q[k, i] = q[k] / left
@@ -125,7 +161,17 @@ def _spans(group: Ints, some: Ints) -> Ints:
     return spans
 
 
-@compiled
+def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
+    loss, pairs = np.zeros((lags, lags)), np.zeros(lags)
+    for first, last in spans.tolist():
+        mine = group[first : last + 1] == group[first]
+        for j in range(min(lags, mine.size)):
+            pairs[j] += np.count_nonzero(mine[: mine.size - j] & mine[j:])
+        _add_loss(_orthonormal(np.where(mine[:, None], A[first : last + 1], 0.0)), loss)
+    return loss / np.maximum(pairs, 1.0)[:, None]
+
+
+@compiled_beside(_sum_loss_by_arrays)
 def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     """Loss over pairs, (lags, lags), of the fits that lie in `spans`."""
     p = A.shape[1]

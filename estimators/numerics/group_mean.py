@@ -1,12 +1,37 @@
 """The trailing mean inside groups: shorter where a group has only begun, never across its start."""
 
+from collections.abc import Iterator
+from itertools import pairwise
+
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_beside
 
 
-@compiled
+def find_runs(group: Ints) -> Iterator[tuple[int, int]]:
+    """The first sample of each run of one group (n,), and the one behind its last."""
+    begins = np.flatnonzero(np.diff(group)) + 1
+    bounds = [0, *begins.tolist(), group.size] if group.size else []
+    return pairwise(bounds)
+
+
+def _average_by_arrays(
+    columns: Floats, group: Ints, samples: int, rows: Ints
+) -> tuple[Floats, Ints]:
+    mean, count = np.empty((rows.size, len(columns))), np.empty(rows.size, np.int64)
+    for first, end in find_runs(group):
+        own = slice(*np.searchsorted(rows, (first, end)))
+        after = rows[own] + 1 - first
+        before = np.maximum(after - samples, 0)
+        zero = np.zeros((1, len(columns)))
+        total = np.cumsum(np.vstack([zero, columns[:, first:end].T]), axis=0)
+        count[own] = after - before
+        mean[own] = (total[after] - total[before]) / count[own, None]
+    return mean, count
+
+
+@compiled_beside(_average_by_arrays)
 def trailing_group_means(
     columns: Floats, group: Ints, samples: int, rows: Ints
 ) -> tuple[Floats, Ints]:

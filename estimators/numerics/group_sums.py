@@ -5,9 +5,11 @@ from typing import Self
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_beside
 from estimators.numerics.fit_loss import group_rows
+from estimators.numerics.group_mean import find_runs
+from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.small_systems import NOTHING
 
 
@@ -24,7 +26,33 @@ class NoiseMoments:
     cross: Floats
 
 
-@compiled
+def _sum_moments_by_arrays(
+    slopes: Floats,
+    places: Ints,
+    covariances: Floats,
+    which: Ints,
+    group: Ints,
+    shape: tuple[int, int],
+) -> tuple[Floats, Floats]:
+    groups, p = shape
+    gram, cross = np.zeros((groups, p, p)), np.zeros((groups, p))
+    s, t = np.tril_indices(len(slopes))
+    column, channel = places.T
+    pairs = covariances[:, channel[s], channel[t]][which].T
+    squares = slopes[s] * slopes[t] * pairs
+    singles = slopes * covariances[:, channel, -1][which].T
+    for first, end in find_runs(group):
+        g = group[first]
+        np.add.at(cross[g], column, sum_axis_in_order(singles[:, first:end], 1))
+        totals = sum_axis_in_order(squares[:, first:end], 1)
+        for i, j, total, on_diagonal in zip(column[s], column[t], totals, s == t, strict=True):
+            gram[g, i, j] += total
+            if not on_diagonal:
+                gram[g, j, i] += total
+    return gram, cross
+
+
+@compiled_beside(_sum_moments_by_arrays)
 def noise_moments(
     slopes: Floats,
     places: Ints,
@@ -104,7 +132,11 @@ def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, F
     return *_divide_columns(A, f, group, scale), scale
 
 
-@compiled
+def _sum_squares_by_arrays(A: Floats, group: Ints) -> Floats:
+    return sum_axis_in_order(np.where(group[:, None] >= 0, A * A, 0.0), 0)
+
+
+@compiled_beside(_sum_squares_by_arrays)
 def _squares(A: Floats, group: Ints) -> Floats:
     total = np.zeros(A.shape[1])
     for k in range(A.shape[0]):
@@ -114,7 +146,12 @@ def _squares(A: Floats, group: Ints) -> Floats:
     return total
 
 
-@compiled
+def _divide_by_arrays(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple[Floats, Floats]:
+    used = group >= 0
+    return np.where(used[:, None], A / scale, 0.0), np.where(used, f, 0.0)
+
+
+@compiled_beside(_divide_by_arrays)
 def _divide_columns(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple[Floats, Floats]:
     columns, response = np.empty(A.shape), np.empty(f.size)
     for k in range(A.shape[0]):

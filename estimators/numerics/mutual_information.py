@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead
 from estimators.numerics.rolling import add_centre, pairs_of_blocks, sum_pair, workspace
 from estimators.numerics.small_systems import packed_index
 from estimators.threads import in_chunks
@@ -39,7 +39,7 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
     return rho, spread
 
 
-@compiled
+@compiled_ahead
 def correlated_sums(
     A: Floats, f: Floats, window: int, index: Ints
 ) -> tuple[Floats, Floats, Floats]:
@@ -63,7 +63,7 @@ def correlated_sums(
     return products, rho, spread
 
 
-@compiled
+@compiled_ahead
 def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, spread: Floats) -> None:
     """ρ and relative variance (m,) of the first series and the last (see `rolling.Workspace`)."""
     q = centre.size
@@ -72,9 +72,10 @@ def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, sprea
     for k in range(rho.size):
         x, y = dx[k] / window, dy[k] / window
         sxx, sxy, syy = dxx[k] - x * dx[k], dxy[k] - x * dy[k], dyy[k] - y * dy[k]
+        mean_x, mean_y = centre[0] + x, centre[q - 1] + y
         # a window of one value has deviations of exactly zero
-        of_x = sxx / (sxx + window * (centre[0] + x) ** 2) if sxx > 0.0 else 0.0 * sxx
-        of_y = syy / (syy + window * (centre[q - 1] + y) ** 2) if syy > 0.0 else 0.0 * syy
+        of_x = sxx / (sxx + window * (mean_x * mean_x)) if sxx > 0.0 else 0.0 * sxx
+        of_y = syy / (syy + window * (mean_y * mean_y)) if syy > 0.0 else 0.0 * syy
         least = of_x if of_x < of_y or np.isnan(of_x) else of_y
         value = sxy / (np.sqrt(sxx) * np.sqrt(syy))
         value = 1.0 if value > 1.0 else value

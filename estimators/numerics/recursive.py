@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead
 from estimators.numerics.rolling import copy_row, lanes_of, load_columns, sample_products
 from estimators.numerics.small_systems import packed_index
 from estimators.threads import CHUNK
@@ -18,7 +18,7 @@ from estimators.threads import CHUNK
 _AT_ONCE = 512
 
 
-@compiled
+@compiled_ahead
 def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
     """What is fed after the first window: (fed,) samples, (rows,) how many each row has seen."""
     rows = index.size
@@ -48,7 +48,7 @@ def chunks_of(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
         yield slice(begin, end), rows, seen[rows] - 1 - begin
 
 
-@compiled
+@compiled_ahead
 def stretch_end(fed: Ints, begin: int) -> int:
     """The end of the stretch of consecutive samples from fed[begin] on, `_AT_ONCE` at most."""
     end = begin + 1
@@ -57,7 +57,7 @@ def stretch_end(fed: Ints, begin: int) -> int:
     return end
 
 
-@compiled
+@compiled_ahead
 def discount(
     terms: Floats, begin: int, end: int, forgetting: float, past: Floats, sums: Floats
 ) -> None:
@@ -87,7 +87,7 @@ def in_lanes(entries: Floats) -> Floats:
     return past
 
 
-@compiled
+@compiled_ahead
 def discounted_meats(
     A: Floats,
     first: Floats,
@@ -171,7 +171,7 @@ def discounted_meats(
     return out
 
 
-@compiled
+@compiled_ahead
 def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floats) -> Floats:
     """Discounted products (lanes, fed) of the columns of [A f] after each sample fed.
 
@@ -197,7 +197,7 @@ def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floa
     return sums
 
 
-@compiled
+@compiled_ahead
 def weights(count: int, forgetting: float, weight: float) -> Floats:
     """The discounted number of samples after each of `count` more."""
     out = np.empty(count)

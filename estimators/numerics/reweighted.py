@@ -5,8 +5,8 @@ Consecutive windows share their samples, so one operation at a time is done on m
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.rolling import copy_row, load_columns, sample_products
 
 #: Consecutive windows that are weighed together: their sums stay in the fastest cache.
@@ -15,7 +15,7 @@ AT_ONCE = 256
 _IN_STEP = 4
 
 
-@compiled
+@compiled_ahead
 def batch_starts(index: Ints) -> Ints:
     """Where in index (rows,) the batches of consecutive windows begin, (batches + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
@@ -29,7 +29,7 @@ def batch_starts(index: Ints) -> Ints:
     return begins[: count + 1]
 
 
-@compiled
+@compiled_ahead
 def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
     """Lay samples of [A f] from `first` on out a row a column, z (p + 1, > samples), then zeros."""
     load_columns(A, first, samples, z)
@@ -39,7 +39,7 @@ def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
             z[c, k] = 0.0
 
 
-@compiled
+@compiled_ahead
 def consecutive(theta: Floats, begin: int, end: int) -> Floats:
     """Copy the estimates theta (p, rows) of the windows begin … end - 1."""
     out = np.empty((theta.shape[0], end - begin))
@@ -48,7 +48,14 @@ def consecutive(theta: Floats, begin: int, end: int) -> Floats:
     return out
 
 
-@compiled
+def _add_weighted_by_arrays(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
+    m = sums.shape[1]
+    u, v, w, x = weights[:, :m]
+    a, b, c, d = (raw[: len(sums) - 1, sample + k : sample + k + m] for k in range(_IN_STEP))
+    sums[:-1] += (u * a + v * b) + (w * c + x * d)
+
+
+@compiled_beside(_add_weighted_by_arrays)
 def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
     """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), but for the last entry."""
     entries, m = sums.shape
@@ -60,7 +67,14 @@ def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> Non
             total[k] += early + (w[k] * product[k + 2] + x[k] * product[k + 3])
 
 
-@compiled
+def _subtract_fit_by_arrays(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
+    p, m = theta.shape
+    out[:m] = z[p, sample : sample + m]
+    for c in range(p):
+        out[:m] -= theta[c] * z[c, sample : sample + m]
+
+
+@compiled_beside(_subtract_fit_by_arrays)
 def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
     """Residuals (m,) of sample `sample` + k under estimate k of theta (p, m)."""
     p, m = theta.shape
@@ -73,7 +87,7 @@ def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
             out[k] -= x[k] * column[k]
 
 
-@compiled
+@compiled_ahead
 def reweighted_sums(
     A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, squared: bool
 ) -> Floats:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Bools, Floats, Ints
+from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.small_systems import packed_index
 
 
@@ -40,13 +40,13 @@ class Workspace(NamedTuple):
     moments: Floats
 
 
-@compiled
+@compiled_ahead
 def lanes_of(quantities: int) -> int:
     """Sums run three at a time, which keeps the adders busy: the next multiple of three."""
     return -(-quantities // 3) * 3
 
 
-@compiled
+@compiled_ahead
 def workspace(q: int, window: int) -> Workspace:
     """Room for windows over q columns."""
     entries = q * (q + 1) // 2
@@ -59,7 +59,12 @@ def workspace(q: int, window: int) -> Workspace:
     )
 
 
-@compiled
+def _sum_suffixes_by_arrays(terms: Floats, count: int, sums: Floats) -> None:
+    # from zero, so that no zero is negative
+    sums[:, :count] = 0.0 + np.cumsum(terms[: len(sums), :count][:, ::-1], axis=1)[:, ::-1]
+
+
+@compiled_beside(_sum_suffixes_by_arrays)
 def suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
     """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each to the last of `count`."""
     for lane in range(0, sums.shape[0], 3):
@@ -76,7 +81,13 @@ def suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
             z[k] = u
 
 
-@compiled
+def _add_prefixes_by_arrays(terms: Floats, start: int, skip: int, count: int, sums: Floats) -> None:
+    end = max(start + skip + count - 1, start)
+    added = np.hstack([np.zeros((len(sums), 1)), terms[: len(sums), start:end]])
+    sums[:, :count] += np.cumsum(added, axis=1)[:, skip:]
+
+
+@compiled_beside(_add_prefixes_by_arrays)
 def add_prefix_sums(terms: Floats, start: int, skip: int, count: int, sums: Floats) -> None:
     """Add to each sums[:, m], m < count, the `skip` + m terms from `start` on."""
     for lane in range(0, sums.shape[0], 3):
@@ -97,7 +108,18 @@ def add_prefix_sums(terms: Floats, start: int, skip: int, count: int, sums: Floa
             u += c[k]
 
 
-@compiled
+def _multiply_by_arrays(z: Floats, count: int, products: Floats) -> None:
+    i, j = np.triu_indices(len(z))
+    products[: i.size, :count] = z[i, :count] * z[j, :count]
+
+
+def _centre_by_arrays(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
+    q = len(z)
+    terms[:q, :count] = z[:, :count] - centre[:, None]
+    _multiply_by_arrays(terms[:q], count, terms[q:])
+
+
+@compiled_beside(_centre_by_arrays)
 def centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
     """The deviations of `count` samples from the centre, and their products."""
     q = z.shape[0]
@@ -108,7 +130,7 @@ def centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
     sample_products(terms[:q], count, terms[q:])
 
 
-@compiled
+@compiled_beside(_multiply_by_arrays)
 def sample_products(z: Floats, count: int, products: Floats) -> None:
     """Products of the q rows of z at each of `count` samples, packed (entries, ≥ count)."""
     q = z.shape[0]
@@ -119,7 +141,17 @@ def sample_products(z: Floats, count: int, products: Floats) -> None:
                 product[k] = x[k] * y[k]
 
 
-@compiled
+def _add_centre_by_arrays(
+    moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
+) -> None:
+    q, m = centre.size, end - row
+    i, j = np.triu_indices(q)
+    left, right = centre[i, None], centre[j, None]
+    x, y, central = moments[i, :m], moments[j, :m], moments[q : q + i.size, :m]
+    out[: i.size, row:end] = central + right * x + left * (window * right + y)
+
+
+@compiled_beside(_add_centre_by_arrays)
 def add_centre(
     moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
 ) -> None:
@@ -134,7 +166,7 @@ def add_centre(
                 total[k] = central[k] + right * x[k] + left * (window * right + y[k])
 
 
-@compiled
+@compiled_ahead
 def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
     """Lay `count` samples of A (n, p) out a row a column: z (≥ p, ≥ count)."""
     samples = A[start : start + count]
@@ -144,14 +176,14 @@ def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
             out[k] = samples[k, c]
 
 
-@compiled
+@compiled_ahead
 def copy_row(f: Floats, start: int, count: int, out: Floats) -> None:
     """Copy `count` samples from `start` on: a slice's assignment would take longer to compile."""
     for k in range(count):
         out[k] = f[start + k]
 
 
-@compiled
+@compiled_ahead
 def pairs_of_blocks(window: int, index: Ints) -> Ints:
     """Where in index (rows,) the windows of each pair of blocks begin, (pairs + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
@@ -166,7 +198,7 @@ def pairs_of_blocks(window: int, index: Ints) -> Ints:
     return begins[: pairs + 1]
 
 
-@compiled
+@compiled_ahead
 def take(sums: Floats, index: Ints, row: int, end: int) -> None:
     """Of the sums of every window from index[row] on, keep those of the rows asked for."""
     if end - row < index[end - 1] - index[row] + 1:
@@ -176,7 +208,7 @@ def take(sums: Floats, index: Ints, row: int, end: int) -> None:
                 kept[m] = kept[index[row + m] - index[row]]
 
 
-@compiled
+@compiled_ahead
 def sum_pair(
     A: Floats, f: Floats, window: int, index: Ints, row: int, end: int, work: Workspace
 ) -> None:
@@ -196,7 +228,7 @@ def sum_pair(
     take(work.moments, index, row, end)
 
 
-@compiled
+@compiled_ahead
 def sum_windows(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
     """Sum the products of the columns of [A f] over windows.
 

@@ -7,9 +7,10 @@ widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.widening`).
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
+from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.autocorrelation import pooled_autocorrelation, widening
+from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.normal_equations import columns_of
 from estimators.numerics.rolling import (
     add_prefix_sums,
@@ -26,7 +27,23 @@ from estimators.threads import in_chunks
 _MEAT_ROWS = 1024
 
 
-@compiled
+def _sum_meat_by_arrays(
+    A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats
+) -> Floats:
+    lags = correlation.size
+    begin = first - (lags - 1)
+    own = np.zeros((A.shape[1], last + 1 - begin))
+    mine = group[max(begin, 0) : last + 1] == of
+    own[:, max(-begin, 0) :] = np.where(mine, A[max(begin, 0) : last + 1].T, 0.0)
+    here, tails = own[:, lags - 1 :], np.empty((len(own), last + 1 - first))
+    for column, tail in zip(own, tails, strict=True):
+        _add_up_by_arrays(column, correlation, tail)
+    products = here[:, None] * tails + tails[:, None] * here
+    B = sum_axis_in_order(products, 2)
+    return np.tril(B) + np.tril(B, -1).T
+
+
+@compiled_beside(_sum_meat_by_arrays)
 def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats) -> Floats:
     """Aᵀ R A over the samples first … last that belong to group `of`: (p, p).
 
@@ -57,7 +74,14 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
     return B
 
 
-@compiled
+def _add_up_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
+    lags, rows = correlation.size, tail.size
+    tail[:] = 0.5 * own[lags - 1 : lags - 1 + rows]
+    for j in range(1, lags):
+        tail += correlation[j] * own[lags - 1 - j : lags - 1 - j + rows]
+
+
+@compiled_beside(_add_up_by_arrays)
 def _add_up_before(own: Floats, correlation: Floats, tail: Floats) -> None:
     """Half of each sample, and those before it by their correlation with it.
 
@@ -166,7 +190,7 @@ def covers(bread: Floats, meats: Floats) -> Floats:
     return out
 
 
-@compiled
+@compiled_ahead
 def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Floats:
     """Aᵀ R A of the windows that end at `index`, packed (entries, rows), for any length alike.
 
@@ -219,7 +243,18 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
     return out
 
 
-@compiled
+def _add_neighbours_by_arrays(
+    z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
+) -> None:
+    near[:, :samples] = 0.0
+    for lag in range(1, min(correlation.size, samples)):
+        stop = max(left - lag if across_later else min(left, samples - lag), 0)
+        near[:, :stop] += correlation[lag] * z[:, lag : lag + stop]
+        begins = left if across_later else left + lag
+        near[:, begins:samples] += correlation[lag] * z[:, begins - lag : max(samples - lag, 0)]
+
+
+@compiled_beside(_add_neighbours_by_arrays)
 def _neighbours(
     z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:

@@ -8,8 +8,8 @@ alone. A symmetric matrix is packed: its upper triangle row by row, entry (i, j)
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.estimate import Floats
+from estimators.interpreted import compiled_ahead, compiled_beside
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.
 DEPENDENT = 1e-14
@@ -25,13 +25,30 @@ def lstsq(A: Floats, f: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(A, f, rcond=None)[0], np.float64)
 
 
-@compiled
+@compiled_ahead
 def packed_index(i: int, j: int, size: int) -> int:
     """The row of entry (i, j), i <= j, in a packed symmetric matrix of `size` columns."""
     return i * size - i * (i - 1) // 2 + j - i
 
 
-@compiled
+def _factor_by_arrays(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
+    L, inverse = np.zeros((p, p, G.shape[1])), np.empty((p, G.shape[1]))
+    for i in range(p):
+        diagonal = G[packed_index(i, i, size)]
+        pivot = diagonal.copy()
+        for j in range(i):
+            lower = G[packed_index(j, i, size)].copy()
+            for r in range(j):
+                lower -= L[j, r] * L[r, i]
+            L[j, i] = lower
+            L[i, j] = lower * inverse[j]
+            pivot -= L[i, j] * L[j, i]
+        regular = (pivot > DEPENDENT * diagonal) & (diagonal > NOTHING)
+        inverse[i] = np.where(regular, 1.0 / pivot, np.nan)
+    return L, inverse
+
+
+@compiled_beside(_factor_by_arrays)
 def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     """Factor the leading p × p of m packed matrices, G = L D Lᵀ; NaN where one is singular.
 
@@ -46,7 +63,7 @@ def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
         (p, p, m) L, a unit lower triangle below its diagonal, and (p, m) 1 / D.
     """
     m = G.shape[1]
-    L = np.empty((p, p, m))
+    L = np.zeros((p, p, m))
     inverse = np.empty((p, m))
     for i in range(p):
         diagonal = G[packed_index(i, i, size)]
@@ -74,7 +91,18 @@ def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     return L, inverse
 
 
-@compiled
+def _substitute_by_arrays(L: Floats, inverse: Floats, x: Floats) -> None:
+    p = len(inverse)
+    for i in range(p):
+        for r in range(i):
+            x[i] -= L[i, r] * x[r]
+    for i in range(p - 1, -1, -1):
+        x[i] *= inverse[i]
+        for r in range(i + 1, p):
+            x[i] -= L[r, i] * x[r]
+
+
+@compiled_beside(_substitute_by_arrays)
 def substitute(L: Floats, inverse: Floats, x: Floats) -> None:
     """Solve m factored systems in place: x (p, m) is the right-hand side, then the solution."""
     p, m = inverse.shape
@@ -103,7 +131,25 @@ def invert(L: Floats, inverse: Floats) -> Floats:
     return out
 
 
-@compiled
+def _find_conditions_by_arrays(G: Floats, size: int, p: int) -> Floats:
+    i, j = np.triu_indices(p)
+    rows = [packed_index(a, b, size) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
+    squares = np.array([G[packed_index(a, a, size)] for a in range(p)])
+    N = G[rows] / np.sqrt(squares[i] * squares[j])
+    for _ in range(_SWEEPS if p > 2 else 1):
+        for a in range(p):
+            for b in range(a + 1, p):
+                _rotate_by_arrays(N, p, a, b, G.shape[1])
+    values = N[[packed_index(a, a, p) for a in range(p)]]
+    low, high = values[0], values[0]
+    for value in values[1:]:
+        low, high = np.where(value < low, value, low), np.where(value > high, value, high)
+    out = np.where(low > 0.0, np.sqrt(high / low), np.inf)
+    # a column of zeros
+    return np.where(np.isnan(values).any(axis=0), np.inf, out)
+
+
+@compiled_beside(_find_conditions_by_arrays)
 def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 
@@ -148,7 +194,24 @@ def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     return out
 
 
-@compiled
+def _rotate_by_arrays(N: Floats, p: int, i: int, j: int, _: int) -> None:
+    a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]
+    double, gap = 2.0 * c, b - a
+    root = np.abs(gap) + np.sqrt(gap * gap + double * double)
+    tangent = np.where(root > 0.0, np.where(gap >= 0.0, double, -double) / root, 0.0)
+    cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+    sine = tangent * cosine
+    a -= tangent * c
+    b += tangent * c
+    c[:] = np.where(np.isnan(root), c, 0.0)
+    for r in set(range(p)) - {i, j}:
+        x, y = (N[packed_index(min(r, k), max(r, k), p)] for k in (i, j))
+        old = x.copy()
+        x[:] = cosine * old - sine * y
+        y[:] = sine * old + cosine * y
+
+
+@compiled_beside(_rotate_by_arrays)
 def _rotate(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
     a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]

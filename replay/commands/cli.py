@@ -40,6 +40,7 @@ from replay.commands import (
     sweep,
     verify,
     view,
+    warm_up,
 )
 
 app = typer.Typer(
@@ -56,10 +57,11 @@ _PANELS: Final = {
     "Shift and fleet": (review,),
     "Calibrate": (calibrate, verify, notarise),
     "Simulate": (demo, simulate, excite, reproduce),
+    "Install": (warm_up,),
 }
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
-        _name = _command.__name__.rpartition(".")[2]
+        _name = _command.__name__.rpartition(".")[2].replace("_", "-")
         app.command(name=_name, rich_help_panel=_panel)(_command.command)
 app.add_typer(fleet.app, name="fleet", rich_help_panel="Shift and fleet")
 app.add_typer(

@@ -12,14 +12,17 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 #: Compiling is worth a line when it has taken this long.
 LONG_S: Final = 2.0
-_COMPILING: Final = "payscope: compiling numerical code for this version, once; about 20 s"
+_COMPILING: Final = (
+    "payscope: compiling numerical code for this version, once; up to a minute "
+    "(payscope warm-up does it ahead)"
+)
 
 
 class Stages:
     """Told when each stage begins; shows where the work is, and keeps the seconds."""
 
-    def __init__(self, total: int, *, timing: bool = False) -> None:
-        self._timing = timing
+    def __init__(self, total: int, *, timing: bool = False, warns: bool = True) -> None:
+        self._timing, self._warns = timing, warns
         self._began: list[tuple[str, float]] = []
         self._bar = Progress(
             TextColumn("{task.description:<9}"),
@@ -46,9 +49,10 @@ class Stages:
     def __enter__(self) -> Self:
         self._bar.start()
         tell = self._bar.console.print
-        self._until_exit.enter_context(
-            warn_on_slow_compile(lambda: tell(_COMPILING, highlight=False, soft_wrap=True))
-        )
+        if self._warns:
+            self._until_exit.enter_context(
+                warn_on_slow_compile(lambda: tell(_COMPILING, highlight=False, soft_wrap=True))
+            )
         return self
 
     def __exit__(

@@ -9,14 +9,15 @@ import pytest
 
 from tests.replay.sledge import MACHINE, sledge
 
-COMMAND = Path(sys.executable).with_name("payscope")
 #: One compiled function, by which a run stands or falls like by all of them.
 ONE_LOOP = """
 from replay.commands.cli import _compiled_anew
 import numpy as np
+from estimators.interpreted import compile_at_once
 from estimators.methods.window_mean import _weights
 try:
-    _weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
+    with compile_at_once():
+        _weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")
 except Exception as error:
     print(_compiled_anew(error))
@@ -46,6 +47,15 @@ def test_a_loop_that_cannot_be_read_is_removed_and_compiled_anew(tmp_path: Path)
     assert said == ["done", line, "done"]
 
 
+#: The command, which interprets no short log.
+COMMAND = """
+from estimators.interpreted import compile_at_once
+from replay.commands.cli import main
+with compile_at_once():
+    main()
+"""
+
+
 @pytest.mark.slow
 def test_compiled_code_that_cannot_be_read_is_removed_and_the_next_run_works(
     tmp_path: Path,
@@ -53,7 +63,7 @@ def test_compiled_code_that_cannot_be_read_is_removed_and_the_next_run_works(
     sledge().write_csv(tmp_path / "sledge.csv")
     (tmp_path / "sledge.toml").write_text(MACHINE)
     kept = tmp_path / "kept"
-    words = [COMMAND, "run", "sledge.csv", "-m", "sledge.toml", "--json"]
+    words = [sys.executable, "-c", COMMAND, "run", "sledge.csv", "-m", "sledge.toml", "--json"]
     words += ["--set", 'settings.trace.methods=["ls"]']
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(kept)}
 

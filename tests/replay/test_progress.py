@@ -25,7 +25,10 @@ def test_long_compiling_is_told_in_one_line_on_stderr(
         compile_something()
     said = capsys.readouterr()
     assert said.out == ""
-    line = "payscope: compiling numerical code for this version, once; about 20 s\n"
+    line = (
+        "payscope: compiling numerical code for this version, once; up to a minute "
+        "(payscope warm-up does it ahead)\n"
+    )
     assert said.err == (line if long_s == 0.0 else "")
 
 

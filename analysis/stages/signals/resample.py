@@ -6,7 +6,7 @@ Stamps are integer nanoseconds throughout: a float holds unix time to a quarter 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
+from estimators.interpreted import compiled_ahead
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,7 +47,7 @@ def average(t_ns: Ints, x: Floats, at_ns: Ints, width_ns: int, longest_ns: float
     return out
 
 
-@compiled
+@compiled_ahead
 def _interpolate(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) -> None:
     last = t.size - 1
     i = 0
@@ -61,7 +61,7 @@ def _interpolate(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) -> Non
             out[k] = x[i] + (x[i + 1] - x[i]) * (since / (t[i + 1] - t[i]))
 
 
-@compiled
+@compiled_ahead
 def _average(t: Ints, x: Floats, at: Ints, half: int, longest: int, out: Floats) -> None:
     last = t.size - 1
     i = 0

@@ -1,0 +1,52 @@
+"""Sums and products whose bits depend on their order, for loops interpreted or compiled.
+
+Compiled, a sum goes from the first term to the last, where numpy's adds pairs of parts; a product
+of vectors is SciPy's, where numpy brings a library of its own.
+"""
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numpy as np
+
+from estimators.estimate import Floats
+from estimators.interpreted import Primitive
+
+
+def sum_axis_in_order(x: Floats, axis: int) -> Floats:
+    """Sums along an axis from zero on, each from the first term to the last."""
+    zero = np.zeros_like(x, shape=[1 if k == axis else size for k, size in enumerate(x.shape)])
+    return np.asarray(np.cumsum(np.concatenate([zero, x], axis), axis).take(-1, axis))
+
+
+def _sum_by_numpy(x: Floats) -> float:
+    return float(sum_axis_in_order(x, 0))
+
+
+def _dot_by_scipy(x: Floats, y: Floats) -> float:
+    from scipy.linalg.blas import ddot  # slow to import
+
+    return float(cast("Any", ddot)(x, y)) if x.size else 0.0
+
+
+def _sum(x: Floats) -> float:
+    return x.sum()
+
+
+def _dot(x: Floats, y: Floats) -> float:
+    return float(x @ y)
+
+
+def _primitive(by_library: Callable[..., Any], loop: Callable[..., Any]) -> Any:
+    def load() -> Any:
+        from estimators.compiled import compiled  # imports numba, which is slow
+
+        return compiled(loop)
+
+    return Primitive(by_library, load)
+
+
+#: Σ x of a vector
+sum_in_order = cast("Callable[[Floats], float]", _primitive(_sum_by_numpy, _sum))
+#: Σ x y of two vectors, each without gaps
+multiply_vectors = cast("Callable[[Floats, Floats], float]", _primitive(_dot_by_scipy, _dot))

@@ -1,0 +1,32 @@
+"""`payscope warm-up`: everything compiled before the first log."""
+
+from typing import Annotated
+
+import typer
+
+
+def command(
+    force: Annotated[bool, typer.Option(help="Go through all of it all the same.")] = False,
+) -> None:
+    """Compile the numerical code ahead: a minute and a half, once a version.
+
+    Without it the first log of a few minutes takes some seconds more, and a longer one waits
+    until what it needs is compiled. Several processes may compile at once.
+    """
+    from estimators.compile_cache import are_all_kept, lasting_folder, note_all_kept
+    from estimators.errors import OutputError
+
+    folder = lasting_folder()
+    if folder is None:
+        raise OutputError(
+            "no folder for compiled code can be written to, neither beside the packages nor in "
+            "~/.cache; set NUMBA_CACHE_DIR to one that can"
+        )
+    if force or not are_all_kept():
+        from replay.commands.progress_bar import Stages
+        from replay.warm_up.compile_loops import STEPS, compile_loops
+
+        with Stages(len(STEPS), warns=False) as stages:
+            compile_loops(stages.begin)
+        note_all_kept()
+    typer.echo(f"everything is compiled: {folder}")

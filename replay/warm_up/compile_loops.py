@@ -1,0 +1,85 @@
+"""Compile ahead what a run, a review and a simulation compile, by small ones of each.
+
+What is compiled depends on the types of arrays and on the container of a log, not on its length.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from analysis.online.follower import FollowedRow
+from analysis.simulation import Scenario
+from analysis.simulation.scenario.shift_plan import SimulatedShift
+from estimators.interpreted import compile_at_once
+from replay.follow.follow_logs import Following, follow_logs
+from replay.machines.machine_file import load_machine
+from replay.review.review_shift import ReviewOptions, review
+from replay.runs.run_logs import replay_logs
+from replay.simulation.simulate_logs import simulate
+
+_CONTAINERS: Final = (".bag", ".mcap", ".db3")
+#: What `on_stage` is told, in order.
+STEPS: Final = ("simulate", *(each[1:] for each in _CONTAINERS), "turns", "follow", "review")
+_MACHINE: Final = Path("cat262c.toml")
+_ALL_METHODS: Final = (
+    'settings.trace.methods=["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]'
+)
+#: Two starts in half a minute, at half the usual rate: as little as a fit needs.
+_STRAIGHT: Final = {
+    "campaign": {
+        "loads_kg": [150],
+        "runs": 2,
+        "standstill_s": 2.0,
+        "start_s": 3.0,
+        "cruise_s": 2.0,
+        "rest_s": 1.5,
+    },
+    "sensors": {"rate_hz": 50.0},
+}
+#: A start each way, a spin and an arc, with samples that were dropped.
+_TURNING: Final = {
+    "campaign": {
+        "loads_kg": [250],
+        "runs": 1,
+        "manoeuvres": [
+            {"kind": "rest", "duration_s": 1.0},
+            {"kind": "start"},
+            {"kind": "start", "direction": "reverse", "throttle": 0.8},
+            {"kind": "spin"},
+            {"kind": "arc", "speed_m_s": 0.8, "yaw_rate_rad_s": 0.3, "duration_s": 6.0},
+        ],
+    },
+    "sensors": {"rate_hz": 50.0, "imu_x_m": 0.4},
+    "log": {"dropout_share": 0.002},
+}
+_SHIFT: Final = SimulatedShift(duration_h=0.1, logs=2)
+
+
+def compile_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
+    """Compile everything into the folders that are kept; what is there is loaded instead.
+
+    Args:
+        on_stage: told each of `STEPS` as it begins.
+    """
+    with compile_at_once(), TemporaryDirectory(prefix="payscope-warm-up-") as made:
+        folder = Path(made)
+        on_stage("simulate")
+        straight = Scenario.model_validate(_STRAIGHT)
+        turning = simulate(Scenario.model_validate(_TURNING), folder / "turning.mcap")
+        hauling = Scenario().model_copy(update={"shift": _SHIFT})
+        shift = simulate(hauling, folder / "shift.mcap")
+        for suffix in _CONTAINERS:
+            on_stage(suffix[1:])
+            logs = simulate(straight, folder / f"straight{suffix}")
+            replay_logs(logs, _MACHINE, overrides=[_ALL_METHODS])
+        on_stage("turns")
+        replay_logs(turning, _MACHINE)
+        on_stage("follow")
+        follow_logs(turning, load_machine(_MACHINE), _ignore, idle_s=0.0)
+        on_stage("review")
+        review(shift, _MACHINE, folder / "page", ReviewOptions())
+
+
+def _ignore(following: Following, rows: list[FollowedRow]) -> None:
+    del following, rows
