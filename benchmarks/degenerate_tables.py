@@ -428,7 +428,9 @@ def fleet(of: Replayed, payscope: Driven) -> None:
 SLOW_JOBS: Final = (viewed, fleet)
 _SLOW_EVERY: Final = 250
 #: Commands that read no message of a log, and nothing that was made of one.
-WITHOUT_LOG: Final = frozenset({"demo", "excite", "keys", "notarise", "reproduce", "simulate"})
+WITHOUT_LOG: Final = frozenset(
+    {"demo", "excite", "keys", "notarise", "reproduce", "simulate", "warm-up"}
+)
 
 
 def jobs_of(seed: int) -> tuple[Job, ...]:

@@ -222,16 +222,15 @@ def test_holes_of_a_log_are_as_in_the_replay(logs: dict[str, Path], tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("log", "machine_file", "is_exact"),
+    ("log", "machine_file"),
     [
-        ("linear_axis.csv", "linear_axis.toml", True),
-        # what a filter carries over from the beginning of the log is lost but for rounding
-        ("linear_axis.bag", "linear_axis_ros.toml", False),
-        ("husky_asphalt.bag", "husky_imu.toml", False),
+        ("linear_axis.csv", "linear_axis.toml"),
+        ("linear_axis.bag", "linear_axis_ros.toml"),
+        ("husky_asphalt.bag", "husky_imu.toml"),
     ],
 )
 def test_logs_of_others_are_followed_as_replayed(
-    shared_data: Path, tmp_path: Path, log: str, machine_file: str, is_exact: bool
+    shared_data: Path, tmp_path: Path, log: str, machine_file: str
 ) -> None:
     data = (shared_data / "logs" / log).read_bytes()
     target = tmp_path / log
@@ -251,9 +250,10 @@ def test_logs_of_others_are_followed_as_replayed(
     compared = {each.name: each for each in digests.compare(replayed(target, machine).frames)}
     assert compared["gate"].differs_from_s is None
     assert compared["gate"].rows > 300
+    # a derived channel is filtered anew from the oldest sample kept, and which that is depends on
+    # how much each look finds on disk: the filter forgets where it began but for rounding
     for each in compared.values():
         assert each.is_rounding, each
-        assert each.differs_from_s is None or not is_exact
 
 
 def test_memory_does_not_grow_with_the_log(logs: dict[str, Path], tmp_path: Path) -> None:
