@@ -320,6 +320,7 @@ def motion_samples(
     silent = ~known | _missing_rows(aligned)
     near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
     group = _number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
+    group = _drop_standing_runs(group, np.where(known, speed, 0.0), moves_m_s)
     measured = _grid_column(aligned, "specific_force_x_m_s2", known)
     pitch = _grid_column(aligned, "pitch_rad", known)
     level = None
@@ -485,7 +486,7 @@ def _trim_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
     """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
-    smooth = np.abs(np.convolve(speed, np.ones(3) / 3.0, "same")) > moves_m_s
+    smooth = _smooth_speed(speed) > moves_m_s
     grown = group.copy()
     for begin in np.flatnonzero(begins(group)):
         first = int(begin)
@@ -507,6 +508,22 @@ def _number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     near = windows_with(turns, mixed) | windows_with(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(begins(group)) - 1, -1).astype(np.int64)
+
+
+def _drop_standing_runs(group: Ints, speed: Floats, moves_m_s: float) -> Ints:
+    """Leave out stretches whose speed never leaves the noise: the phase saw its noise grow."""
+    used = group >= 0
+    if not used.any():
+        return group
+    first = np.flatnonzero(begins(group))
+    fastest = np.maximum.reduceat(np.where(used, _smooth_speed(speed), 0.0), first)
+    moves = fastest > moves_m_s
+    return np.where(used & moves[group], group, -1)
+
+
+def _smooth_speed(speed: Floats) -> Floats:
+    """Size of the mean of three samples, (n,) in m/s."""
+    return np.abs(np.convolve(speed, np.ones(3) / 3.0, "same"))
 
 
 def _directions(group: Ints, speed: Floats) -> Floats:

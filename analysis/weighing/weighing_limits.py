@@ -281,8 +281,11 @@ class WeighingLimits:
     shortest_log_s: float = 1.0
 
     # wheel_kinematics
-    #: Share of the mismatch below which an accelerometer without its gravity is taken.
-    gravity_mismatch_ratio: float = 0.8
+    #: Share of the disagreement, beyond the speed's noise, below which an accelerometer without its
+    #: gravity is taken: a share of the whole mismatch missed hills where the speed is noisy,
+    gravity_disagreement_ratio: float = 0.8
+    #: and share of the mismatch above which the difference may be chance.
+    gravity_mismatch_ratio: float = 0.95
     #: Samples over which noise accumulates.
     accumulated_noise_samples: int = 100
     #: Standard deviation with which a gain is searched without leaning on its prior.

@@ -150,7 +150,8 @@ def compare_wheels(
         best = level if even is None or level.mismatch < even.mismatch else even
         if best.is_consistent or best.mismatch < found.mismatch:
             return replace(best, squat=squat)
-    if level.mismatch < LIMITS.gravity_mismatch_ratio * found.mismatch:
+    agrees = level.disagreement_m_s < LIMITS.gravity_disagreement_ratio * found.disagreement_m_s
+    if agrees and level.mismatch < LIMITS.gravity_mismatch_ratio * found.mismatch:
         return level
     return _subtract_squat(found, motion.specific_force, motion, noise, priors, told)
 
