@@ -34,7 +34,7 @@ from replay.explain.try_proposals import MachineText, mend
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
-from replay.simulation.write_log import write_logs
+from replay.simulation.simulate_logs import write_logs
 
 FAULTS: Final = (
     "force late",

@@ -127,8 +127,7 @@ def _print_sweep(
     from replay.commands.frame_output import format_of, print_frame
     from replay.commands.print_tables import console
     from replay.commands.progress_bar import Stages
-    from replay.runs.setting_grid import combinations
-    from replay.runs.sweep_settings import sweep
+    from replay.runs.sweep_settings import combinations, sweep
 
     logs, machine_file, overrides, over = asked
     output, figure = outputs

@@ -2,8 +2,7 @@
 
 from replay.logs.growing_logs import ACTIVE, GrowingLogFile, follow_log
 from replay.logs.log import TABLE, Checked, Log, TableHints, TimeAxis
-from replay.logs.log_folder import logs_among, logs_in
-from replay.logs.log_formats import open_log
+from replay.logs.log_formats import logs_among, logs_in, open_log
 
 __all__ = [
     "ACTIVE",

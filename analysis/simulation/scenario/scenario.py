@@ -10,17 +10,21 @@ from typing import Self, overload
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from analysis.simulation.scenario.brakes import SimulatedBrakes
-from analysis.simulation.scenario.chassis import SimulatedChassis
-from analysis.simulation.scenario.defects import SimulatedDefects
-from analysis.simulation.scenario.drivetrain import SimulatedDrivetrain
-from analysis.simulation.scenario.instruments import SimulatedRecorder, SimulatedSensors
-from analysis.simulation.scenario.loading import SimulatedLoading
+from analysis.simulation.scenario.drivetrain import (
+    SimulatedBrakes,
+    SimulatedChassis,
+    SimulatedDrivetrain,
+    SimulatedRolling,
+)
+from analysis.simulation.scenario.instruments import (
+    SimulatedDefects,
+    SimulatedRecorder,
+    SimulatedSensors,
+)
 from analysis.simulation.scenario.manoeuvres import Manoeuvre, Rest, Start
-from analysis.simulation.scenario.rolling_resistance import SimulatedRolling
 from analysis.simulation.scenario.sampling import SimulatedSampling
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.scenario.starts import SimulatedStarts
+from analysis.simulation.scenario.starts import SimulatedLoading, SimulatedStarts
 from analysis.simulation.scenario.waveforms import Floats
 
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -18,10 +18,12 @@ from analysis.simulation.scenario.sampling import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.hint_sensors import boom, gnss, odometry
-from analysis.simulation.sensors.low_pass import low_pass
 from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import instants_ns, phase_s, rate_hz, record, topics_of
 
+#: Between two steps of the filter a signal is taken for a straight line.
+_STEP_S: Final = 0.001
+_STEPS_A_LAG: Final = 10
 _SIDES: Final = (("left", -1.0), ("right", 1.0))
 
 
@@ -259,3 +261,34 @@ _READERS: Final[Mapping[TopicName, _Reader]] = {
     "odometry": odometry,
     "gnss": gnss,
 }
+
+
+def low_pass(
+    signals: Callable[[NDArray[np.int64]], Mapping[str, Floats]],
+    at_ns: NDArray[np.int64],
+    lag_s: float,
+) -> Mapping[str, Floats]:
+    """Signals behind a first-order low-pass, at rest before the first of the times.
+
+    Args:
+        signals: columns (m,) at m times in ns.
+        at_ns: (n,) times, ascending.
+        lag_s: time constant; 0: the signals themselves.
+    """
+    if not lag_s or not at_ns.size:
+        return signals(at_ns)
+    from scipy.signal import lfilter
+
+    step_ns = max(round(min(_STEP_S, lag_s / _STEPS_A_LAG) * 1e9), 1)
+    grid_ns = np.arange(at_ns[0], at_ns[-1] + 2 * step_ns, step_ns)
+    keeps = math.exp(-step_ns * 1e-9 / lag_s)
+    # exact for a signal that is a straight line from step to step
+    mean = (1.0 - keeps) * lag_s / (step_ns * 1e-9)
+    taken = [1.0 - mean, mean - keeps]
+    since_s, grid_s = (at_ns - grid_ns[0]) * 1e-9, (grid_ns - grid_ns[0]) * 1e-9
+    made: dict[str, Floats] = {}
+    for name, values in signals(grid_ns).items():
+        first = float(values[0])
+        filtered = lfilter(taken, [1.0, -keeps], values, zi=[(1.0 - taken[0]) * first])[0]
+        made[name] = np.interp(since_s, grid_s, filtered)
+    return made

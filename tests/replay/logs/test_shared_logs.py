@@ -16,7 +16,7 @@ from estimators.errors import LogError
 from replay import open_log
 from replay.logs import Log
 from replay.logs.bag.bag_file import BagFile
-from replay.logs.decoding.per_message import PerMessageDecoder
+from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.mcap.mcap_file import McapFile
 from replay.logs.message_log import MessageLog
 from replay.logs.messages.message_fields import resolve
