@@ -1,6 +1,6 @@
 """What a cause is, and what is said of one that a log shows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from analysis.findings.finding_inputs import FindingInputs
@@ -74,3 +74,8 @@ class Cause:
     explains: tuple[str, ...] = ()
     outdone: float = float("inf")
     hides: bool = False
+
+
+def strongest_symptom(symptoms: Sequence[Symptom]) -> list[Symptom]:
+    """The strongest of several symptoms, as a list; empty of none."""
+    return [max(symptoms, key=lambda each: each.strength)] if symptoms else []

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.findings.altered_motion import delay_channel
 from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import gravity_by_pitch
@@ -22,6 +21,7 @@ from analysis.model.schema import values
 from analysis.model.windows import windows_with
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in
+from estimators.arrays import Bools, Floats
 
 #: Causes that a long delay alone makes show.
 EXPLAINED_BY_LONG: Final = (

@@ -5,7 +5,6 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Floats
 from analysis.findings.accelerometer_share import fit_accelerometer_gain
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
@@ -14,6 +13,7 @@ from analysis.findings.refit import refit_from_scratch, refit_mended
 from analysis.model.schema import values
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.motion_samples import MotionSamples
+from estimators.arrays import Floats
 
 #: Ratios of units that are taken for each other, and what they are.
 _SPEED_UNITS: Final = {

@@ -13,10 +13,9 @@ from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri, stdtr
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: Allowance of the CUSUM, in standard deviations: half of the shift that it finds soonest.
 ALLOWANCE: Final = 0.25

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
 from analysis.simulation import Scenario, solve_motion
@@ -15,8 +14,7 @@ from analysis.simulation.scenario.manoeuvres import Excite
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from analysis.stages.motion.smooth import trailing_mean
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: Phases a sample at which a window may start.
 PHASES: Final = 10

@@ -27,7 +27,7 @@ from analysis.planar.planar_terms import TERMS, terms_of
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.gating.segments import manoeuvres
-from estimators.estimate import Bools, Floats, Ints
+from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
 from estimators.planar.base_parameters import BaseEstimate, Prior
 from estimators.planar.planar_rows import PARAMETERS

@@ -16,7 +16,7 @@ from analysis.model.uncertainty_sources import (
     turned_by_sides,
 )
 from analysis.planar.planar_terms import TERMS
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 from estimators.planar.base_parameters import BaseEstimate
 
 _TERMS: Final = {term.name: term for term in TERMS}

@@ -17,7 +17,7 @@ from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, turned_by_sides
 from analysis.planar.planar_motion import Drive, TurningSamples
 from analysis.weighing.nuisances import constant_force_std, coulomb_std
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
 Columns = tuple[Floats | None, Floats | None]

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches

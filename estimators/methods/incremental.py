@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.estimate import Estimate, Floats, Ints
+from estimators.arrays import Floats, Ints
+from estimators.estimate import Estimate
 from estimators.interpreted import compiled_ahead
 from estimators.methods import rls as recursion
 from estimators.methods import rtls as total_recursion

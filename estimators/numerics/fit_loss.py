@@ -8,7 +8,7 @@ of the long-run variance; less where the correlation lasts as long as the regres
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
 

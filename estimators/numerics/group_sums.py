@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_beside
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_mean import find_runs

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 from estimators.numerics.small_systems import factor, packed_index, substitute
 
 

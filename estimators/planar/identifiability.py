@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import DataError
-from estimators.estimate import Bools, Floats, Ints
 
 #: (V_r V_rᵀ)_ii above 1 minus this is 1, where A is exact.
 EXACT = 1e-8

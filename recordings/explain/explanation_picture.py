@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 
 from analysis.explain import Explanation
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from recordings.explain.explanation_text import verdict_sentence
 from recordings.plots.convergence_plot import draw_convergence
@@ -26,7 +27,6 @@ _LINE: Final = 165
 _FINDINGS: Final = 3
 #: What is drawn around the moment, in s either way.
 _AROUND_S: Final = 15.0
-_NS: Final = 1e9
 
 
 def plot_explanation(run: Run, explained: Explanation, path: Path, *, force: bool = False) -> Path:
@@ -81,7 +81,7 @@ def _worst_s(explained: Explanation, run: Run) -> float | None:
     None, for all of it, where the run is not much longer than what would be drawn.
     """
     span = span_ns(run)
-    if span is None or span[1] - span[0] < 4 * _AROUND_S * _NS:
+    if span is None or span[1] - span[0] < 4 * _AROUND_S * NS_PER_S:
         return None
     for each in explained.findings or ():
         if each.start_s is not None and each.end_s is not None:
@@ -93,7 +93,7 @@ def _worst_s(explained: Explanation, run: Run) -> float | None:
 
 def _around(run: Run, at_s: float) -> Run:
     """The samples around a moment; frames without samples whole."""
-    begin, end = (round((at_s + way * _AROUND_S) * _NS) for way in (-1, 1))
+    begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
         name: _between(frame, begin, end) if "t_ns" in frame.columns else frame
         for name, frame in run.frames.items()
@@ -113,7 +113,7 @@ def _load_at(run: Run, at_s: float | None) -> Run:
     loads = run.frames.get("loads")
     if at_s is None or loads is None:
         return run
-    at = pl.lit(round(at_s * _NS))
+    at = pl.lit(round(at_s * NS_PER_S))
     here = loads.filter(at.is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
     if not here.height:
         return run

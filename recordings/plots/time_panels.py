@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import polars as pl
 
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
+from estimators.arrays import Floats
 from recordings.report import colours
 from recordings.report.picture import legend_above
 from recordings.rrd.display_frames import (
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
-NS: Final = 1e9
 #: A stretch may have one sample.
 _SHORTEST_NS: Final = 10_000_000
 #: More points than this are drawn by bins, more changes of state as shares of time.
@@ -77,7 +78,7 @@ def draw_over_time(
             axes.set_ylim(axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
-    rows[-1].set_xlim(span[0] / NS, max(span[1], span[0] + _SHORTEST_NS) / NS)
+    rows[-1].set_xlim(span[0] / NS_PER_S, max(span[1], span[0] + _SHORTEST_NS) / NS_PER_S)
     rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=_SMALL)
 
 
@@ -114,19 +115,20 @@ def _draw(axes: "Axes", drawn: Drawn, frame: pl.DataFrame, span: tuple[int, int]
         else:
             ends = [value.min().alias("low"), value.max().alias("high")]
             frame = binned(frame, [value.mean(), *ends], span, width_ns)
-            low, high = (_numbers(frame[end]) for end in ("low", "high"))
-            t_s = frame["t_ns"].to_numpy() / NS
+            low, high = (series_numbers(frame[end]) for end in ("low", "high"))
+            t_s = frame["t_ns"].to_numpy() / NS_PER_S
             axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.3, lw=0)
-    t_s = frame["t_ns"].to_numpy() / NS
-    numbers = _numbers(frame[drawn.column])
+    t_s = frame["t_ns"].to_numpy() / NS_PER_S
+    numbers = series_numbers(frame[drawn.column])
     dots = "." if stands_alone(frame[drawn.column]) else ""
     axes.plot(t_s, numbers, dots + "-", color=drawn.colour, lw=0.8, ms=3, label=drawn.label)
     if drawn.variance:
-        std = np.sqrt(_numbers(frame[drawn.variance]))
+        std = np.sqrt(series_numbers(frame[drawn.variance]))
         axes.fill_between(t_s, numbers - std, numbers + std, color=drawn.colour, alpha=0.2, lw=0)
 
 
-def _numbers(series: pl.Series) -> np.ndarray:
+def series_numbers(series: pl.Series) -> Floats:
+    """A column as floats, NaN where it has no value."""
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
@@ -167,8 +169,8 @@ def _colour(state: str) -> str:
 
 def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
     for (state,), group in spans.group_by(STATE):
-        start_s = group["t_ns"].to_numpy() / NS
-        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS
+        start_s = group["t_ns"].to_numpy() / NS_PER_S
+        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         pairs = list(zip(start_s, length_s, strict=True))
         axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_colour(str(state)), lw=0)
 
@@ -186,9 +188,9 @@ def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], botto
         inside = _time_before(starts[chosen], ends[chosen], edges)
         share = 0.84 * np.diff(inside) / width
         axes.bar(
-            edges[:-1] / NS,
+            edges[:-1] / NS_PER_S,
             share,
-            width / NS,
+            width / NS_PER_S,
             bottom=base,
             align="edge",
             color=_colour(state),
@@ -210,8 +212,8 @@ def _shade(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -
     if states is None or states.height > _SPANS:
         return
     for (state,), group in _spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
-        start_s = group["t_ns"].to_numpy() / NS
-        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS
+        start_s = group["t_ns"].to_numpy() / NS_PER_S
+        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         axes.broken_barh(
             list(zip(start_s, length_s, strict=True)),
             (0, 1),

@@ -85,6 +85,11 @@ def json_text(value: Any) -> str:
     return json.dumps(_plain(value), indent=2, ensure_ascii=False, allow_nan=False)
 
 
+def kg_text(value: float | None) -> str:
+    """A mass to a tenth of a kilogram, or a dash."""
+    return "–" if value is None else f"{value:,.1f}"
+
+
 def value_text(value: Any) -> str:
     """A setting as a machine file writes it, on one line; a dash for none."""
     if value is None:

@@ -238,12 +238,14 @@ def _tables(rows: Sequence[Row]) -> RenderableType:
     """Masses and verdict a combination; below, where a truth is known, how wrong they are."""
     from rich.console import Group
 
+    from replay.commands.print_tables import kg_text
+
     masses = _table(rows, _mass, ("used", "weighs"), _verdict)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
     if _calibrated_mass(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", _of_calibration(rows)]
     for name in rows[0].errors:
-        errors = _table(rows, lambda row, method, of=name: _kg(row.errors[of].get(method)))
+        errors = _table(rows, lambda row, method, of=name: kg_text(row.errors[of].get(method)))
         parts += ["", _TITLES[name], errors]
     return Group(*parts)
 
@@ -269,7 +271,7 @@ def _table(
 
 def _of_calibration(rows: Sequence[Row]) -> Table:
     """A row a combination: the calibrated mass, or why there is none."""
-    from replay.commands.print_tables import plain_table
+    from replay.commands.print_tables import kg_text, plain_table
 
     table = plain_table(*_names(rows[0].over).values(), "calibrated", "from", "to")
     table.add_column("", overflow="fold")
@@ -277,17 +279,15 @@ def _of_calibration(rows: Sequence[Row]) -> Table:
         mass, low, high, reason = _calibrated_mass(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
-        table.add_row(*row.over.values(), *map(_kg, numbers), str(why))
+        table.add_row(*row.over.values(), *map(kg_text, numbers), str(why))
     return table
 
 
 def _mass(row: Row, method: str) -> str:
+    from replay.commands.print_tables import kg_text
+
     mass, std = (_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg"))
-    return _kg(mass) + ("" if std is None else f" ± {std:.1f}")
-
-
-def _kg(value: float | None) -> str:
-    return "–" if value is None else f"{value:,.1f}"
+    return kg_text(mass) + ("" if std is None else f" ± {std:.1f}")
 
 
 def _verdict(row: Row) -> Sequence[str]:

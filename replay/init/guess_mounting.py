@@ -5,15 +5,12 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
 from analysis.stages.signals.timestamps import assign_timestamps
+from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
 from replay.logs import Log
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: The topic (None in a table) and the field of a column.
 Source = tuple[str | None, str]

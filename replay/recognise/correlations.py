@@ -6,14 +6,12 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.physical_units import to_si
+from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import TABLE, Log
 from replay.recognise.proposals import ChannelProposal, LogColumn, Recognised
-
-Floats = NDArray[np.float64]
 
 #: Rows that correlations are taken over, at most, and the span of a slope, in s.
 _ROWS: Final = 200_000

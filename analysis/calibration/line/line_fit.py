@@ -30,7 +30,7 @@ from analysis.calibration.line.line_model import (
 from analysis.calibration.line.outliers import outliers
 from analysis.calibration.line.point_errors import attenuation, point_rows, rms, stated_ratio
 from analysis.calibration.line.unlike_driving import RunResponse, line_responses
-from analysis.calibration.line.variance_components import Floats
+from estimators.arrays import Floats
 from estimators.errors import DataError
 
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")

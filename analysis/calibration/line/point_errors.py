@@ -15,7 +15,7 @@ from analysis.calibration.line.calibration_points import Campaign
 from analysis.calibration.line.distance_regression import StraightLine, distance_regression
 from analysis.calibration.line.line_model import FittedLine, Points
 from analysis.calibration.line.outliers import studentise
-from analysis.calibration.line.variance_components import Floats
+from estimators.arrays import Floats
 
 #: A spread of estimates below this share of their size is rounding, not information.
 _SPREAD_MIN: Final = 1e-9

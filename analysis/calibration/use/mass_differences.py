@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.unlike_driving import Unlike
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: What grows with the load makes of a slope beside the gain, as a standard deviation: rolling
 #: resistance of 1.5 % made 5 % of it, and so does a bias of 0.05 m/s²; priors allow for twice that.

@@ -16,7 +16,7 @@ from analysis.simulation.plant.integrated_motion import FREE, IntegratedLog
 from analysis.simulation.plant.plant import DriveStage
 from analysis.simulation.scenario.manoeuvres import Excite, Manoeuvre, Rest, Start, Travel
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 from estimators.errors import ScenarioError
 
 #: Steps in the lag of a drive that a pedal follows; forces interpolated in one are 0.1 % off.

@@ -14,8 +14,8 @@ from analysis.simulation.plant.plant_inputs import DriveStage, plant_of
 from analysis.simulation.plant.resistance import left_of_cold, rolling_resistance
 from analysis.simulation.plant.row_buffer import RowBuffer
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.random_streams import generator
+from estimators.arrays import Floats
 from estimators.errors import ScenarioError
 
 #: One step: a hundredth of the lag of the paper's machine; forces interpolated in it are 0.2 N off.

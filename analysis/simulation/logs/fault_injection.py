@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis.simulation.logs.simulated_campaign import SimulatedLog
 from analysis.simulation.scenario.drawn_designs import LOADER_KG, LOADER_N, Sections, join_designs
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 Frames = dict[str, pl.DataFrame]
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")

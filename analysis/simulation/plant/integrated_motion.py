@@ -12,7 +12,7 @@ from analysis.simulation.motion.solved_motion import Channels
 from analysis.simulation.motion.timeline import DrivenManoeuvre
 from analysis.simulation.plant import plant
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 from estimators.compiled import inlined, uncounted
 
 #: What changes how fast: the force on the ground, the yaw rate, the acceleration, the mass.

@@ -22,7 +22,7 @@ from analysis.simulation.plant.resistance import (
     left_of_cold,
     rolling_resistance,
 )
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 from estimators.compiled import compiled, inlined
 
 #: The state: position, speed of wheels and body, stretch between them, forces, pitch.

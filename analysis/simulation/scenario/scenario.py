@@ -25,7 +25,7 @@ from analysis.simulation.scenario.manoeuvres import Manoeuvre, Rest, Start
 from analysis.simulation.scenario.sampling import SimulatedSampling
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.scenario.starts import SimulatedLoading, SimulatedStarts
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

@@ -9,10 +9,10 @@ from abc import ABC, abstractmethod
 from typing import Literal, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-Floats: TypeAlias = NDArray[np.float64]
+from estimators.arrays import Floats
+
 Shape: TypeAlias = Literal["triangular", "sinusoidal", "polynomial"]
 
 

@@ -16,10 +16,10 @@ from analysis.simulation.motion.solved_motion import Channels
 from analysis.simulation.motion.timeline import Timeline
 from analysis.simulation.scenario.sampling import TopicName
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.hint_sensors import boom, gnss, odometry
 from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import instants_ns, phase_s, rate_hz, record, topics_of
+from estimators.arrays import Floats
 
 #: Between two steps of the filter a signal is taken for a straight line.
 _STEP_S: Final = 0.001

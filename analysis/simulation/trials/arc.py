@@ -10,7 +10,7 @@ import numpy as np
 from analysis.simulation.motion.body import Pair, RigidBody, Values
 from analysis.simulation.motion.solved_motion import ManoeuvreTimes, MotionPhase, MotionState
 from analysis.simulation.scenario.manoeuvres import Arc
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 
 def arc_phases(

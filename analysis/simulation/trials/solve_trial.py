@@ -25,11 +25,12 @@ from analysis.simulation.scenario.manoeuvres import (
     Travel,
 )
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats, ForceWave, TorqueWave
+from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from analysis.simulation.trials.arc import arc_phases
 from analysis.simulation.trials.stiction import LEAST_GRIP, RATES, Commands, Stiction
 from analysis.simulation.trials.switches import integrate_for
 from analysis.simulation.trials.trial_limits import check_limits
+from estimators.arrays import Floats
 from estimators.errors import DataError, ScenarioError
 
 #: Far beyond any stop: a scenario keeps below 50 m/s and brakes with at least 0.1 m/s².

@@ -16,7 +16,8 @@ from analysis.model.settings import Settings
 from analysis.stages.gating.gate import settled_windows
 from analysis.stages.gating.segments import pooled_samples
 from analysis.stages.noise.column_noise import axis_noise, least_std, systematic
-from estimators.estimate import Floats, Ints, Trace
+from estimators.arrays import Floats, Ints
+from estimators.estimate import Trace
 
 
 def trace(

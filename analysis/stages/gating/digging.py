@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.axes import X, regressor
 from analysis.model.machine import Machine
@@ -23,10 +22,7 @@ from analysis.model.schema import build
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats, Ints
 
 #: A resistance that grows by this share of the force that the log drives with, over one start,
 _GROWS: Final = 0.2

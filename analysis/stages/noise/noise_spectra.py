@@ -6,10 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model.windows import runs_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats, Ints
 
 #: Covariances are given for lags below this.
 LAGS: Final = 64

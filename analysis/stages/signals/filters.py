@@ -3,13 +3,10 @@
 from typing import Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals.resample import interpolate
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from estimators.arrays import Floats, Ints
 
 #: Rates that differ by less are one rate.
 OTHER_RATE: Final = 1.5

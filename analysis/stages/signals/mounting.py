@@ -3,15 +3,13 @@
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.model.machine import ImuMounting
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
+from estimators.arrays import Floats, Ints
 from estimators.errors import DataError
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Series = tuple[Ints, Floats]
 
 _SPECIFIC_FORCE = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")

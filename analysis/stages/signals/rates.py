@@ -10,7 +10,8 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
-from analysis.stages.signals.resample import Floats, Ints, average, interpolate
+from analysis.stages.signals.resample import average, interpolate
+from estimators.arrays import Floats, Ints
 
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
 #: Steps of so many ns are short beside all that a machine does.

@@ -7,11 +7,9 @@ from collections.abc import Callable
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Bytes
 from estimators.interpreted import Primitive
-
-Bytes = NDArray[np.uint8]
 
 
 def _unsigned(size: int) -> Callable[[Bytes, int], np.int64]:

@@ -9,6 +9,7 @@ import polars as pl
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.arrays import of_times
 from replay.logs.decoding.decode_program import Program, Wanted, compile_program
 from replay.logs.decoding.decoder import Decoded, Submit, at_once, schema_of
@@ -29,9 +30,6 @@ from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
 from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve
 from replay.logs.messages.message_types import RecordType
 from replay.logs.messages.raw_batch import RawBatch
-
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 
 #: Elements that lists have on the average, as a first guess; with more, the pass is repeated.
 _ELEMENTS: Final = 4

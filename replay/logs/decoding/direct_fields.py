@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Ints
 from replay.logs.decoding.field_places import (
     Inline,
     InlineArray,
@@ -18,7 +18,6 @@ from replay.logs.decoding.field_places import (
 from replay.logs.decoding.gather_values import DTYPES, LOADS
 from replay.logs.messages.message_fields import ALL, Field, PathStep
 
-Ints = NDArray[np.int64]
 #: What tells a field of a type from the others.
 Steps: TypeAlias = tuple[PathStep, ...]
 

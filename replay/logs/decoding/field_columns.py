@@ -11,6 +11,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Ints
 from replay.logs.decoding.arrays import (
     ELEMENT_TYPES,
     Array,
@@ -37,7 +38,6 @@ from replay.logs.decoding.one_pass import Gathered
 from replay.logs.decoding.wire import WIDTHS
 from replay.logs.messages.message_fields import ALL, Field
 
-Ints = NDArray[np.int64]
 _NO_TEXT: Final = np.empty(0, np.uint8)
 
 

@@ -9,11 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Bytes, Ints
 from estimators.interpreted import compiled
 from replay.logs.decoding.bytes_at import copy, load16, load32, load64, widened
-
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 
 #: Little-endian numbers of the kinds; a bool is a byte until it is compared with 0.
 DTYPES: Final = {

@@ -9,13 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Bytes, Ints
 from estimators.interpreted import uncounted
 from replay.logs.decoding.direct_fields import Gathering
 from replay.logs.decoding.gather_values import copy_equal, load, view
 from replay.logs.decoding.walk_program import Encoding, Messages, Noted, Outcome, Template, walk
-
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 
 _ROWS_AT_ONCE: Final = 1024
 

@@ -10,13 +10,11 @@ array whose bytes do not follow one another is refused when the caller is compil
 from collections.abc import Callable
 from typing import Any, cast
 
-import numpy as np
 from llvmlite import ir  # which numba brings
 from numba.core import cgutils, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.uint8]
+from estimators.arrays import Bytes
 
 
 def _are_bytes(*arrays: Any) -> bool:

@@ -18,12 +18,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Bytes, Ints
 from estimators.interpreted import compiled, inlined, uncounted
 from replay.logs.decoding.bytes_at import fetch, load32, load64
 from replay.logs.decoding.decode_program import Op, Operand
-
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 
 # plain integers: numba freezes them into the machine code
 _SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from replay.logs.tables.dates import clock_times, is_clock, is_date
 from replay.logs.tables.epochs import epoch_of, from_1904
 from replay.logs.tables.header import ColumnName, split_unit, zone_s
@@ -32,7 +32,6 @@ _SHORTEST_S: Final = 1.0
 _EPOCH_S: Final = (946_684_800.0, 4_102_444_800.0)
 _ROUND: Final = 1e-6
 
-Floats = NDArray[np.float64]
 #: Names of a time column without what is no letter, in the order they are looked for.
 _NAMES: Final = (
     *("t", "logtime", "time", "timestamp", "timestamps", "timestamputc", "datetime", "utctime"),

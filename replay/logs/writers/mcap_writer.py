@@ -28,7 +28,7 @@ from mcap.records import (
 )
 
 from analysis.simulation import SimulatedLog
-from replay.logs.writers.message_columns import Ints
+from estimators.arrays import Ints
 from replay.logs.writers.recorded_order import FullChunk, RecordedTopic, chunks, in_order
 from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope

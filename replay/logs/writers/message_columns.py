@@ -12,7 +12,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-Ints: TypeAlias = NDArray[np.int64]
+from estimators.arrays import Ints
+
 Column: TypeAlias = (
     "NDArray[Any] | Ragged | Mapping[str, Column] | Sequence[Column] | str | float | None"
 )

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
+from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.wire import Wire
-from replay.logs.writers.message_columns import Column, Ints, Ragged, shapes
+from replay.logs.writers.message_columns import Column, Ragged, shapes
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-Bytes: TypeAlias = NDArray[np.uint8]
 #: What precedes a message of so many bytes in its container: bytes, or numbers (n,) of a type.
 Envelope: TypeAlias = Callable[[int], "Sequence[bytes | tuple[str, Ints]]"]
 _DTYPES: Final = {"bool": "?", "byte": "i1", "char": "u1", "octet": "u1"}
