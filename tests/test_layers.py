@@ -233,10 +233,10 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
             )
         )
     }
-    # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
+    # `LogCheck` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
     # a storage without folders, holds; `TABLE` is the one topic of a table
     assert names == {
-        *("TABLE", "Checked", "Log", "TableHints", "TimeAxis"),
+        *("TABLE", "LogCheck", "Log", "TableHints", "TimeAxis"),
         *("logs_among", "logs_in", "open_log"),
         # what follows a log that grows
         *("ACTIVE", "GrowingLogFile", "follow_log"),

@@ -91,7 +91,7 @@ def side_differences(
         t0_unix_ns: when the first row is.
 
     Returns:
-        By kind: `torque`, `speed` and `slip`, as far as the log tells them.
+        By kind: `torque`, `speed` and `slip`, where the log has samples enough for it.
     """
     if signals is None:
         return {}

@@ -110,7 +110,7 @@ def theta_of(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
 
 
 def rows_of(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
-    """The rows of an axis; every row where there is x alone."""
+    """Rows of an axis; all rows if x is the only axis."""
     if "axis" not in estimates.columns:
         return estimates if axis is X else estimates.clear()
     return estimates.filter(pl.col("axis") == axis.letter)

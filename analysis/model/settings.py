@@ -265,7 +265,7 @@ class PriorSettings(BaseModel):
         "squats under its load",
     )
     speed_delay_s: float = Field(
-        0.02, gt=0, description="prior of the speed's delay behind the accelerometer"
+        0.02, gt=0, description="prior std of the speed's delay after the accelerometer"
     )
     wheel_slip: float = Field(
         0.07, gt=0, description="prior of the wheels' slip at full force, as a share of the speed"

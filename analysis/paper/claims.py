@@ -42,7 +42,7 @@ _PARAMETERS: Final = 2  # mass and friction
 _FLOAT_BYTES: Final = 8
 
 
-def fed(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> ReplayedCampaign:
+def accept_windows(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> ReplayedCampaign:
     """Accept other windows of a campaign.
 
     Args:
@@ -67,7 +67,7 @@ def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
 def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) -> float:
     """The error of RLS at the end of the cruise; NaN without estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
-    again = fed(campaign, how, campaign.settings.changed(methods))
+    again = accept_windows(campaign, how, campaign.settings.changed(methods))
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
     before = again.replayed.frames["estimates/rls"].filter(pl.col("t_ns") <= cruised_ns)
     if before.is_empty():
@@ -86,7 +86,7 @@ def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     rls = campaign.settings.changed({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
     estimates = {"gated": campaign.estimates()} | {
-        how: fed(campaign, how, rls).estimates() for how in without
+        how: accept_windows(campaign, how, rls).estimates() for how in without
     }
     return pl.concat(
         run_errors(masses)

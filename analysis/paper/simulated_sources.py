@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 from analysis.model.machine import Channel, Machine
-from analysis.paper.paper_excitation import SteadyDrive, excited, steady_drive
+from analysis.paper.paper_excitation import SteadyDrive, excite, steady_drive
 from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.torque_chain import TorqueChain, through
 from analysis.simulation import Scenario, SimulatedLog
@@ -179,12 +179,12 @@ def _chained_campaign(study: Study, number: int) -> ReplayedCampaign:
 
 
 def _linear(study: Study, _: int) -> ReplayedCampaign:
-    driven = excited(study.scenario, force=ForceWave(), torque=None)
+    driven = excite(study.scenario, force=ForceWave(), torque=None)
     return study.replay(driven, study.machine, _ideal)
 
 
 def _rotation(study: Study, _: int) -> ReplayedCampaign:
-    driven = excited(study.scenario, force=None, torque=TorqueWave())
+    driven = excite(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
     return study.replay(driven, machine, _ideal)

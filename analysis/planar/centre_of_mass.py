@@ -17,7 +17,7 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import combined, unknown_scale
+from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import gradient_of, sources, standard_uncertainty
 from analysis.planar.planar_motion import drive_of
@@ -364,7 +364,7 @@ def _budget(
             moment = _MOMENTS["xy".index(quantity[4])]
             gradient = fitted.estimate.slope(moment, "mass_kg")[1]
         found = sources(fitted.estimate, gradient, fitted.priors, machine)
-        total = combined(found)
+        total = combine(found)
         parts += [
             {
                 "quantity": quantity,

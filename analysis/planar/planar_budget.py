@@ -11,7 +11,7 @@ from analysis.model.uncertainty_sources import (
     SCALES,
     TRACK_WIDTH,
     UncertaintySource,
-    combined,
+    combine,
     largest_first,
     turned_by_sides,
 )
@@ -101,4 +101,4 @@ def standard_uncertainty(
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combined(sources(estimate, gradient, terms, machine))
+    return combine(sources(estimate, gradient, terms, machine))

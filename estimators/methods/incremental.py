@@ -114,7 +114,10 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
 
 
 def window_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
-    """Compute what the gate asks of the window that ends now, (1,) each; noise as for `ls`."""
+    """Compute the statistics that the gate needs of the window that ends now, (1,) each.
+
+    The noise is given as for `ls`.
+    """
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
     correlation(state.moments, state.centre, window, rho, spread)

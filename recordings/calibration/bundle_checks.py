@@ -29,7 +29,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.chain_check import check_chain, check_counter
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, without
+from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, fault_without_name
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
     UnknownFormatError,
@@ -101,7 +101,7 @@ def _check_alone(
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
-        checked.add(outcome, EVIDENCE, without(EVIDENCE, fault))
+        checked.add(outcome, EVIDENCE, fault_without_name(EVIDENCE, fault))
         check_signature(checked, held, digests, None, key, keyring)
         return checked
     checked.document = document
@@ -140,7 +140,7 @@ def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
         try:
             held[name] = read_file(folder, name)
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, name, without(name, fault))
+            checked.add(BundleOutcome.TAMPERED, name, fault_without_name(name, fault))
     for name in (*REQUIRED, SUMS):
         if name not in names:
             checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
@@ -149,7 +149,7 @@ def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
         try:
             _check_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, SUMS, without(SUMS, fault))
+            checked.add(BundleOutcome.TAMPERED, SUMS, fault_without_name(SUMS, fault))
     return held
 
 

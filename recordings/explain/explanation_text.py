@@ -10,10 +10,10 @@ from recordings.report.finding_text import (
     LEADS_TO,
     affects_mass,
     change_of,
+    indistinguishable_causes,
     name_of,
     proposal_of,
     span_of,
-    untold,
 )
 from recordings.report.number_text import number, plus_minus
 from recordings.rrd.recording_texts import headline
@@ -84,7 +84,7 @@ def finding_lines(explained: Explanation) -> Iterator[str]:
             each.evidence,
             change_of(each),
             proposal_of(each),
-            untold(each),
+            indistinguishable_causes(each),
             LEADS_TO[each.severity],
         ):
             if line:

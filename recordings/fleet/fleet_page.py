@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.fleet.calibration_steps import FleetCalibration, LineChange
-from analysis.fleet.daily_figures import sums, whole
+from analysis.fleet.daily_figures import sum_machines, sums
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
@@ -68,7 +68,7 @@ class FleetPage:
 def fleet_html(page: FleetPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
     machines = sums(page.results, ["machine"])
-    total = whole(machines)
+    total = sum_machines(machines)
     flagged = sorted(
         (chart for chart in page.charts if chart.chart.flagged is not None), key=_by_size
     )

@@ -18,9 +18,9 @@ from recordings.report import colours
 from recordings.report.picture import legend_above
 from recordings.rrd.display_frames import (
     LANES,
-    Drawn,
+    DisplayColumn,
     axis_range,
-    binned,
+    bin_rows,
     drawn_of,
     span_ns,
     stands_alone,
@@ -82,7 +82,7 @@ def draw_over_time(
     rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=_SMALL)
 
 
-def panel_height(view: View, drawn: Sequence[Drawn]) -> float:
+def panel_height(view: View, drawn: Sequence[DisplayColumn]) -> float:
     """The height of a panel, where that of a plot is 1."""
     return 0.35 * len(drawn) + 0.1 if view.kind is Kind.STATES else 1.0
 
@@ -90,7 +90,7 @@ def panel_height(view: View, drawn: Sequence[Drawn]) -> float:
 def _draw_lines(
     axes: "Axes",
     view: View,
-    drawn: Sequence[Drawn],
+    drawn: Sequence[DisplayColumn],
     shown: Mapping[str, pl.DataFrame],
     span: tuple[int, int],
 ) -> None:
@@ -104,17 +104,19 @@ def _draw_lines(
     legend_above(axes)
 
 
-def _draw(axes: "Axes", drawn: Drawn, frame: pl.DataFrame, span: tuple[int, int]) -> None:
+def _draw(axes: "Axes", drawn: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]) -> None:
     value = pl.col(drawn.column)
     if frame.height > _POINTS:
         # bins over the whole span: one without rows stays empty, so that no line crosses a gap
         width_ns = max((span[1] - span[0]) // _BINS, 1)
         if drawn.variance:
             # of an estimate the median: a few may be wild
-            frame = binned(frame, [value.median(), pl.col(drawn.variance).median()], span, width_ns)
+            frame = bin_rows(
+                frame, [value.median(), pl.col(drawn.variance).median()], span, width_ns
+            )
         else:
             ends = [value.min().alias("low"), value.max().alias("high")]
-            frame = binned(frame, [value.mean(), *ends], span, width_ns)
+            frame = bin_rows(frame, [value.mean(), *ends], span, width_ns)
             low, high = (series_numbers(frame[end]) for end in ("low", "high"))
             t_s = frame["t_ns"].to_numpy() / NS_PER_S
             axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.3, lw=0)
@@ -139,7 +141,7 @@ def _spans(states: pl.DataFrame) -> pl.DataFrame:
 
 def _draw_lanes(
     axes: "Axes",
-    drawn: Sequence[Drawn],
+    drawn: Sequence[DisplayColumn],
     shown: Mapping[str, pl.DataFrame],
     span: tuple[int, int],
 ) -> None:

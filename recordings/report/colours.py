@@ -67,7 +67,7 @@ def method(name: str) -> str:
     return line(_METHODS.index(name)) if name in _METHODS else _QUIET
 
 
-def paler(colour: str) -> str:
+def lighten(colour: str) -> str:
     """A colour halfway to white."""
     parts = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
     return "#" + "".join(f"{(part + 255) // 2:02x}" for part in parts)

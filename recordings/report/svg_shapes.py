@@ -96,7 +96,7 @@ class Axes:
         box: tuple[float, float, float, float],
         pad: float = 0.06,
     ) -> "Axes":
-        """Axes that hold all these numbers, with some room."""
+        """Axes whose ranges contain all these numbers, with a margin."""
         return cls(_range(x, pad), _range(y, pad), box)
 
     def place(self, x: float, y: float) -> tuple[float, float]:
@@ -140,7 +140,7 @@ def ticks(low: float, high: float) -> list[tuple[float, str]]:
     return [(k * step, f"{k * step + 0.0:,.{digits}f}") for k in range(first, last + 1)]
 
 
-def shortened(text: str, width: float) -> str:
+def shorten(text: str, width: float) -> str:
     """The text, cut where it is wider than so much of the drawing."""
     most = max(int(width / _TEXT), 4)
     return text if len(text) <= most else f"{text[: most - 1]}…"

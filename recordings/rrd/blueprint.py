@@ -9,7 +9,7 @@ import polars as pl
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.finding_text import findings_of
-from recordings.rrd.display_frames import ROOT, Drawn, axis_range, drawn_of, span_ns
+from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, drawn_of, span_ns
 from recordings.rrd.recording_table import TABS, TIME, Kind, component
 from recordings.rrd.recording_texts import texts
 from recordings.rrd.stored_frames import entity_path
@@ -42,7 +42,7 @@ class Panel:
 
     title: str
     kind: Kind
-    drawn: tuple[Drawn, ...]
+    drawn: tuple[DisplayColumn, ...]
     bulk: tuple[float, float] | None = None
     named_above: bool = False
     """Whether the panel above names its lines as well."""
@@ -229,7 +229,7 @@ def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     )
 
 
-def _visualizers(kind: Kind, drawn: Drawn) -> "Iterator[Visualizer]":
+def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
     import rerun as rr
 
     if kind is Kind.STATES:

@@ -30,7 +30,7 @@ _SHORT: Final = ("loads", "manoeuvres", "cycles")
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class DisplayColumn:
     """One line, band or lane on the screen: a column of a displayed frame and its looks."""
 
     frame: str
@@ -69,7 +69,7 @@ def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
                 yield series, name
 
 
-def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Drawn, ...]:
+def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[DisplayColumn, ...]:
     """What a view draws of this run.
 
     Args:
@@ -77,10 +77,10 @@ def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[D
         run: the run.
         shown: its `display_frames`.
     """
-    drawn: list[Drawn] = []
+    drawn: list[DisplayColumn] = []
     for number, (series, name) in enumerate(series_of(view, run)):
         if view.kind is Kind.STATES:
-            drawn.append(Drawn(_lane(series), STATE, series.label))
+            drawn.append(DisplayColumn(_lane(series), STATE, series.label))
             continue
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
@@ -93,13 +93,13 @@ def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[D
         )
         # lines of one name have one entry in a legend, in the colour of the first
         label += ", binned" if extremes else ""
-        drawn.append(Drawn(frame, series.column, label, colour, variance, dotted=dotted))
+        drawn.append(DisplayColumn(frame, series.column, label, colour, variance, dotted=dotted))
         ends = [_extreme(series.column, end) for end in _ENDS if extremes]
-        drawn += [Drawn(frame, end, label, colour, faint=True) for end in ends]
+        drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
         label = f"threshold {_threshold(run, view):g}{unit}"
-        drawn.append(Drawn(_threshold_frame(view), "threshold", label, "#d55e00"))
+        drawn.append(DisplayColumn(_threshold_frame(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 
 
@@ -284,7 +284,7 @@ def _decimate(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, _period_ns(run))
-    return binned(run.frames[name], wanted, span, width_ns)
+    return bin_rows(run.frames[name], wanted, span, width_ns)
 
 
 def _of_bin(kind: Kind, series: Series) -> dict[str, pl.Expr]:
@@ -301,7 +301,7 @@ def _of_bin(kind: Kind, series: Series) -> dict[str, pl.Expr]:
     return {series.column: numbers.mean()} | named
 
 
-def binned(
+def bin_rows(
     frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
 ) -> pl.DataFrame:
     """A row a bin, at its middle; a bin without rows stays empty, so that no line crosses it."""

@@ -211,7 +211,7 @@ def envelope(payload: bytes, key: SigningKey) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Signed:
+class EnvelopeContent:
     """What an envelope holds.
 
     Attributes:
@@ -231,7 +231,7 @@ class Signed:
         return key.signed(self.signature, pae(PAYLOAD_TYPE, self.payload))
 
 
-def parse_envelope(data: bytes, what: str) -> Signed:
+def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
     """Read an envelope of a stranger; nothing in it is to be believed before `Signed.by`.
 
     Raises:
@@ -250,7 +250,7 @@ def parse_envelope(data: bytes, what: str) -> Signed:
     inside = parse(payload, f"{what}: its statement")
     if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
         raise EvidenceError(f"{what}: is no DSSE envelope of an in-toto statement")
-    return Signed(payload, inside, signed, key_id)
+    return EnvelopeContent(payload, inside, signed, key_id)
 
 
 def _unbase64(text: str, what: str) -> bytes:

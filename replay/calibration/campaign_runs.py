@@ -41,7 +41,7 @@ _NAME: Final = re.compile(r"[^A-Za-z0-9._-]")
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
+class CampaignReplay:
     """What the logs of a campaign gave.
 
     Attributes:
@@ -71,7 +71,7 @@ def replay_runs(
     path_of: Callable[[str], Path],
     recordings: Path | None = None,
     on_log: Callable[[str], None] = lambda _: None,
-) -> Replayed:
+) -> CampaignReplay:
     """Replay every log of a campaign once.
 
     Args:
@@ -109,7 +109,9 @@ def replay_runs(
         logs.append(_kept(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
         terms += terms_of(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
-    return Replayed(pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses))
+    return CampaignReplay(
+        pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses)
+    )
 
 
 @cache

@@ -39,7 +39,7 @@ _DRAWN = (
 
 
 @dataclass(frozen=True, slots=True)
-class Verified:
+class Verification:
     """What a verification came to.
 
     Attributes:
@@ -94,7 +94,7 @@ def verify(
     signed: bool = False,
     on: dt.date | None = None,
     tsa: Path | None = None,
-) -> Verified:
+) -> Verification:
     """Check a bundle.
 
     Args:
@@ -140,7 +140,7 @@ def verify(
     done += files.done
     if document is not None:
         _check_expiry(checked, document, on)
-    return Verified(
+    return Verification(
         folder,
         tuple(checked.findings),
         tuple(checked.notes),

@@ -24,7 +24,7 @@ _COLUMNS_SHOWN: Final = 4
 
 def command(
     a: Annotated[Path, typer.Argument(help="Baseline recording (.rrd).")],
-    b: Annotated[Path, typer.Argument(help="The other recording.")],
+    b: Annotated[Path, typer.Argument(help="Recording to compare with it (.rrd).")],
     output: Annotated[
         Path | None,
         typer.Option(

@@ -169,7 +169,9 @@ def report_command(
 
 @app.command(name="compare")
 def compare_command(
-    a: Annotated[str, typer.Argument(metavar="A", help="Results of `fleet run`.")],
+    a: Annotated[
+        str, typer.Argument(metavar="A", help="Results of a `fleet run`: a folder, or s3://….")
+    ],
     b: Annotated[
         str | None, typer.Argument(metavar="B", help="Other results of the same logs.")
     ] = None,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from replay.calibration.apply_evidence import AskedCalibration
 
 
-class Recorded:
+class RecordedRun:
     """A recording as a replay to compare: only what is asked for is read."""
 
     def __init__(self, held: OpenRecording, asked: "AskedCalibration | None" = None) -> None:
@@ -103,7 +103,7 @@ def compare_recordings(
         keep_apart(output.path, [a, b])
         check_recording(output.path, force=output.force)
     with opened(a) as first, opened(b) as second:
-        mine, theirs = Recorded(first, calibration), Recorded(second, calibration)
+        mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
             raise RecordingError(
                 f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
@@ -135,7 +135,7 @@ def compare_recordings(
         return found
 
 
-def _of_one_log(mine: Recorded, theirs: Recorded) -> bool:
+def _of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
     """Whether both are replays of the same bytes, or one is a replay of the other."""
     return (
         same_inputs(mine.provenance, theirs.provenance)

@@ -23,8 +23,8 @@ from recordings import plot_run, write_recording
 from recordings.report.atomic_output import atomic_file, check_folder, check_output
 from recordings.signatures.signing import new_key_pair
 from replay.calibration.apply_evidence import AskedCalibration
-from replay.calibration.calibrate_campaign import Calibrated, calibrate
-from replay.calibration.verify_bundle import Verified, verify
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.verify_bundle import Verification, verify
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
@@ -107,8 +107,8 @@ _TARGET_KG: Final = 200.0
 class Demo:
     """What the demo found, and the files it made."""
 
-    calibrated: Calibrated
-    verified: Verified
+    calibrated: CalibrationOutcome
+    verified: Verification
     calibration: pl.DataFrame
     errors: pl.DataFrame
     answer: Answer
@@ -199,7 +199,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     )
 
 
-def _with_evidence(replayed: Run, calibrated: Calibrated, empty_kg: float) -> Run:
+def _with_evidence(replayed: Run, calibrated: CalibrationOutcome, empty_kg: float) -> Run:
     """The run with the line of the evidence before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points

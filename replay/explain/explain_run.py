@@ -21,7 +21,7 @@ from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis
 
 if TYPE_CHECKING:
-    from replay.explain.try_proposals import Mended
+    from replay.explain.try_proposals import MendedMachine
 
 #: Frames of which a picture shows more than an explanation looks at.
 _PICTURED: Final = ("excitation", "gate")
@@ -54,7 +54,7 @@ class ExplainRequest:
 
 def explain_run(
     asked: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
-) -> "tuple[Explanation, Mended | None]":
+) -> "tuple[Explanation, MendedMachine | None]":
     """Explain a recording or a log, draw that, and mend its machine file, as far as asked for.
 
     Args:

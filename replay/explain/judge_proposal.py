@@ -38,7 +38,7 @@ Replay = Callable[[Sequence[Proposal], Stretch], Run]
 
 
 @dataclass(frozen=True)
-class Tried:
+class ProposalTrial:
     """A proposal, with what the log says before and after it.
 
     Attributes:

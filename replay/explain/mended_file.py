@@ -62,7 +62,7 @@ def _values(text: str) -> list[Any]:
         return []
 
 
-def mended(text: str, changes: Sequence[Proposal], path: Path) -> str:
+def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
     """Write changes into the text of a machine file, each with a comment behind the user's own.
 
     Args:

@@ -23,8 +23,8 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import findings_of, name_of
-from replay.explain.judge_proposal import Stretch, Tried, held_out_objection
-from replay.explain.mended_file import Proposal, mended, proposals
+from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection
+from replay.explain.mended_file import Proposal, proposals, write_proposals
 from replay.inputs.cached_log import CachedLog
 from replay.inputs.channel_inputs import channel_fields
 from replay.inputs.part_of_log import PartOfLog
@@ -65,7 +65,7 @@ class RejectedProposal:
 
 
 @dataclass(frozen=True)
-class Mended:
+class MendedMachine:
     """What a mended machine file does.
 
     Attributes:
@@ -109,7 +109,9 @@ class Replays:
             DataError: nothing can be replayed so.
             MachineError: the proposals make no machine file.
         """
-        machine = self.load(mended(self.text, changes, self.path), [each.key for each in changes])
+        machine = self.load(
+            write_proposals(self.text, changes, self.path), [each.key for each in changes]
+        )
         whole = stretch == (None, None)
         return run(self.log if whole else PartOfLog(self.log, *stretch), machine, self.on_stage)
 
@@ -148,7 +150,7 @@ def mend(
     before: Run,
     output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
-) -> Mended:
+) -> MendedMachine:
     """Write the machine file with the proposals that pay.
 
     Args:
@@ -182,7 +184,7 @@ def mend(
     if not progress.changes:
         return _outcome(None, progress, before)
     with atomic_file(output[0], force=output[1]) as partial:
-        partial.write_text(mended(text, progress.changes, file), encoding="utf-8")
+        partial.write_text(write_proposals(text, progress.changes, file), encoding="utf-8")
     return _outcome(output[0], progress, before)
 
 
@@ -291,7 +293,7 @@ def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
     changes = list(proposals(finding))
     try:
         replayed = replays.run([*tried.changes, *changes])
-        why = Tried(finding, tried.run, replayed).objection() or held_out_objection(
+        why = ProposalTrial(finding, tried.run, replayed).objection() or held_out_objection(
             finding,
             tried.run,
             replays.span_ns,
@@ -309,8 +311,8 @@ def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
     tried.taken_back.append(RejectedProposal(changes[0], why))
 
 
-def _outcome(path: Path | None, tried: Progress, before: Run) -> Mended:
-    return Mended(
+def _outcome(path: Path | None, tried: Progress, before: Run) -> MendedMachine:
+    return MendedMachine(
         path,
         tuple(tried.changes),
         tuple(tried.taken_back),

@@ -115,7 +115,7 @@ def _result(task: ReplayTask, path: Path) -> TaskOutcome:
             if result.is_there(store):
                 return TaskOutcome("there")
             began = time.perf_counter()
-            made = replayed(log, setup, task.log.source)
+            made = replay_log(log, setup, task.log.source)
             took_s = time.perf_counter() - began
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
@@ -170,7 +170,7 @@ class _Result:
         write_result(store, self._name, t0_unix_ns, frames, {**whole, **said})
 
 
-def replayed(log: Log, setup: MachineSetup, source: str) -> Run:
+def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
     """Replay a log, with masses and payloads on the line of its calibration, if it has one.
 
     Raises:

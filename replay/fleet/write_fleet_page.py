@@ -10,7 +10,7 @@ import polars as pl
 
 from analysis.fleet.attention import needs_a_look
 from analysis.fleet.calibration_steps import line_changes
-from analysis.fleet.daily_figures import daily, sums, weekly, whole
+from analysis.fleet.daily_figures import daily, sum_machines, sums, weekly
 from analysis.fleet.machine_drifts import MachineChart, machine_charts
 from recordings.fleet.fleet_page import FleetPage, fleet_html
 from recordings.report.atomic_output import atomic_file
@@ -37,7 +37,7 @@ class FleetReport:
         machines = sums(page.results, ["machine"])
         return {
             "page": str(self.path),
-            "sum": dict(whole(machines)),
+            "sum": dict(sum_machines(machines)),
             "machines": machines.to_dicts(),
             "drifts": [_drift(c) for c in page.charts if c.chart.flagged is not None],
             "to_look_at": page.looks.to_dicts(),

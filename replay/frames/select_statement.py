@@ -50,7 +50,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
             if words.isdisjoint(_REORDERING) and not always_ordered:
                 return found
             by = [f'"{n}"' for n, dtype in columns.items() if not isinstance(dtype, _UNSORTABLE)]
-            return context.execute(ordered(query, by))
+            return context.execute(order_fully(query, by))
         except pl.exceptions.PolarsError as error:
             raise query_fault(error, tables) from None
 
@@ -119,7 +119,7 @@ def _list_tables(tables: Tables) -> str:
     return ", ".join(names[:_MOST_LISTED]) + more
 
 
-def ordered(query: str, columns: Sequence[str]) -> str:
+def order_fully(query: str, columns: Sequence[str]) -> str:
     """The query with its order made whole.
 
     Args:

@@ -90,7 +90,7 @@ class TopicShape:
             return self._leaf_dtype(node, depth)
         inside = depth + node.is_list
         record = pl.Struct({name: self._dtype(below, inside) for name, below in node.below.items()})
-        return self._listed(record, node.length) if node.is_list else record
+        return self._list_type(record, node.length) if node.is_list else record
 
     def _leaf_dtype(self, leaf: LeafField, depth: int) -> pl.DataType:
         dtype, lists = leaf.dtype, 0
@@ -101,10 +101,10 @@ class TopicShape:
         elif leaf.is_stamp and self._options.times == "datetime":
             dtype = DATETIME
         for length in reversed((leaf.lengths or (None,) * lists)[depth:]):
-            dtype = self._listed(dtype, length)
+            dtype = self._list_type(dtype, length)
         return dtype
 
-    def _listed(self, dtype: pl.DataType, length: int | None) -> pl.DataType:
+    def _list_type(self, dtype: pl.DataType, length: int | None) -> pl.DataType:
         is_array = length is not None and self._options.arrays == "array"
         return pl.Array(dtype, length) if is_array else pl.List(dtype)
 

@@ -17,7 +17,7 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.recognise.joints import recognise_joints
 from replay.recognise.profile import FieldProfile, profiles
-from replay.recognise.proposals import ChannelProposal, Recognised
+from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.table import recognise
 from replay.recognise.words import meaning
 
@@ -158,7 +158,7 @@ def _log_lines(time: TimeAxis) -> list[str]:
     return [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
 
 
-def _recognise_columns(told: Recognised) -> list[Guess]:
+def _recognise_columns(told: Recognition) -> list[Guess]:
     return [
         Guess(each.column, each.topic, each.field, each.unit, each.reason)
         for each in told.channels
@@ -217,9 +217,9 @@ def _or_scale(guess: Guess) -> str:
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
-def _joints(log: Log, topics: pl.DataFrame) -> Recognised:
+def _joints(log: Log, topics: pl.DataFrame) -> Recognition:
     """What the joints of all JointStates fill."""
-    found = Recognised()
+    found = Recognition()
     for row in topics.sort("messages", descending=True).iter_rows(named=True):
         is_joints = row["type"].rpartition("/")[2] == "JointState"
         if is_joints and row["messages"] and not row["problem"]:

@@ -194,7 +194,7 @@ def provenance(
     """Hash the inputs and write down everything that the result depends on."""
     return Provenance(
         inputs=tuple(file for log in logs for file in input_files(log)),
-        machine=resolved(machine),
+        machine=resolve_machine(machine),
         settings=machine.settings,
         versions=versions(),
         t0_unix_ns=t0_unix_ns,
@@ -213,7 +213,7 @@ def input_files(log: Log) -> list[InputFile]:
     ]
 
 
-def resolved(machine: Machine) -> dict[str, Any]:
+def resolve_machine(machine: Machine) -> dict[str, Any]:
     """The machine file without its settings, as plain JSON values."""
     plain = machine.model_dump(mode="json")
     del plain["settings"]

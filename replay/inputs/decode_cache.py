@@ -23,7 +23,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Loss
 from estimators.errors import LogError, OutputError, PayscopeError
 from replay.inputs.channel_inputs import channel_fields, input_files, versions
-from replay.logs import TABLE, Checked, Log, TableHints, TimeAxis, open_log
+from replay.logs import TABLE, Log, LogCheck, TableHints, TimeAxis, open_log
 from replay.machines.machine_file import time_axis
 
 #: Hidden beside what is made of the logs.
@@ -110,13 +110,13 @@ class DecodedLog(Log):
         """What the log says of whose it is."""
         return self._machine_ids
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Check the log itself."""
         with open_log(self.path, time=self._time) as log:
             return log.check()
 
 
-def decoded(
+def decode_logs(
     logs: Sequence[Log],
     machine: Machine,
     folder: Path,

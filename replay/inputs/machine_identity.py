@@ -9,7 +9,7 @@ from estimators.errors import LogError
 from replay.logs import Log
 
 
-def identified(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
+def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
     """The machine with its serial number, and that in the logs' metadata.
 
     Args:

@@ -57,7 +57,7 @@ class _Schema:
 
     def field(self, schema: Any, depth: int) -> FieldType | None:
         """The type of a value; None for one that can be of several, which is left out."""
-        schema = self._referred(schema)
+        schema = self._resolve_reference(schema)
         self._left -= 1
         if self._left < 0 or depth > _DEEPEST:
             raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields, or {_DEEPEST} levels")
@@ -80,7 +80,7 @@ class _Schema:
             tuple((name, kind) for name, kind in fields if kind is not None),
         )
 
-    def _referred(self, schema: Any) -> dict[str, Any]:
+    def _resolve_reference(self, schema: Any) -> dict[str, Any]:
         for _ in range(_DEEPEST):
             if not isinstance(schema, dict):
                 return {}

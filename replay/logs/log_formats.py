@@ -127,7 +127,7 @@ _DESCRIBED: Final = (_METADATA, DESCRIPTION)
 
 
 def logs_in(named: Sequence[Path]) -> list[Path]:
-    """Each log once, however often it is named; a folder stands for all the logs in it.
+    """List each named log once; a folder is expanded to the logs in it.
 
     Args:
         named: logs, and folders of logs (which a rosbag2 directory is not).

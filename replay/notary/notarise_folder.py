@@ -158,8 +158,8 @@ def _head(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
     assert isinstance(head, NotaryHead)
     if head.public_key != key.public.text or not held.lines[-1].by(key.public):
         raise EvidenceError(
-            f"{held.path}: is kept with another key than {key.public.key_id[:12]}…; a list has one "
-            "key: begin another list with --list"
+            f"{held.path}: is signed with another key than {key.public.key_id[:12]}…; "
+            "a list has one key: start another list with --list"
         )
     if machine_id and head.machine_id != machine_id:
         raise EvidenceError(

@@ -11,7 +11,7 @@ from analysis.model.physical_units import to_si
 from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import TABLE, Log
-from replay.recognise.proposals import ChannelProposal, LogColumn, Recognised
+from replay.recognise.proposals import ChannelProposal, LogColumn, Recognition
 
 #: Rows that correlations are taken over, at most, and the span of a slope, in s.
 _ROWS: Final = 200_000
@@ -89,7 +89,7 @@ def _median(log: Log, column: LogColumn) -> float:
     return float(np.median(x)) if x.size else 0.0
 
 
-def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognised) -> Recognised:
+def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition) -> Recognition:
     """Say how forces and accelerations go with the change of the speed, and speeds of the place."""
     by_name = {each.column: each for each in found.channels if each.field}
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
@@ -124,7 +124,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognised) 
     return found
 
 
-def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Recognised) -> None:
+def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Recognition) -> None:
     """Ask which side turns backwards, where two speeds of one machine go against each other.
 
     A motor is often mounted mirrored; the mean of both would be nothing.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from replay.logs import Log
-from replay.recognise.proposals import ChannelProposal, Recognised
+from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.words import Meaning, meaning
 
 #: Joints of a message that are looked at.
@@ -16,7 +16,7 @@ _MOST_JOINTS: Final = 64
 _SIDES: Final = ("left", "right")
 
 
-def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognised) -> None:
+def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) -> None:
     """Add what the joints of a topic fill.
 
     Which of its arrays a JointState fills is up to who sends it; the first message tells.
@@ -66,7 +66,7 @@ def _fill_side(
     start_ns: int,
     side: str,
     joints: Sequence[str],
-    found: Recognised,
+    found: Recognition,
     *,
     turns: bool,
 ) -> None:
@@ -94,7 +94,7 @@ def _fill_side(
     )
 
 
-def _fill_parts(found: Recognised, topic: str, fields: Sequence[str], whole: str) -> list[str]:
+def _fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str) -> list[str]:
     """Fill a channel with one field, or one a field, numbered before the side."""
     quantity, _, behind = whole.partition("_")
     many = len(fields) > 1
@@ -104,12 +104,12 @@ def _fill_parts(found: Recognised, topic: str, fields: Sequence[str], whole: str
     return names
 
 
-def _fill(found: Recognised, column: str, topic: str, field: str) -> None:
+def _fill(found: Recognition, column: str, topic: str, field: str) -> None:
     if column not in found.taken:
         found.channels.append(ChannelProposal(column, topic, field, None, "the name of its joint"))
 
 
-def _derive(found: Recognised, column: str, formula: str, reason: str) -> None:
+def _derive(found: Recognition, column: str, formula: str, reason: str) -> None:
     found.channels.append(ChannelProposal(column, None, None, None, reason, formula))
 
 

@@ -32,9 +32,9 @@ from recordings.review.review_state import (
 )
 from recordings.review.reviewer_verdicts import read_verdicts
 from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
-from replay.inputs.channel_inputs import channel_fields, input_files, resolved, versions
+from replay.inputs.channel_inputs import channel_fields, input_files, resolve_machine, versions
 from replay.inputs.decode_cache import FOLDER as DECODED
-from replay.inputs.decode_cache import decoded
+from replay.inputs.decode_cache import decode_logs
 from replay.inputs.time_line import begins_ns
 from replay.logs import Log, logs_in, open_log
 from replay.machines.machine_file import load_machine, time_axis
@@ -163,7 +163,7 @@ def _replayed(
     on_stage: Callable[[str], None],
 ) -> ReplayedShift:
     count = len(opened)
-    own = decoded(
+    own = decode_logs(
         opened, machine, folder / DECODED, lambda done: on_stage(f"decode {done} of {count}")
     )
     try:
@@ -246,7 +246,7 @@ def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in input_files(log)],
-        "machine": resolved(machine),
+        "machine": resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": versions(),
         "full": full,
@@ -258,7 +258,7 @@ def _resolved(
     machine: Machine, options: ReviewOptions, by: MachineCalibration | None
 ) -> dict[str, Any]:
     return {
-        **resolved(machine),
+        **resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": versions(),
         "target_kg": options.target_kg,

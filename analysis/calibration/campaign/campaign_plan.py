@@ -71,7 +71,7 @@ class EvidenceSubject(BaseModel):
         "", description="whose place that is"
     )
     received: dt.date | None = Field(None, description="day when the machine was handed over")
-    deviations: Text = Field("", description='from the method; "none" where there are none')
+    deviations: Text = Field("", description='deviations from the method, or "none"')
     replaces: Id | Literal[""] = Field("", description="id of the evidence that this one replaces")
     replaces_reason: Text = Field("", description="why it is replaced")
     signer: Line = Field("", description="whose signing key it is, by name")
@@ -165,7 +165,7 @@ class CampaignRun(BaseModel):
 
     model_config = _FORBID
 
-    id: Id = Field(description="name of the run; of its number where there is none")
+    id: Id = Field(description="name of the run; its number if it has none")
     log: Line = Field(min_length=1, description="the log, from the campaign file's folder")
     from_s: float | None = Field(None, ge=0, description="begin, in seconds from the log's start")
     to_s: float | None = Field(None, gt=0, description="end, likewise")
@@ -219,8 +219,8 @@ class CampaignMethod(BaseModel):
     )
     learn: bool = Field(
         default=True,
-        description="whether what the logs say together of the joint fit's nuisances becomes its "
-        "priors",
+        description="whether the nuisance terms of the joint fit get their priors from all logs "
+        "together",
     )
     confidence_1: float = Field(0.95, gt=0.5, lt=1, description="of every interval")
     day_known_kg: float | None = Field(
@@ -255,7 +255,7 @@ class LeftOutLog(BaseModel):
 
     model_config = _FORBID
 
-    number: int = Field(ge=1, lt=2**53, description="its number in the list")
+    number: int = Field(ge=1, lt=2**53, description="its line number in the list")
     reason: Line = Field(min_length=1, description="why it is none of the campaign")
 
 

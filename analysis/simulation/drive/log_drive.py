@@ -92,7 +92,7 @@ class _TrialDriver(MachineDriver):
             case Rest():
                 times = self.rest(manoeuvre.duration_s, self.mass_kg)
             case Start():
-                body = replace(body, coulomb_x_N=self.drawn_coulomb())
+                body = replace(body, coulomb_x_N=self.draw_coulomb())
                 sign = self._sign(manoeuvre)
                 direction = "forward" if sign > 0.0 else "reverse"
                 throttle = manoeuvre.throttle * self.throttle()
@@ -122,7 +122,7 @@ class _TrialDriver(MachineDriver):
                     f"campaign.manoeuvres.{number}: a {manoeuvre.kind} cannot be integrated"
                 )
         since = times.since(trial_begin_s)
-        body = self.warmed(body, times.start_s)
+        body = self.warm_body(body, times.start_s)
         self.driven.append(
             DrivenManoeuvre(trial, number, since, body, load_kg, load_end_kg, direction, throttle)
         )

@@ -10,7 +10,7 @@ from functools import cached_property
 import polars as pl
 
 from analysis.model.schema import PHASE
-from analysis.simulation.motion.timeline import Timeline, continuous, nanoseconds, repeated
+from analysis.simulation.motion.timeline import Timeline, continuous, nanoseconds, repeat_trial
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.recorder import TOPICS, instants_ns, phase_s
 from analysis.simulation.sensors.sensors import measure
@@ -105,7 +105,7 @@ def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
 def _timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
     """The log of a load: one exact trial repeated where that can be, integrated otherwise."""
     if integrate_for(scenario) is None:
-        return repeated(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
+        return repeat_trial(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
     from analysis.simulation.drive.log_drive import integrate_log
 
     whole = integrate_log(scenario, load_kg, index)

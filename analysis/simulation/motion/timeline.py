@@ -135,7 +135,9 @@ class Timeline:
         return pl.DataFrame(rows, infer_schema_length=None).cast(kinds)  # pyright: ignore
 
 
-def repeated(scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int) -> Timeline:
+def repeat_trial(
+    scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int
+) -> Timeline:
     """The same solved trial again and again, then a rest."""
     trials = scenario.campaign.runs
     period_ns = math.ceil(motion.duration_s * 1e9)

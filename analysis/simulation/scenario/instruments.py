@@ -136,7 +136,7 @@ class SimulatedDefects(BaseModel):
         "acceleration",
     )
     force_share_1_kg: float = Field(
-        default=0.0, ge=-1e-2, le=1e-2, description="part that it gains a kg of load"
+        default=0.0, ge=-1e-2, le=1e-2, description="relative change of the gain per kg of load"
     )
     force_gain_drift: float = Field(
         default=0.0,
@@ -154,9 +154,7 @@ class SimulatedDefects(BaseModel):
     left_torque_gain: float = Field(
         default=1.0, ge=-10, le=10, description="of the left torque sensor alone; -1: a wrong sign"
     )
-    sides_swapped: bool = Field(
-        default=False, description="left and right are taken for each other"
-    )
+    sides_swapped: bool = Field(default=False, description="left and right are swapped")
     frozen_topic: Literal["none", "imu", "torque", "speed"] = Field(
         default="none", description="topic whose values repeat while its stamps go on"
     )

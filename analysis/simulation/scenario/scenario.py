@@ -65,7 +65,7 @@ class SimulatedMachine(BaseModel):
         default=0.0, ge=0, lt=1, description="likewise of the Coulomb friction"
     )
     warming_s: float = Field(
-        default=60.0, gt=0, le=1e5, description="time constant of both: exponential towards warm"
+        default=60.0, gt=0, le=1e5, description="time constant of both, cold to warm"
     )
     inertia_z_kg_m2: float = Field(
         default=4000.0, gt=0, le=1e7, description="yaw inertia about the origin"

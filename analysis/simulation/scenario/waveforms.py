@@ -28,7 +28,7 @@ class Waveform(ABC, BaseModel):
     )
     period_s: float = Field(default=15.0, ge=0.1, le=3600, description="period")
     peak_s: float = Field(
-        default=0.0, ge=0, le=3600, description="when it is first highest, after the drive begins"
+        default=0.0, ge=0, le=3600, description="time of the first peak after the drive begins"
     )
 
     @property

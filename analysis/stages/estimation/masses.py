@@ -85,7 +85,7 @@ def pooled_over_log(
     noise: AxisNoise,
     method: Method = METHODS["pooled"],
 ) -> tuple[Floats, Floats]:
-    """Parameters (p,) and deviations (p,) of one fit over every accepted sample of an axis."""
+    """Fit every accepted sample of an axis: parameters (p,), standard deviations (p,)."""
     A, f = regressor(axis, excitation, settings)
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():

@@ -322,14 +322,14 @@ def _known_times(
         machine: their delays, and what is made of what.
     """
     filtered = {
-        name: filters.known(t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0])
+        name: filters.ready_ns(t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0])
         for name, (t, _) in read.items()
     }
     known: dict[str, filters.Ints] = {}
     for name, own in filtered.items():
         beside = mounting.turned_with(name, picked, machine.machine.imu)
         at = series[name][0]
-        each = [filters.known(picked[other][0], filtered[other], at) for other in beside]
+        each = [filters.ready_ns(picked[other][0], filtered[other], at) for other in beside]
         known[name] = np.max(each, axis=0) if each else own
     for name in machine.derivation_order():
         channel, sources = machine.channels[name], machine.channels[name].sources
@@ -337,6 +337,6 @@ def _known_times(
             # a central difference waits for the next sample
             wait_ns = 1 if channel.derivative_of else 0
             at = series[name][0] + wait_ns
-            each = [filters.known(series[source][0], known[source], at) for source in sources]
+            each = [filters.ready_ns(series[source][0], known[source], at) for source in sources]
             known[name] = np.max(each, axis=0)
     return known | {"direction_x_1": known["speed_x_m_s"]}

@@ -127,7 +127,7 @@ def interpolate_line(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> t
     return at_ns[found], values[found]
 
 
-def known(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
+def ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
     """When the line between samples is known at ascending instants: when its later end has come.
 
     Args:

@@ -47,7 +47,7 @@ class ChannelSeries:
 
     def known_at(self, instants_ns: Ints) -> Ints:
         """When the values at ascending instants are known, (rows,)."""
-        return filters.known(self.t_ns, self.known_ns, instants_ns + self.width_ns // 2)
+        return filters.ready_ns(self.t_ns, self.known_ns, instants_ns + self.width_ns // 2)
 
     def newest(self, now_ns: Ints) -> Ints:
         """The latest instant whose value is known at each time, (rows,); far past before any."""

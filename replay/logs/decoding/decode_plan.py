@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.arrays import of_times
 from replay.logs.decoding.decode_program import Program, Wanted, compile_program
-from replay.logs.decoding.decoder import Decoded, Submit, at_once, schema_of
+from replay.logs.decoding.decoder import DecodedBatch, Submit, at_once, schema_of
 from replay.logs.decoding.direct_fields import DirectFields, direct_fields
 from replay.logs.decoding.field_columns import Columns
 from replay.logs.decoding.one_pass import one_pass, room_for
@@ -21,8 +21,8 @@ from replay.logs.decoding.walk_program import (
     TOO_SHORT,
     Encoding,
     Messages,
-    Noted,
     Outcome,
+    WalkNotes,
     encapsulations,
     no_template,
 )
@@ -114,11 +114,11 @@ class BatchPass:
         return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
 
 
-def _room_for_marks(program: Program, room: Ints) -> Noted:
+def _room_for_marks(program: Program, room: Ints) -> WalkNotes:
     """Memory for the marks of so many elements of each node."""
     nodes = program.mark_nodes
     ends = np.cumsum(room[nodes])
-    return Noted(
+    return WalkNotes(
         np.stack([nodes, ends - room[nodes], room[nodes]], axis=1),
         marks=np.empty(int(ends[-1]) if ends.size else 0, np.int64),
         filled=np.zeros(program.nodes, np.int64),
@@ -160,27 +160,27 @@ class Plan:
             for wire in dict.fromkeys(self._wires.values())
         }
 
-    def decode(self, batch: RawBatch) -> Decoded:
+    def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages at once; one that is not whole costs its row."""
         return self.begin(batch, at_once)()
 
-    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
         """See `Decoder.begin`."""
         if self._ros1:
             kinds = np.zeros(batch.rows, np.int64)
         else:
             kinds = encapsulations(batch.data, batch.offsets, batch.lengths)
         if not batch.rows or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
-            return lambda: self._mixed(batch, kinds)
+            return lambda: self._decode_mixed(batch, kinds)
         finish = self._begin_part(batch, int(kinds[0]), submit)
 
-        def decoded() -> Decoded:
+        def decoded() -> DecodedBatch:
             part = finish()
-            return Decoded(part.frame, part.faulty.size, part.first_fault)
+            return DecodedBatch(part.frame, part.faulty.size, part.first_fault)
 
         return decoded
 
-    def _mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> Decoded:
+    def _decode_mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> DecodedBatch:
         """Decode messages of several encapsulations, or of none that is known."""
         chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
         parts = [
@@ -197,7 +197,7 @@ class Plan:
         if unknown.size:
             faults.append((unknown, _why_not(int(kinds[unknown[0]]))))
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
-        return Decoded(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
+        return DecodedBatch(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
     def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _Part]:
         """Begin to decode messages of one encapsulation."""

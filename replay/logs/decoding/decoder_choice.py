@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from replay.logs.decoding.decode_program import compile_program
-from replay.logs.decoding.decoder import Decoded, Decoder, Submit, schema_of
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, schema_of
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.wire import CDR
 from replay.logs.messages.broken_bytes import BrokenBytesError
@@ -23,11 +23,11 @@ class PerMessageDecoder:
         self._kind = kind
         self._fields = tuple(fields)
 
-    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:  # noqa: ARG002 - objects need the lock
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:  # noqa: ARG002 - objects need the lock
         """See `Decoder.begin`."""
         return lambda: self.decode(batch)
 
-    def decode(self, batch: RawBatch) -> Decoded:
+    def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages one by one; one that the library refuses costs its row."""
         rows: list[tuple[Any, ...]] = []
         faults: list[str] = []
@@ -38,7 +38,7 @@ class PerMessageDecoder:
             except BrokenBytesError as error:
                 faults.append(str(error))
         frame = pl.DataFrame(rows, schema=schema_of(self._fields), orient="row")
-        return Decoded(frame, len(faults), faults[0] if faults else "")
+        return DecodedBatch(frame, len(faults), faults[0] if faults else "")
 
     def _values(self, data: bytes) -> tuple[Any, ...]:
         message = self._kind.decode(data)

@@ -215,7 +215,7 @@ def views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], B
     return out, text
 
 
-def concatenated(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
+def concatenate(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
     """Concatenate stretches of bytes, of so many bytes each, at some starts."""
     out = np.empty(int(sizes.sum()), np.uint8)
     _copy(data, starts, sizes, out)

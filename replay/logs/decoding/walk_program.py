@@ -76,7 +76,7 @@ class Encoding(NamedTuple):
     counted: int
 
 
-class Noted(NamedTuple):
+class WalkNotes(NamedTuple):
     """What a walk notes."""
 
     #: (marks, 3) of each mark: its node, where its values begin in `marks`, and for how many
@@ -131,7 +131,7 @@ def walk(
     end: int,
     encoding: Encoding,
     steps: Ints,
-    noted: Noted,
+    noted: WalkNotes,
     template: Template,
     outcome: Outcome,
 ) -> None:

@@ -162,13 +162,13 @@ class ColumnMcap:
         waiting: deque[tuple[FullChunk, Future[_PackedChunk]]] = deque()
         with ThreadPoolExecutor(_PACKERS) as pool:
             for chunk in whole:
-                waiting.append((chunk, pool.submit(self._packed, chunk)))
+                waiting.append((chunk, pool.submit(self._pack_chunk, chunk)))
                 if len(waiting) > _MOST_WAITING:
                     yield waiting.popleft()
             while waiting:
                 yield waiting.popleft()
 
-    def _packed(self, chunk: FullChunk) -> _PackedChunk:
+    def _pack_chunk(self, chunk: FullChunk) -> _PackedChunk:
         if not self.packed:
             return _PackedChunk(chunk.data.tobytes(), 0)
         import zstandard
