@@ -33,6 +33,7 @@ REQUIRED: Final = (EVIDENCE, READINGS, POINTS, RECORDING, REPORT)
 UNLISTED: Final = (SUMS, STATEMENT, TIMESTAMP)
 
 _RUN: Final = re.compile(rf"{RUNS}/[A-Za-z0-9][A-Za-z0-9._-]{{0,80}}\.rrd")
+#: Files of a bundle; one of a campaign of many runs has some hundred.
 _MOST_FILES: Final = 4096
 #: Bytes of a file that is held in memory.
 _MOST_BYTES: Final = 32 << 20

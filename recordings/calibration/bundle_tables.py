@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _READER: Final = Path(__file__).with_name("parquet_process.py")
+#: Seconds that reading the tables may take.
 _PATIENCE_S: Final = 60.0
+#: Bytes of JSON that tables may become.
 _MOST_OUTPUT: Final = 256 << 20
 #: What `write_table` makes of a column, by Arrow's name: the reader's process has Arrow, not ours.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {

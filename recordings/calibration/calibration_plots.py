@@ -10,6 +10,8 @@ from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten
 
 _BOX: Final = (52.0, 22.0, WIDTH - 10.0, 196.0)
+#: Pixels of a figure's height, points of a curve, and pixels of a row, as the report is laid
+#: out.
 _HEIGHT: Final = 232
 _GRID: Final = 41
 _ROW: Final = 18.0

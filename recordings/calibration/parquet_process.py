@@ -8,6 +8,7 @@ import json
 import sys
 from typing import Any, Final
 
+#: Bounds of a stranger's table: rows, bytes unpacked, bytes of memory, seconds of processor.
 _MOST_ROWS: Final = 100_000
 _MOST_BYTES: Final = 64 << 20
 _MOST_MEMORY: Final = 2 << 30

@@ -19,7 +19,7 @@ from recordings.calibration.as_found_line import rms_error_kg
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.calibration_report import report_html
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
-from recordings.calibration.days import CLOCK_S, day_faults, made_at
+from recordings.calibration.days import CLOCK_S, find_day_faults, made_at
 from recordings.calibration.derived_values import estimator_of, reference_loads
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.evidence_machine import machine_faults
@@ -142,7 +142,7 @@ def _of_files(document: EvidenceDocument) -> Findings:
     if document.kind == "calibration" and document.expires != campaign.expires:
         yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
     made, now = made_at(document), dt.datetime.now(dt.UTC)
-    for fault in day_faults(campaign, document.logs, machine.machine.zone, made):
+    for fault in find_day_faults(campaign, document.logs, machine.machine.zone, made):
         yield _irreproducible("campaign.runs", fault)
     if made > now + dt.timedelta(seconds=CLOCK_S):
         yield _irreproducible("made", f"is in the future: {document.made}, and now is {now:%F %R}")

@@ -15,6 +15,7 @@ from recordings.calibration.bundle_folder import copy_file
 _PATIENCE_S: Final = 900.0
 #: What is started for them.
 _READER: Final = "recordings.calibration.digest_process"
+#: Bytes of JSON that a process may answer with.
 _MOST_OUTPUT: Final = 64 << 20
 _DAMAGED: Final = "is damaged so that no reader survives it"
 

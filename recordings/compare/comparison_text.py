@@ -6,6 +6,7 @@ from typing import Final
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from recordings.report.number_text import number, plus_minus, table
 
+#: Changes that are listed; more are counted.
 _MOST: Final = 12
 
 

@@ -24,6 +24,7 @@ NamedItem = tuple["_Element", Sequence[str]]
 #: What a quantity that is the mass calls itself, the best first. Conventional mass is what weights
 #: are certified in; of steel it differs from the mass by less than 1e-6.
 _KINDS: Final = ("conventionalMass", "mass", "measuredValue")
+#: Items that an error names as choices.
 _MOST_NAMED: Final = 12
 
 
@@ -181,7 +182,7 @@ def weights_of_list(
     """
     count = value_count(quantity, what)
     assert count is not None
-    scope = [(each, names) for each, names in items if _is_of(each, named_by)]
+    scope = [(each, names) for each, names in items if _is_value_of_item(each, named_by)]
     by_name: list[_Element] | None = None
     for texts in _name_lists(quantity, what):
         found = _named_items(texts, scope, count, what)
@@ -204,7 +205,7 @@ def weights_of_list(
     return [each for each, _ in scope]
 
 
-def _is_of(item: "_Element", named_by: Sequence[str] | None) -> bool:
+def _is_value_of_item(item: "_Element", named_by: Sequence[str] | None) -> bool:
     return named_by is None or item.get("id") in named_by
 
 

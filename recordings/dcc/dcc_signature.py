@@ -27,6 +27,7 @@ _TRANSFORMS: Final = (
     "http://www.w3.org/TR/2001/REC-xml-c14n-20010315",
     "http://www.w3.org/2006/12/xml-c14n11",
 )
+#: Bits below which an RSA key is weak (NIST SP 800-131A).
 _RSA_BITS_MIN: Final = 2048
 
 

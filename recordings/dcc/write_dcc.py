@@ -89,7 +89,7 @@ def _decimal(value: float) -> str:
     return repr(float(value))
 
 
-def _factor(value: float) -> str:
+def _factor_text(value: float) -> str:
     """A coverage factor or probability, which D-SI has without an exponent."""
     return f"{value:.12f}".rstrip("0").ljust(3, "0")
 
@@ -116,15 +116,15 @@ def _real(
         u, k, p = expanded
         said = add(real, "expandedUnc")
         add(said, "uncertainty", _decimal(u))
-        add(said, "coverageFactor", _factor(k))
-        add(said, "coverageProbability", _factor(p))
+        add(said, "coverageFactor", _factor_text(k))
+        add(said, "coverageProbability", _factor_text(p))
     if interval is not None:
         u, low, high, p = interval
         said = add(real, "coverageInterval")
         add(said, "standardUnc", _decimal(u))
         add(said, "intervalMin", _decimal(low))
         add(said, "intervalMax", _decimal(high))
-        add(said, "coverageProbability", _factor(p))
+        add(said, "coverageProbability", _factor_text(p))
 
 
 def _identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:
@@ -236,10 +236,10 @@ def _administrative(admin: "_Element", document: EvidenceDocument, sums_sha256: 
             _add(person, "role", role)
         _add(person, "mainSigner", signs)
     _contact(admin, "customer", campaign.customer)
-    _statements(_add(admin, "statements"), document)
+    _add_statements(_add(admin, "statements"), document)
 
 
-def _statements(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
     about, limits = document.campaign.campaign, document.limits
     said = [("Scope", document.notice), ("Intended use", about.intended_use)]
     said += [("Place of the work", about.place), ("Deviations from the method", about.deviations)]

@@ -22,6 +22,7 @@ from recordings.rrd.recording_table import MOMENT
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Inches of the picture, characters of a line in it, and findings that have room.
 _SIZE_IN: Final = (12.0, 11.0)
 _LINE: Final = 165
 _FINDINGS: Final = 3

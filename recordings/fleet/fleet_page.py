@@ -18,8 +18,11 @@ from recordings.report.render_page import page_html
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
 
 _BOX: Final = (52.0, 22.0, WIDTH - 8.0, 170.0)
+#: Pixels of a figure's height.
 _HEIGHT: Final = 206
+#: Kilograms of a tonne.
 _TONNE: Final = 1e3
+#: Days of a week.
 _WEEK: Final = 7
 #: Limits of a week's mean, in its standard deviations.
 _LIMIT: Final = 3.0

@@ -21,6 +21,7 @@ from recordings.signatures.signing import PublicKey
 CLOCK_S: Final = 300
 #: A log that is listed so long after its end may have been changed in between.
 LATE: Final = dt.timedelta(days=1)
+#: Faults that are listed, and entries that a fault names.
 _MOST_FAULTS: Final = 20
 _MOST_NAMED: Final = 8
 

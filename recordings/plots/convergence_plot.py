@@ -18,11 +18,15 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.float64]
 
+#: Points of a line: more than a page has pixels.
 _POINTS: Final = 3000
+#: Points of small type.
 _SMALL: Final = 8
 #: Estimators whose estimate at a time is from everything before it.
 _RECURSIVE: Final = ("rls", "rtls")
+#: Loads up to which the recursions are drawn: more lines hide each other.
 _LOADS: Final = 12
+#: Margin above and below, as a share of the range.
 _ROOM: Final = 0.25
 
 

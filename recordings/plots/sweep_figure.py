@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Inches of the figure's width and of a panel's height.
 _WIDTH_IN: Final = 8.0
 _PANEL_IN: Final = 2.0
 _JOINT: Final = "joint"

@@ -7,13 +7,16 @@ from zoneinfo import ZoneInfo
 
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 
+#: Nanoseconds of a second.
 _NS: Final = 10**9
+#: Seconds of a minute, and of an hour.
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
 #: Distances of an axis' ticks, in s; the shortest with at most `_MOST_TICKS` of them is taken.
 _STEPS_S: Final = tuple(
     60 * each for each in (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720, 1440, 2880, 10080)
 )
+#: Ticks of an axis of time that do not touch each other.
 _MOST_TICKS: Final = 6
 
 

@@ -10,7 +10,7 @@ from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.finding_text import findings_of
 from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, drawn_of, span_ns
-from recordings.rrd.recording_table import TABS, TIME, Kind, component
+from recordings.rrd.recording_table import TABS, TIME, Kind, component_name
 from recordings.rrd.recording_texts import texts
 from recordings.rrd.stored_frames import entity_path
 
@@ -269,5 +269,5 @@ def _mapping(target: str, column: str) -> "VisualizerComponentMapping":
     from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
     return VisualizerComponentMapping(
-        target, ComponentSourceKind.SourceComponent, source_component=component(column)
+        target, ComponentSourceKind.SourceComponent, source_component=component_name(column)
     )

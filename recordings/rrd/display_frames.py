@@ -18,9 +18,11 @@ from recordings.rrd.recording_table import STATE, TABS, Kind, Series, View, enti
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
+#: Nanoseconds of a second.
 _NS: Final = 10**9
 #: A log longer than this is drawn decimated, in bins of 1 to 10 s.
 LONG_NS: Final = 600 * _NS
+#: Bins of a long log on the screen: more than it has pixels.
 _BINS: Final = 3000
 _ENDS: Final = ("min", "max")
 #: A row of these lasts from its start to its end; they are too few to be decimated.
@@ -120,7 +122,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             if view.kind is Kind.STATES:
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame in _HELD:
-                frames[_is_displayed(name)] = _held(_numbers(name, frame), frame["end_t_ns"])
+                frames[_is_displayed(name)] = _hold_rows(_numbers(name, frame), frame["end_t_ns"])
             else:
                 asked.setdefault(name, {}).update(_of_bin(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
@@ -230,7 +232,7 @@ def _one_at_a_time(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.tail(1) if arcs.is_empty() else arcs
 
 
-def _held(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
+def _hold_rows(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
     """Each row twice, at its start and its end, and then an empty row."""
     ends = numbers.with_columns(end_ns.alias("t_ns"))
     breaks = ends.select(pl.col("t_ns") + 1)

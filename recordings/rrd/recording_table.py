@@ -446,7 +446,7 @@ def entity_parts(frame: str) -> tuple[str, ...]:
     return (family, rest) if family == "raw" else tuple(frame.split("/"))
 
 
-def component(column: str) -> str:
+def component_name(column: str) -> str:
     """The component that holds a column."""
     return column if column == STATE else COMPONENT_PREFIX + column
 

@@ -25,6 +25,7 @@ from recordings.report.worth_text import (
 )
 from recordings.rrd.display_frames import span_ns
 
+#: Nanoseconds of a second.
 _NS: Final = 10**9
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
 _MARK: Final = "="

@@ -10,6 +10,7 @@ from analysis.model.run_record import Run
 from estimators.errors import RecordingError
 from recordings.rrd.reader import opened, read_recording, with_missing_rows
 
+#: Nanoseconds of a second.
 _NS: Final = 1_000_000_000
 #: Later than any recording, and still whole nanoseconds.
 LATEST_S: Final = 1e9

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 _HOST: Final = "127.0.0.1"
+#: Seconds that the viewer may take to start, between two pictures of it, and between two attempts
+#: to connect.
 _START_S: Final = 60.0
 _SETTLE_S: Final = 0.5
 _POLL_S: Final = 0.1

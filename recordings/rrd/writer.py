@@ -21,7 +21,7 @@ from recordings.rrd.drawn_rows import drawn_rows
 from recordings.rrd.piped_file import PipedFile, piped_file
 from recordings.rrd.reader import FORMAT, PROPERTY, opened
 from recordings.rrd.recording_properties import ANSWER, recording_properties
-from recordings.rrd.recording_table import ROW, SINCE_START, TIME, component
+from recordings.rrd.recording_table import ROW, SINCE_START, TIME, component_name
 from recordings.rrd.recording_texts import recording_name, texts
 from recordings.rrd.stored_frames import Manifest, StoredFrame, entity_path
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 ROWS: Final = "rows"
 #: Frames of a row a load, a manoeuvre, a cycle, a finding.
 TIMED: Final = ("loads", "segments", "cycles", "findings")
+#: Bytes of chunks that wait to be written.
 _MOST_WAITING: Final = 1 << 26
 #: So long may nothing move before the disk or the viewer counts as stuck.
 _PATIENCE_S: Final = 10.0
@@ -266,7 +267,7 @@ def _batches(
     for name, frame in shown.items():
         for batch in drawn_rows(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
-    for batch in timed_rows(run.frames, run.provenance.t0_unix_ns):
+    for batch in make_timed_rows(run.frames, run.provenance.t0_unix_ns):
         yield [TIME, SINCE_START], batch
     for name, frame in run.frames.items():
         for batch in StoredFrame.of(name, frame).batches(frame):
@@ -289,7 +290,9 @@ def _verify(run: Run, partial: Path, path: Path) -> None:
         raise OutputError(f"{path}: cannot be read back; is the disk full?") from error
 
 
-def timed_rows(frames: Mapping[str, pl.DataFrame], t0_unix_ns: int) -> "Iterator[pa.RecordBatch]":
+def make_timed_rows(
+    frames: Mapping[str, pl.DataFrame], t0_unix_ns: int
+) -> "Iterator[pa.RecordBatch]":
     """Make a record batch of each frame that has rows; a row of the whole run is at its start.
 
     Args:
@@ -313,7 +316,7 @@ def timed_rows(frames: Mapping[str, pl.DataFrame], t0_unix_ns: int) -> "Iterator
             values = plain.to_arrow()
             if not pa.types.is_primitive(values.type):
                 values = values.cast(pa.string())
-            stored = component(column.name)
+            stored = component_name(column.name)
             # one value a row, and none where it is missing
             cells = [[] if value is None else [value] for value in values.to_pylist()]
             arrays[stored] = pa.array(cells, pa.list_(values.type))

@@ -27,6 +27,7 @@ from recordings.signatures.signing import PublicKey
 
 #: The environment variable that names another keyring.
 KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"
+#: Bytes of a keyring; a key takes some two hundred.
 _MOST_BYTES: Final = 1 << 20
 _HEAD: Final = "# Keys that payscope knows, and whose they are; changed by `payscope keys`.\n"
 

@@ -29,6 +29,7 @@ STATEMENT_TYPE: Final = "https://in-toto.io/Statement/v1"
 PREDICATE_TYPE: Final = "https://payscope.invalid/calibration-evidence/v1"
 #: The environment variable that may hold the private key, in PEM.
 KEY_VARIABLE: Final = "PAYSCOPE_SIGNING_KEY"
+#: Bytes of a key file; one has some hundred.
 _MOST_KEY_BYTES: Final = 16 << 10
 _MAKE: Final = "openssl genpkey -algorithm ed25519 -out key.pem"
 _PUBLISH: Final = "openssl pkey -in key.pem -pubout -out key.pub.pem"
@@ -114,7 +115,7 @@ class SigningKey:
         return self.private.sign(message)
 
 
-def new_key_pair() -> tuple[bytes, bytes]:
+def make_key_pair() -> tuple[bytes, bytes]:
     """Make a key: its private and its public half in PEM."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import (

@@ -27,7 +27,7 @@ from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.days import day_faults
+from recordings.calibration.days import find_day_faults
 from recordings.calibration.derived_values import estimator_of, reference_loads
 from recordings.calibration.evidence_document import (
     FORMAT,
@@ -196,7 +196,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        calibrated = finish(evidence, made, folder, key, before, previous, stretch)
+        calibrated = finish_evidence(evidence, made, folder, key, before, previous, stretch)
     if timestamp_request_file is not None:
         write_timestamp_request(folder, timestamp_request_file, force=force)
     if dcc is None:
@@ -239,7 +239,7 @@ def refuse_days(
     Raises:
         CampaignError: a run is of another day than its log.
     """
-    faults = day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
+    faults = find_day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
     fault = next(faults, None)
     if fault is not None:
         raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
@@ -361,7 +361,7 @@ def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) ->
     return checked
 
 
-def finish(
+def finish_evidence(
     evidence: EvidenceParts,
     made: Path,
     folder: Path,

@@ -34,6 +34,7 @@ from replay.logs import open_log
 from replay.machines.machine_file import time_axis
 from replay.pipeline import run
 
+#: Characters of a loss, and of a machine's number, that evidence keeps.
 _LONGEST: Final = 2000
 _LONGEST_ID: Final = 64
 #: What ends the name of a distribution in a requirement.

@@ -22,7 +22,7 @@ from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
     before_of,
-    finish,
+    finish_evidence,
     refuse_days,
     refuse_machine,
 )
@@ -96,7 +96,7 @@ def check_mass(
         evidence = EvidenceParts(
             "check", campaign, last.machine, last.learnt, replayed, last.options, fitted, drift
         )
-        return finish(evidence, made, folder, key, before, previous)
+        return finish_evidence(evidence, made, folder, key, before, previous)
 
 
 def _campaign(last: EvidenceDocument, log: Path, known: KnownMassOnBoard) -> CalibrationCampaign:

@@ -16,6 +16,7 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 
+#: Files and depth of folders that are searched for logs, and logs that a fault names.
 _MOST_ENTRIES: Final = 100_000
 _DEEPEST: Final = 8
 _MOST_NAMED: Final = 10
@@ -36,7 +37,9 @@ _OF_THE_LOG: Final = {
 }
 #: Those that a version puts into words of its own.
 _IN_WORDS: Final = ("losses", "notes")
+#: Relative difference of numbers that differ by rounding alone.
 _LAST_BITS: Final = 1e-9
+#: Characters of a value that a fault quotes.
 _LONGEST: Final = 120
 _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 

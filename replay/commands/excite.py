@@ -55,14 +55,14 @@ def command(
     determines the parameters least. Exit status 1 when no waveform reaches the accuracy.
     """
     from analysis.excitation import design
-    from recordings.report.atomic_output import check_output, keep_apart
+    from recordings.report.atomic_output import check_output, refuse_input_as_output
     from replay.commands.print_tables import console, print_json
     from replay.excitation.write_excitation import to_dict, write_design
     from replay.simulation.scenario_file import load_scenario
 
     wanted = _share(accuracy)
     if output:
-        keep_apart(output, [scenario] if scenario else [])
+        refuse_input_as_output(output, [scenario] if scenario else [])
         check_output(output, force=force)
     base = load_scenario(scenario, overrides or [])
     made = design(base, motion, wanted, window, yard)

@@ -39,6 +39,7 @@ First = Annotated[
     str | None, typer.Option("--from", metavar="DAY", help="First day, such as 2026-10-01.")
 ]
 Last = Annotated[str | None, typer.Option("--to", metavar="DAY", help="Last day.")]
+#: Rows that are printed unless more are asked for.
 _SHOWN: Final = 20
 #: A table on a screen shows its ends.
 _ROWS_SHOWN: Final = 40

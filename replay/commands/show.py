@@ -102,14 +102,14 @@ def _show_stage(
     force: bool,
 ) -> None:
     """Print the rows of one stage from one second to another, or at one, or write them."""
-    from recordings.report.atomic_output import check_output, keep_apart
+    from recordings.report.atomic_output import check_output, refuse_input_as_output
     from replay.commands.frame_output import format_of, frame_text, print_frame
     from replay.recording.read_stage import Stage
 
     recording, name, calibration = asked
     output_format = format_of(output_format, output)
     if output is not None:
-        keep_apart(output, [recording])
+        refuse_input_as_output(output, [recording])
         check_output(output, force=force)
     stage = Stage.read(recording, name)
     if calibration is not None:

@@ -122,7 +122,7 @@ def _print_sweep(
         Whether any combination can weigh.
     """
     from estimators.errors import OutputError
-    from recordings.report.atomic_output import check_output, keep_apart
+    from recordings.report.atomic_output import check_output, refuse_input_as_output
     from recordings.report.picture import check_picture
     from replay.commands.frame_output import format_of, print_frame
     from replay.commands.print_tables import console
@@ -133,10 +133,10 @@ def _print_sweep(
     output, figure = outputs
     output_format = format_of(output_format, output)
     if output is not None:
-        keep_apart(output, [*logs, machine_file])
+        refuse_input_as_output(output, [*logs, machine_file])
         check_output(output, force=force)
     if figure is not None:
-        keep_apart(figure, [*logs, machine_file])
+        refuse_input_as_output(figure, [*logs, machine_file])
         check_picture(figure, force=force)
         if figure == output:
             raise OutputError(f"{figure}: is named twice; the table and the picture are two files")

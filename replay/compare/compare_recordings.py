@@ -12,7 +12,7 @@ from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
 from recordings import check_recording
-from recordings.report.atomic_output import keep_apart
+from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.reader import OpenRecording, opened
 from recordings.rrd.recording_table import drawn_columns
 
@@ -100,7 +100,7 @@ def compare_recordings(
         OutputError: the recording of both cannot be written.
     """
     if output.path is not None:
-        keep_apart(output.path, [a, b])
+        refuse_input_as_output(output.path, [a, b])
         check_recording(output.path, force=output.force)
     with opened(a) as first, opened(b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)

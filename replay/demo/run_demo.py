@@ -21,7 +21,7 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
 from recordings.report.atomic_output import atomic_file, check_folder, check_output
-from recordings.signatures.signing import new_key_pair
+from recordings.signatures.signing import make_key_pair
 from replay.calibration.apply_evidence import AskedCalibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.calibration.verify_bundle import Verification, verify
@@ -100,6 +100,7 @@ _SHIFT: Final = SimulatedShift(
     fuel_kg_h=0.0,
     idle_share=0.0,
 )
+#: Payload that the demo's shift is to load, kg.
 _TARGET_KG: Final = 200.0
 
 
@@ -167,7 +168,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     logs = simulate(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
         partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
-    for path, half in zip(keys, new_key_pair(), strict=True):
+    for path, half in zip(keys, make_key_pair(), strict=True):
         with atomic_file(path, force=force) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)

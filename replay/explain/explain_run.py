@@ -12,7 +12,7 @@ from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
-from recordings.report.atomic_output import check_output, keep_apart
+from recordings.report.atomic_output import check_output, refuse_input_as_output
 from recordings.report.picture import check_picture
 from recordings.rrd.reader import OpenRecording, opened
 from recordings.rrd.recording_table import drawn_columns
@@ -95,14 +95,14 @@ def _check(asked: ExplainRequest) -> None:
         )
     inputs = [asked.path, *([asked.machine_file] if asked.machine_file else [])]
     if asked.picture is not None:
-        keep_apart(asked.picture, inputs)
+        refuse_input_as_output(asked.picture, inputs)
         check_picture(asked.picture, force=asked.force)
     if asked.mended_file is not None:
         if asked.machine_file is None:
             raise MachineError(
                 f"{asked.mended_file}: --apply mends a machine file; name it with -m"
             )
-        keep_apart(asked.mended_file, inputs)
+        refuse_input_as_output(asked.mended_file, inputs)
         check_output(asked.mended_file, force=asked.force)
 
 

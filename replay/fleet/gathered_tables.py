@@ -23,9 +23,10 @@ from analysis.fleet.fleet_tables import TABLES, table_schema
 from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.object_store import Store
-from replay.fleet.results_layout import MARK, ResultName, name_of, parquet
+from replay.fleet.results_layout import MARK, ResultName, name_of, parquet_bytes
 
 _GATHERED: Final = "gathered"
+#: Hexadecimal digits of a digest that tell sets of results apart.
 _DIGITS: Final = 16
 _ORDER: Final = ("t0_unix_ns", "key")
 
@@ -90,7 +91,7 @@ class FleetResults:
             # rows of one result keep their order
             whole = pl.concat([pl.DataFrame(schema=table_schema(table)), *frames])
             ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
-            self.store.write(f"{folder}/{table}.parquet", parquet(ordered))
+            self.store.write(f"{folder}/{table}.parquet", parquet_bytes(ordered))
         self.store.delete([f"{each}/{table}.parquet" for each in old for table in TABLES])
 
     def _read(self, name: str) -> pl.DataFrame:

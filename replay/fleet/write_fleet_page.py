@@ -16,6 +16,7 @@ from recordings.fleet.fleet_page import FleetPage, fleet_html
 from recordings.report.atomic_output import atomic_file
 from replay.fleet.gathered_tables import FleetResults
 
+#: Hexadecimal digits of a key that the page shows, enough to name a recording.
 _ABOUT: Final = 12
 
 

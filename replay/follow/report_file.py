@@ -8,7 +8,7 @@ from typing import Final
 from mcap.writer import CompressionType, Writer
 
 from analysis.online.online_report import OnlineReport, report_schema
-from recordings.report.atomic_output import check_output, keep_apart
+from recordings.report.atomic_output import check_output, refuse_input_as_output
 
 TOPIC: Final = "/payscope/mass"
 
@@ -27,7 +27,7 @@ class ReportFile:
             OutputError: it is there already, or cannot be written to.
         """
         check_output(path, force=force)
-        keep_apart(path, (log for log in logs if log.exists()))
+        refuse_input_as_output(path, (log for log in logs if log.exists()))
         self._file = path.open("wb")
         # a message by itself: a chunk would be as late as it is long
         self._writer = Writer(self._file, compression=CompressionType.NONE, use_chunking=False)

@@ -23,6 +23,7 @@ _FILE_FUNCTION: Final = re.compile(r"\b((?:read|scan)_\w+)[\"`\]]?\s*(?:\(|/\*|-
 #: Words behind which polars does not keep the order of rows.
 _REORDERING: Final = ("JOIN", "GROUP", "DISTINCT", "UNION", "INTERSECT", "EXCEPT", "ORDER")
 _UNSORTABLE: Final = pl.Object, pl.Struct, pl.List, pl.Array
+#: Names that an error lists.
 _MOST_LISTED: Final = 40
 
 

@@ -59,7 +59,7 @@ class TopicShape:
         self._own = {self.time: LOG_TIME_NS, (STAMP if is_dated else STAMP_NS): STAMP_NS}
         is_nested = options.nested == "struct"
         self._tree: dict[str, _Branch | LeafField] = (
-            _tree(leaves) if is_nested else {leaf.name: leaf for leaf in leaves}
+            _field_tree(leaves) if is_nested else {leaf.name: leaf for leaf in leaves}
         )
         schema: dict[str, pl.DataType] = dict.fromkeys(
             self._own, DATETIME if is_dated else pl.Int64()
@@ -133,7 +133,7 @@ class TopicShape:
         return _rebuild_lists(record, counts).cast(self._dtype(node, depth))
 
 
-def _tree(leaves: Sequence[LeafField]) -> dict[str, _Branch | LeafField]:
+def _field_tree(leaves: Sequence[LeafField]) -> dict[str, _Branch | LeafField]:
     """Leaves by the way that their names go."""
     tree: dict[str, _Branch | LeafField] = {}
     for leaf in leaves:

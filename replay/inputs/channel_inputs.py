@@ -25,6 +25,7 @@ _MOSTLY: Final = 0.5
 _STAMP: Final = "same_ns"
 #: A field picked by name, `effort[left]`, beside the list of names that picks it.
 _BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\d][^\[\]]*)\]")
+#: Names of a message's list that are read to find an element.
 _MOST_NAMES = 32
 #: Whatever of these changes may change a number or a recording.
 _VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")

@@ -20,6 +20,7 @@ _KINDS: Final = {
 }
 #: how times and durations are written
 _STAMPS: Final = ({"sec", "nsec"}, {"sec", "nanosec"})
+#: Depth of nested objects, and fields of a schema: beyond, it is refused.
 _DEEPEST: Final = 32
 _MOST_FIELDS: Final = 20_000
 

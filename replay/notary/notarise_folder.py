@@ -32,8 +32,11 @@ QUIET_S: Final = 60.0
 #: A log by its suffix; a recording is made of one.
 _SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
 _METADATA: Final = "metadata.yaml"
+#: Files of a folder that are looked at.
 _MOST_ENTRIES: Final = 1_000_000
+#: Characters of a machine's number.
 _LONGEST_ID: Final = 64
+#: Nanoseconds of a microsecond, to which file systems agree on times.
 _US: Final = 1000
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import polars as pl
 
 from estimators.errors import OutputError, QueryError
-from recordings.report.atomic_output import atomic_file, check_output, keep_apart
+from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
 from replay.frames.select_statement import checked_select, query_fault, quoted_names, select_rows
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import SOURCE, LossWarning
@@ -21,6 +21,7 @@ from replay.query.named_tables import NamedTables, named_tables
 from replay.query.recording_frames import AT_S
 
 _KEY: Final = "key"
+#: Digits of a key that name a recording of a fleet.
 _KEY_DIGITS: Final = 12
 OPENS: Final = "opens"
 
@@ -55,7 +56,7 @@ class Query:
         Raises:
             PayscopeError: a log cannot be read, the file cannot be written.
         """
-        keep_apart(path, self.named.recordings)
+        refuse_input_as_output(path, self.named.recordings)
         check_output(path, force=force)
         listed = [name for name, dtype in self.rows.collect_schema().items() if dtype.is_nested()]
         if file_format == "csv" and listed:

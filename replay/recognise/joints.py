@@ -35,7 +35,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
             _fill_side(log, topic, start_ns, side, joints, found, turns=turns)
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
-            for field in _sent(log, topic, array, names, start_ns):
+            for field in _filled_fields(log, topic, array, names, start_ns):
                 _fill(found, column, topic, field)
 
 
@@ -44,7 +44,7 @@ def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
     names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
     arrays = ("position", "velocity", "effort")
-    return [each for array in arrays for each in _sent(log, topic, array, names, start_ns)]
+    return [each for array in arrays for each in _filled_fields(log, topic, array, names, start_ns)]
 
 
 def _wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
@@ -70,13 +70,13 @@ def _fill_side(
     *,
     turns: bool,
 ) -> None:
-    efforts = _sent(log, topic, "effort", joints, start_ns)
+    efforts = _filled_fields(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in found.taken:
         parts = _fill_parts(found, topic, efforts, torque)
         if len(parts) > 1:
             _derive(found, torque, " + ".join(parts), f"the {side} wheels' torques")
-    velocities = _sent(log, topic, "velocity", joints, start_ns)
+    velocities = _filled_fields(log, topic, "velocity", joints, start_ns)
     if speed in found.taken or not velocities:
         return
     if not turns:
@@ -113,7 +113,9 @@ def _derive(found: Recognition, column: str, formula: str, reason: str) -> None:
     found.channels.append(ChannelProposal(column, None, None, None, reason, formula))
 
 
-def _sent(log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int) -> list[str]:
+def _filled_fields(
+    log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int
+) -> list[str]:
     """The fields of an array that the first message fills."""
     fields = [f"{array}[{joint}]" for joint in joints]
     values = _first(log, topic, fields, start_ns)

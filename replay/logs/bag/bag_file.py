@@ -7,7 +7,7 @@ from typing import Final
 from rosbags.typesys.msg import normalize_msgtype
 
 from estimators.errors import LogError
-from replay.logs.bag.bag_index import BagIndex, chunk_block, indexed_times, read_index
+from replay.logs.bag.bag_index import BagIndex, chunk_block, read_index, read_indexed_times
 from replay.logs.bag.bag_records import (
     BAG_HEADER,
     CHUNK_INFO,
@@ -101,7 +101,7 @@ class BagFile(BlockFile):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
                 self._store.damage.lose(lost, "it is not where the index says")
                 continue
-            times = indexed_times(self._file, block, counts)
+            times = read_indexed_times(self._file, block, counts)
             if times is None:
                 unknown.append(block)
             else:

@@ -16,6 +16,7 @@ _USUAL_HEADER: Final = 1024
 _PROVEN: Final = 3
 #: Names of fields with their equals sign, as little-endian numbers of 3 and of 5 bytes.
 _OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=", b"time="))
+#: Masks of the low bytes of a word.
 _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 

@@ -12,6 +12,7 @@ from replay.logs.blocks.slabs import Slab
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME
 
+#: Later than any log time, ns.
 _INT64_MAX: Final = 2**63 - 1
 
 

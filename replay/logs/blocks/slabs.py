@@ -91,6 +91,7 @@ SLAB_BYTES: Final = 8 * 2**20
 #: The first is small, so that there are rows soon, and each has so many times the bytes of the one
 #: before; until they have their size, one alone is prepared ahead.
 _FIRST_BYTES: Final = SLAB_BYTES // 32
+#: Bytes of a group over those of the group before, at most.
 _GROWTH: Final = 4
 #: Slabs below their size.
 _GROWING: Final = 3

@@ -15,6 +15,7 @@ from replay.logs.decoding.direct_fields import Gathering
 from replay.logs.decoding.gather_values import copy_equal, load, view
 from replay.logs.decoding.walk_program import Encoding, Messages, Outcome, Template, WalkNotes, walk
 
+#: Messages that a thread takes at once.
 _ROWS_AT_ONCE: Final = 1024
 
 

@@ -16,6 +16,7 @@ _MESSAGE_HEAD: Final = 22
 #: start, end, unpacked size u64, CRC u32, length of the compression's name u32, stored size u64
 _CHUNK_HEAD: Final = 40
 _LAST_OPCODE: Final = DATA_END
+#: Characters of a compression's name; the longest has four.
 _LONGEST_NAME: Final = 32
 #: So many records must follow each other for bytes to be taken for records again.
 _PROVEN: Final = 4

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
 
+#: The smallest and the largest rowid of SQLite.
 LEAST_ID: Final = -(2**63)
 MOST_ID: Final = 2**63 - 1
 #: A batch ends with either.

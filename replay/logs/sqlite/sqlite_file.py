@@ -36,6 +36,7 @@ from replay.logs.storage import (
 _HEADER: Final = Struct(">8I")
 #: page, pages of the database after a commit and 0 before, two salts, two checksums
 _FRAME: Final = Struct(">6I")
+#: The first word of a WAL file, of either byte order (SQLite file format, 4.1).
 _MAGICS: Final = (0x377F0682, 0x377F0683)
 #: Smaller databases are read whole before the first row is given, sorted by log time.
 _LEAST_BYTES_TO_ORDER: Final = 64 * 2**20

@@ -13,7 +13,7 @@ from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.tables.cells import is_numeric, kind, with_points
 from replay.logs.tables.dialect import BLANKS, sniff, some_cells
 from replay.logs.tables.hints import TableHints
-from replay.logs.tables.text import Utf8Text, as_utf8, head_lines, with_tabs, without_torn_quote
+from replay.logs.tables.text import Utf8Text, as_utf8, drop_torn_quote, head_lines, with_tabs
 
 #: Stands in no text: a line is one cell.
 _NO_SEPARATOR: Final = "\x1f"
@@ -51,7 +51,7 @@ class CsvColumns:
             if self._dialect.separator == BLANKS:
                 text, self._text = self._text, with_tabs(self._text)
                 _remove(text)
-            whole = without_torn_quote(self._text, self._dialect.separator)
+            whole = drop_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
             if whole is not None:
                 text, self._text = self._text, whole

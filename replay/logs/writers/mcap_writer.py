@@ -34,10 +34,12 @@ from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
+#: Bytes of a chunk.
 _CHUNK_BYTES: Final = 1 << 20
 #: Chunks that are packed at the same time, and those that wait for it.
 _PACKERS: Final = 2
 _MOST_WAITING: Final = 2 * _PACKERS
+#: Bytes before a message's data: channel, sequence, log and publish time.
 _MESSAGE_HEAD: Final = 22
 _INDEX_ROW: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
