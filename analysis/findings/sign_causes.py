@@ -1,4 +1,4 @@
-"""Channels that have lost their sign, their side or their unit."""
+"""Channels that have lost their sign, their side, their unit or their scale."""
 
 from dataclasses import replace
 from typing import Final
@@ -353,3 +353,13 @@ def _multiply_channel(motion: MotionSamples, channel: str, times: float) -> Moti
         turned = np.sign(times)
         return replace(motion, speed=motion.speed * times, direction=motion.direction * turned)
     return replace(motion, force=motion.force * times)
+
+
+def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
+    """The lightest load against the empty mass, in their standard uncertainty with the scale."""
+    found = inputs.check_inputs.empty_mass
+    if found is None or not found.tells:
+        return []
+    return [
+        Symptom(abs(found.in_u) / LIMITS.wrong_scale_u, found.text, channel=inputs.force_channel)
+    ]

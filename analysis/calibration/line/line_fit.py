@@ -1,4 +1,4 @@
-"""Fit a calibration to the readings of a campaign, with the notes that its reader needs."""
+"""Fit a calibration to the readings of a campaign: line, lack of fit, and notes for its reader."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 import polars as pl
+from scipy.special import fdtrc
 
 from analysis.calibration.line.calibration import (
     Calibration,
@@ -17,7 +18,7 @@ from analysis.calibration.line.calibration import (
 )
 from analysis.calibration.line.calibration_budget import budget
 from analysis.calibration.line.calibration_points import Campaign, campaign_of
-from analysis.calibration.line.lack_of_fit import LEVEL, lack_of_fit
+from analysis.calibration.line.distance_regression import distance_regression
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import (
     DAY,
@@ -25,15 +26,58 @@ from analysis.calibration.line.line_model import (
     RUN,
     FittedLine,
     Points,
+    estimated_effects,
     fit_line,
+    scatter_of,
 )
 from analysis.calibration.line.outliers import outliers
 from analysis.calibration.line.point_errors import attenuation, point_rows, rms, stated_ratio
 from analysis.calibration.line.unlike_driving import RunResponse, line_responses
+from analysis.calibration.line.variance_components import restricted_likelihood
 from estimators.arrays import Floats
 from estimators.errors import DataError
 
+#: A ratio less likely than this is taken for a lack of fit.
+LEVEL: Final = 0.05
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
+
+
+def lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
+    """Compare a mean a load with the line.
+
+    Args:
+        points: means of runs.
+        day_known_kg: deviation from day to day where it is known, in kg of m̂.
+    """
+    design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
+    loads, count = design.shape[1], points.y_kg.size
+    names = estimated_effects(points, loads, day_known=day_known_kg is not None)
+    above = loads - 2
+    below = count - loads - (points.days - 1 if DAY in names else 0)
+    against = "run to run, at the same load"
+    if RUN not in names:
+        below, against = points.within.freedom, "repeatability; run to run would look the same"
+    if above < 1 or below < 1 or not names:
+        return LackOfFit(
+            None,
+            None,
+            None,
+            "nothing: no load has two runs, nor a run two readings",
+            separate=False,
+        )
+    scatter = scatter_of(points, names, day_known_kg)
+    found = restricted_likelihood(
+        points.y_kg, design, scatter.by_squares, scatter.known, points.within
+    )
+    y_cov = scatter.covariance(found.transformed(scatter.squares).value)
+    x_cov = points.x_cov_kg2
+    fitted = distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
+    weight = np.linalg.inv(y_cov + fitted.slope**2 * x_cov)
+    means = np.linalg.solve(design.T @ weight @ design, design.T @ weight @ points.y_kg)
+    left = points.y_kg - design @ means
+    ratio = max(fitted.chi2 - float(left @ weight @ left), 0.0) / above
+    p = float(fdtrc(above, below, ratio))
+    return LackOfFit(ratio, p, (above, below), against, separate=RUN in names)
 
 
 def fit_calibration(

@@ -1,7 +1,12 @@
-"""Loads that grow while a manoeuvre drives: f = (m + g t) a + (b + g) v, with g in kg/s.
+"""Loads that change: one that grows while a manoeuvre drives, or two that take turns.
 
-What comes in is brought to the machine's speed, which costs g v. Each manoeuvre has its own mass
-and growth; friction and constant forces are those of all manoeuvres together.
+A growing load obeys f = (m + g t) a + (b + g) v, with g in kg/s: what comes in is brought to the
+machine's speed, which costs g v. Each manoeuvre has its own mass and growth; friction and constant
+forces are those of all manoeuvres together.
+
+Loads that take turns may be one load whose measured share of the force changes: where the direction
+changes from start to start, so does the sign of the acceleration, and with it what a load transfer
+takes from the measured wheels.
 """
 
 from statistics import NormalDist
@@ -13,12 +18,58 @@ from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.whitened_rows import blocks, force_system, sums, variance_of
+from analysis.findings.whitened_rows import (
+    ProjectedEquation,
+    blocks,
+    force_system,
+    sums,
+    variance_of,
+)
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
 
 #: What every log may have besides; columns of more noise would leave it in this one's way.
 _USUAL: Final = ("const", "direction")
+
+
+class ShareOfForce(NamedTuple):
+    """How the measured share of the force changes.
+
+    Attributes:
+        value: per m/s².
+        std: its standard deviation.
+        gain: by how much it raises twice the log likelihood of one load.
+        worse: twice the log likelihood that loads with such a share have more than one load has.
+        loads: how many there are otherwise.
+    """
+
+    value: float
+    std: float
+    gain: float
+    worse: float
+    loads: int
+
+
+def compare_share_with_loads(inputs: FindingInputs) -> ShareOfForce | None:
+    """One load with a share that changes, against the loads; None where there is one anyway."""
+    fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
+    if fit is None or noise is None or motion is None or fit.count == 1 or not motion.both_ways:
+        return None
+    viscous, own_kg = max(fit.viscous, 0.0), inputs.sample_masses_kg(motion)
+    one_kg = np.full_like(own_kg, np.median(own_kg[motion.used]))
+    # with the share as well: loads that change otherwise than with the direction stay loads
+    by_loads = ProjectedEquation.of(force_system(motion, noise, own_kg, viscous), ("driveline",))
+    one = force_system(motion, noise, one_kg, viscous)
+    before, after = ProjectedEquation.of(one, ()), ProjectedEquation.of(one, ("driveline",))
+    square = before.square("driveline")
+    if not square > 0.0:
+        return None
+    variance = min(by_loads.variance, after.variance)
+    worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
+    value = before.product("driveline") / square
+    gain = value**2 * square * before.variance / variance
+    std = (variance / (square * before.variance)) ** 0.5
+    return ShareOfForce(value, std, gain, worse / variance, fit.count)
 
 
 class _LoadRate(NamedTuple):
