@@ -36,7 +36,7 @@ from recordings.calibration.evidence_document import (
     document_of,
 )
 from recordings.calibration.notary_stretch import check_notary
-from recordings.calibration.recomputation import recompute
+from recordings.calibration.recomputation import compare_recomputed
 from recordings.calibration.signature_check import check_signature
 from recordings.calibration.timestamp import check_timestamp
 from recordings.signatures.keyring import Keyring
@@ -113,7 +113,7 @@ def _check_alone(
     readings, points = _tables(checked, held, document)
     checked.readings, checked.points = readings, points
     if readings is not None:
-        findings, notes = recompute(document, readings, points, _report(held))
+        findings, notes = compare_recomputed(document, readings, points, _report(held))
         checked.findings += findings
         checked.notes += notes
     return checked

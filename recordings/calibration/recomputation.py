@@ -35,7 +35,7 @@ _LONGEST: Final = 200
 Findings = Iterator[BundleFinding]
 
 
-def recompute(
+def compare_recomputed(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,

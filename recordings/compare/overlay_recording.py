@@ -139,7 +139,7 @@ def _over(view: View, a: _Side, b: _Side) -> Panel | None:
         return None
     lone = max(_select_named_lines(mine), _select_named_lines(theirs)) == 1
     alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
-    drawn = [*_looks(mine, _A, alike, lone=lone), *_looks(theirs, _B, alike, lone=lone)]
+    drawn = [*_style_lines(mine, _A, alike, lone=lone), *_style_lines(theirs, _B, alike, lone=lone)]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
     if view.kind is Kind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
@@ -188,7 +188,7 @@ def _select_named_lines(drawn: Sequence[DisplayColumn]) -> int:
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 
 
-def _looks(
+def _style_lines(
     drawn: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
 ) -> list[DisplayColumn]:
     """A in the usual colours and wide, so that it shows under B; B in another colour, or paler."""

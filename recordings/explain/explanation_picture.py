@@ -50,7 +50,7 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     from matplotlib.figure import Figure
 
     at_s = explained.at_s if explained.at_s is not None else _worst_s(explained, run)
-    near = run if at_s is None else _around(run, at_s)
+    near = run if at_s is None else _cut_around(run, at_s)
     lines = wrap(verdict_sentence(explained), _LINE)
     for each in (explained.findings or ())[:_FINDINGS]:
         lines += wrap(f"{each.rank}. {finding_line(each)}", _LINE, subsequent_indent="   ")
@@ -92,7 +92,7 @@ def _worst_s(explained: Explanation, run: Run) -> float | None:
     return None
 
 
-def _around(run: Run, at_s: float) -> Run:
+def _cut_around(run: Run, at_s: float) -> Run:
     """The samples around a moment; frames without samples whole."""
     begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {

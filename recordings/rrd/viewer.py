@@ -163,7 +163,7 @@ def photographs(
             _set_time(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
         tabs = _tabs(whole)
-        names = [_name(whole, entity) for entity in _children(tabs)]
+        names = [_tab_title(whole, entity) for entity in _children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
             raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
         return list(_take_pictures(client, folder, whole, tabs, tab))
@@ -178,7 +178,7 @@ def _tabs(whole: dict[str, Any]) -> dict[str, Any]:
     )
 
 
-def _name(whole: dict[str, Any], entity: str) -> str:
+def _tab_title(whole: dict[str, Any], entity: str) -> str:
     return whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
 
 
@@ -194,7 +194,7 @@ def _take_pictures(
     tab: str | None,
 ) -> Iterator[Screenshot]:
     for number, entity in enumerate(_children(tabs)):
-        name = _name(whole, entity)
+        name = _tab_title(whole, entity)
         if tab is not None and tab.casefold() != name.casefold():
             continue
         tabs["active_tab"] = entity

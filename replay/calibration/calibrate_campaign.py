@@ -22,7 +22,7 @@ from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
-from recordings.calibration.as_found_line import as_found
+from recordings.calibration.as_found_line import check_earlier_line
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
@@ -438,7 +438,7 @@ def _document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=as_found(last, _estimator_now(last), estimator, fitted.frame),
+        as_found=check_earlier_line(last, _estimator_now(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
         chain=_chain(before),
         signer=None if key is None else _signer(campaign, key),

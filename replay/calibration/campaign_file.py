@@ -39,7 +39,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     content = read_toml(path, CampaignError)
     for place, text in left_open(content):
         raise CampaignError(f"{path}: {place}: is left to complete ('{text}')")
-    content = with_certified_masses(path, content)
+    content = add_certified_masses(path, content)
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
     if campaign.laboratory is not None and campaign.not_stated:
         raise CampaignError(
@@ -111,7 +111,7 @@ def weighed_in(campaign: CalibrationCampaign, machine: Machine) -> Machine:
     return machine.model_copy(update={"machine": body})
 
 
-def with_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any]:
+def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any]:
     """The content of a campaign file with the masses that it takes from certificates.
 
     `masses = "cert.xml#item"` (or a list of such) takes all of a mass from there; a block

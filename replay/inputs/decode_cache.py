@@ -142,14 +142,16 @@ def decode_logs(
     on_log(len(logs) - len(missing))
     large = len(missing) > 1 and sum(map(_size, missing)) > _WORTH_A_PROCESS
 
-    def make(log: Log) -> None:
+    def decode_missing(log: Log) -> None:
         if large:
             _by_process(log, wanted[log], places[log], time)
         else:
             decode(log, wanted[log], places[log])
 
     with ThreadPoolExecutor(min(os.cpu_count() or 1, len(missing)) if large else 1) as pool:
-        for done, _ in enumerate(pool.map(make, missing), start=len(logs) - len(missing) + 1):
+        for done, _ in enumerate(
+            pool.map(decode_missing, missing), start=len(logs) - len(missing) + 1
+        ):
             on_log(done)
     return [DecodedLog(log, places[log], time) for log in logs]
 

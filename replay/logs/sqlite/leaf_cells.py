@@ -115,10 +115,10 @@ def parse_cell(
             if with_data and (kind < _BLOB or kind % 2 == 1):
                 what = max(what, NO_MESSAGE)
         elif column == layout.topic:
-            topic, found = _integer(data, body, kind, size, stop)
+            topic, found = _read_integer(data, body, kind, size, stop)
             what = max(what, found)
         elif column == layout.time:
-            time, found = _integer(data, body, kind, size, stop)
+            time, found = _read_integer(data, body, kind, size, stop)
             what = max(what, found)
         body += size
         column += 1
@@ -156,7 +156,9 @@ def _open_cell(
 
 
 @uncounted
-def _integer(data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int) -> tuple[int, int]:
+def _read_integer(
+    data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int
+) -> tuple[int, int]:
     """An integer column, and whether it is one that a message has."""
     if kind in (_NULL, _FLOAT) or kind > _ONE:
         return 0, NO_MESSAGE

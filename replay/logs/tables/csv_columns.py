@@ -50,12 +50,12 @@ class CsvColumns:
             self._dialect = sniff(head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
                 text, self._text = self._text, with_tabs(self._text)
-                _remove(text)
+                _remove_copy(text)
             whole = drop_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
             if whole is not None:
                 text, self._text = self._text, whole
-                _remove(text)
+                _remove_copy(text)
         except BaseException:
             self.close()
             raise
@@ -80,7 +80,7 @@ class CsvColumns:
 
     def close(self) -> None:
         """Remove the copy of the text, if there is one."""
-        _remove(self._text)
+        _remove_copy(self._text)
 
     @property
     def preamble(self) -> tuple[str, ...]:
@@ -266,7 +266,7 @@ def _kind(cells: Sequence[str]) -> pl.DataType:
     return pl.Float64() if all(map(_FLOAT.fullmatch, cells)) else pl.String()
 
 
-def _remove(text: Utf8Text) -> None:
+def _remove_copy(text: Utf8Text) -> None:
     if text.copy is not None:
         text.copy.cleanup()
 
