@@ -190,7 +190,7 @@ def _rotation(study: Study, _: int) -> ReplayedCampaign:
     return study.replay(driven, machine, _ideal)
 
 
-def _start(study: Study, _: int) -> ReplayedCampaign:
+def _replay_start(study: Study, _: int) -> ReplayedCampaign:
     return study.replay(_one_trial(study.scenario), study.machine, _ideal)
 
 
@@ -223,6 +223,6 @@ CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _campaigns)
 LINEAR: Final = Source("linear motion", _linear)
 ROTATION: Final = Source("rotation", _rotation)
 #: One start and stop.
-START: Final = Source("start and stop", _start)
+START: Final = Source("start and stop", _replay_start)
 #: A start, and a long cruise.
 CRUISES: Final = Source("cruise", _cruise, _cruises)

@@ -127,7 +127,7 @@ def _arcs(
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
         fitted = _fit(log, of, start, known, _BOTH if both else _FORCE)
-        row = _row(kind, log, of >= 0, fitted, known.names)
+        row = _planar_row(kind, log, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
             reason = "ill_conditioned"
@@ -180,7 +180,7 @@ def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate]
         plane.motion, plane.f, PARAMETERS, of, noise=plane_noise(plane, used)
     ).coefficients
     fitted = _fit(log, of, start, Prior.about_zero({}, 2), _BOTH)
-    row = _row("joint", log, used, fitted, ())
+    row = _planar_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
     # of a force that never changes nothing is explained
@@ -284,7 +284,7 @@ def _of_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
     )
 
 
-def _row(
+def _planar_row(
     kind: str, log: _Log, used: Bools, fitted: _NamedEstimate, known: tuple[str, ...]
 ) -> dict[str, Any]:
     """What a fit says, by column."""

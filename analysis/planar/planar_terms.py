@@ -72,7 +72,7 @@ def _blind_sideways(machine: Machine) -> bool:
     return not measures_sideways(machine) and "roll_rad" not in machine.channels
 
 
-def _slope(machine: Machine) -> bool:
+def _has_unknown_slope(machine: Machine) -> bool:
     return _blind_along(machine) or _blind_sideways(machine)
 
 
@@ -284,7 +284,7 @@ TERMS: Final = (
         "a slope along where the log begins, of which no channel tells",
         "level ground; an accelerometer, or channels of pitch and roll",
         "xz",
-        _slope,
+        _has_unknown_slope,
     ),
     Term(
         "slope_across",
@@ -293,7 +293,7 @@ TERMS: Final = (
         "a slope across where the log begins, of which no channel tells",
         "level ground; an accelerometer, or channels of pitch and roll",
         "xz",
-        _slope,
+        _has_unknown_slope,
     ),
     Term(
         "accelerometer_gain",

@@ -23,11 +23,11 @@ def main() -> None:
     found: list[dict[str, Any]] = []
     for asked in json.loads(sys.argv[1]):
         part, data = data[: asked["bytes"]], data[asked["bytes"] :]
-        found.append(_read(part, [tuple(column) for column in asked["columns"]]))
+        found.append(_read_table(part, [tuple(column) for column in asked["columns"]]))
     sys.stdout.write(json.dumps(found))
 
 
-def _read(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
+def _read_table(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 

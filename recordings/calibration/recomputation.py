@@ -248,10 +248,10 @@ def _of_fit(
     fitted, drift = _refit_readings(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
-        ("calibration", _plain(stored), _plain(fitted.calibration)),
+        ("calibration", _to_json(stored), _to_json(fitted.calibration)),
         ("no_fit", document.no_fit, fitted.no_fit),
-        ("limits", _plain(document.limits), _plain(fitted.limits)),
-        ("drift", _plain(document.drift), _plain(drift)),
+        ("limits", _to_json(document.limits), _to_json(fitted.limits)),
+        ("drift", _to_json(document.drift), _to_json(drift)),
     )
     places = [each for name, kept, computed in pairs for each in differences(kept, computed, name)]
     wrong = [place for place, near in places if not near]
@@ -283,7 +283,7 @@ def _refit_readings(
     return fit_campaign(campaign, body, readings, document.options, responses), None
 
 
-def _plain(value: Any) -> Any:
+def _to_json(value: Any) -> Any:
     """A dataclass as JSON has it."""
     return None if value is None else to_jsonable_python(value)
 

@@ -92,7 +92,13 @@ def word_claims(found: Claims) -> ItemSentences:
             "RLS without the criterion is fed every sample, or every sample but braking; the "
             f"claim's constant speed is a cruise of {CRUISE_S:g} s after a start of 3 s.",
         ),
-        (_buffer(found), _rms(found), _simulation(found), _experiment(found), _reduction(found)),
+        (
+            _buffer(found),
+            _rms_sentence(found),
+            _simulation(found),
+            _experiment(found),
+            _reduction(found),
+        ),
     )
 
 
@@ -120,7 +126,7 @@ def _buffer(found: Claims) -> str:
     )
 
 
-def _rms(found: Claims) -> str:
+def _rms_sentence(found: Claims) -> str:
     low, high = found.rms_kg
     holds = "holds in simulation for every method"
     return (

@@ -136,7 +136,7 @@ def _looks(method: str) -> dict[str, Any]:
     return {"color": colours.method(method), "lw": 1.0}
 
 
-def _numbers(parts: Sequence[Mapping[str, float | None]], method: str) -> NDArray[np.float64]:
+def _method_values(parts: Sequence[Mapping[str, float | None]], method: str) -> NDArray[np.float64]:
     return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
 
 
@@ -151,7 +151,7 @@ def _masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> 
     answer = [method for method in methods if method == _JOINT]
     places = {method: n - half for n, method in enumerate([*paper[:half], *answer, *paper[half:]])}
     for method in methods:
-        values, std = _numbers(masses, method), _numbers(stds, method)
+        values, std = _method_values(masses, method), _method_values(stds, method)
         if np.isfinite(values).any():
             shifted = at + apart * places[method]
             axes.errorbar(shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_looks(method))
@@ -174,7 +174,7 @@ def _by_method(
     axes: "Axes", at: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
 ) -> None:
     for method in _methods(parts):
-        values = _numbers(parts, method)
+        values = _method_values(parts, method)
         if np.isfinite(values).any():
             axes.plot(at, values, "o-", ms=3, label=method, **_looks(method))
     _say_if_empty(axes)

@@ -134,7 +134,7 @@ def series_numbers(series: pl.Series) -> Floats:
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
-def _spans(states: pl.DataFrame) -> pl.DataFrame:
+def _state_spans(states: pl.DataFrame) -> pl.DataFrame:
     """Stretches of one state: t_ns, until, the state."""
     return states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
 
@@ -148,7 +148,7 @@ def _draw_lanes(
     """A lane a series, from top to bottom; of many changes the share of time of each state."""
     seconds: dict[str, float] = {}
     for number, each in enumerate(drawn):
-        spans = _spans(shown[each.frame])
+        spans = _state_spans(shown[each.frame])
         bottom = float(len(drawn) - 1 - number)
         totals = spans.group_by(STATE).agg((pl.col("until") - pl.col("t_ns")).sum())
         for state, total in totals.rows():
@@ -213,7 +213,7 @@ def _shade(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -
     """Shade where a state holds, full height behind the lines; of many changes nothing."""
     if states is None or states.height > _SPANS:
         return
-    for (state,), group in _spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
+    for (state,), group in _state_spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         axes.broken_barh(

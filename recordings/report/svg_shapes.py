@@ -97,7 +97,7 @@ class Axes:
         pad: float = 0.06,
     ) -> "Axes":
         """Axes whose ranges contain all these numbers, with a margin."""
-        return cls(_range(x, pad), _range(y, pad), box)
+        return cls(_padded_range(x, pad), _padded_range(y, pad), box)
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         """Where a pair of numbers lies."""
@@ -146,7 +146,7 @@ def shorten(text: str, width: float) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def _range(values: Sequence[float], pad: float) -> tuple[float, float]:
+def _padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
     low, high = min(values), max(values)
     room = (high - low) * pad or max(abs(high) * 0.01, 1.0)
     return low - room, high + room

@@ -39,8 +39,8 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
     return [
         (
             str(load["load_id"]),
-            _seconds(load["start_t_ns"]),
-            _seconds(load["end_t_ns"]),
+            _seconds_text(load["start_t_ns"]),
+            _seconds_text(load["end_t_ns"]),
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
             _payload(load),
@@ -245,7 +245,7 @@ def _remark(load: Mapping[str, Any]) -> str:
     return ""
 
 
-def _seconds(t_ns: int | None) -> str:
+def _seconds_text(t_ns: int | None) -> str:
     return "–" if t_ns is None else f"{t_ns / NS_PER_S:,.1f}"
 
 

@@ -122,7 +122,9 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             if view.kind is Kind.STATES:
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame in _HELD:
-                frames[_is_displayed(name)] = _hold_rows(_numbers(name, frame), frame["end_t_ns"])
+                frames[_is_displayed(name)] = _hold_rows(
+                    _drawn_numbers(name, frame), frame["end_t_ns"]
+                )
             else:
                 asked.setdefault(name, {}).update(_of_bin(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
@@ -132,7 +134,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
         if decimate and is_long(run):
             frames[_is_displayed(name)] = _decimate(run, name, list(wanted.values()))
         else:
-            numbers = _numbers(name, run.frames[name])
+            numbers = _drawn_numbers(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
             frames[_is_displayed(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
     return frames
@@ -202,7 +204,7 @@ def _period_ns(run: Run) -> int:
     return round(_NS / run.provenance.settings.align.rate_hz)
 
 
-def _numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+def _drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """The numbers of a frame that some view draws, by time or start time, with variances."""
     family = entity_parts(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]

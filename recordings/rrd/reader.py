@@ -139,7 +139,7 @@ class OpenRecording:
                 )
         wanted = stored.columns if columns is None else stored.select(columns)
         with _in_one_line(self.path):
-            return _read(self.store, stored, wanted)
+            return _read_frame(self.store, stored, wanted)
 
 
 @contextmanager
@@ -209,7 +209,9 @@ def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenanc
         raise RecordingError(f"{path}: its description is damaged; replay the log") from error
 
 
-def _read(store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]) -> pl.DataFrame:
+def _read_frame(
+    store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]
+) -> pl.DataFrame:
     """Read columns of a frame, rows in the order they were written."""
     wanted = [component_name(column.name) for column in columns]
     # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well

@@ -54,7 +54,7 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
     """
     t0_ns = read_provenance(path).t0_unix_ns
     with tempfile.TemporaryFile() as log:
-        process, port = _start(Path(path), log)
+        process, port = _start_viewer_process(Path(path), log)
         client = _wait_until_connected(
             process, port, log, "a screen; without one, use `payscope plot`"
         )
@@ -73,7 +73,7 @@ def start_viewer() -> str:
         RecordingError: no viewer starts.
     """
     with tempfile.TemporaryFile() as log:
-        process, port = _start(None, log)
+        process, port = _start_viewer_process(None, log)
         _wait_until_connected(
             process, port, log, "a screen; leave out --live without one", waiting=True
         )
@@ -244,7 +244,9 @@ def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
     """A viewer without a screen, with a recording or waiting for one: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:
-        process, port = _start(path, log, "--headless", "--window-size", _WINDOW, CI="1")
+        process, port = _start_viewer_process(
+            path, log, "--headless", "--window-size", _WINDOW, CI="1"
+        )
         needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
             client = _wait_until_connected(process, port, log, needs, waiting=path is None)
@@ -254,7 +256,7 @@ def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
             process.wait()
 
 
-def _start(
+def _start_viewer_process(
     path: Path | None, log: IO[bytes], *options: str, **environment: str
 ) -> tuple[subprocess.Popen[bytes], int]:
     """Start the viewer with a recording or empty, listening on this machine only."""

@@ -143,7 +143,7 @@ def signing_key(path: Path | None) -> SigningKey | None:
     if path is None and not os.environ.get(KEY_VARIABLE):
         return None
     where = str(path) if path is not None else f"environment variable {KEY_VARIABLE}"
-    data = _read(path) if path is not None else os.environ[KEY_VARIABLE].encode()
+    data = _read_key_file(path) if path is not None else os.environ[KEY_VARIABLE].encode()
     try:
         key = load_pem_private_key(data, password=None)
     except TypeError:
@@ -165,7 +165,7 @@ def public_key(path: Path) -> PublicKey:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-    data = _read(path)
+    data = _read_key_file(path)
     if b"PRIVATE KEY" in data:
         raise EvidenceError(f"{path}: is a private key; `{_PUBLISH}` writes the public one")
     try:
@@ -265,7 +265,7 @@ def _unbase64(text: str, what: str) -> bytes:
     return data
 
 
-def _read(path: Path) -> bytes:
+def _read_key_file(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
             data = file.read(_MOST_KEY_BYTES + 1)

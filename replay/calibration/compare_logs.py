@@ -123,7 +123,7 @@ def _compare_terms(
 ) -> None:
     """What each log says of the nuisances under the machine's own priors."""
     by_name = {(each.log, each.term): each for each in anew}
-    wrong = [each for each in stored if not _same(each, by_name.get((each.log, each.term)))]
+    wrong = [each for each in stored if not _terms_agree(each, by_name.get((each.log, each.term)))]
     for each in wrong[:_MOST_NAMED]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay says something else")
@@ -132,7 +132,7 @@ def _compare_terms(
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs say more than it has")
 
 
-def _same(kept: TermOfLog, now: TermOfLog | None) -> bool:
+def _terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
     if now is None:
         return False
     tolerance = _TERMS * kept.prior_std

@@ -87,8 +87,10 @@ def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator
     yield from shift_lines(answer)
     yield from planar_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
-    yield from _first([f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses")
-    yield from _first([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
+    yield from _first_lines(
+        [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
+    )
+    yield from _first_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
     yield from _finding_lines(answer, verbose)
 
 
@@ -103,7 +105,7 @@ def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
 
 
-def _first(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
+def _first_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
     """The first lines, and the number of the others."""
     yield from lines[:most]
     left = len(lines) - most
@@ -182,11 +184,11 @@ def _masses(row: "AnswerRow", verdict: "Verdict") -> "Table":
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
     table = plain_table("method", *shown)
     for method in row.methods:
-        table.add_row(method, *(_number(row, method, *names) for names in shown.values()))
+        table.add_row(method, *(_value_text(row, method, *names) for names in shown.values()))
     return table
 
 
-def _number(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
+def _value_text(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
     value, std = row.value(name, method), row.value(std_name, method) if std_name else None
     if value is None:
         return "–"

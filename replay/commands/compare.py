@@ -97,7 +97,7 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
         ("losses, notes and stamps", found.provenance),
     ):
         if changes:
-            part(f"{title}:", _values(changes), len(changes))
+            part(f"{title}:", _values_table(changes), len(changes))
     if found.estimates:
         title = "estimates over the whole log, those that moved most first:"
         part(title, _estimates("method", found.estimates), len(found.estimates))
@@ -118,7 +118,7 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
     screen.print(f"\n{said}", markup=False)
 
 
-def _values(changes: Iterable["ValueChange"]) -> "Table":
+def _values_table(changes: Iterable["ValueChange"]) -> "Table":
     from rich.markup import escape
 
     from replay.commands.print_tables import plain_table, value_text

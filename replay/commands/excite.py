@@ -60,7 +60,7 @@ def command(
     from replay.excitation.write_excitation import to_dict, write_design
     from replay.simulation.scenario_file import load_scenario
 
-    wanted = _share(accuracy)
+    wanted = _parse_share(accuracy)
     if output:
         refuse_input_as_output(output, [scenario] if scenario else [])
         check_output(output, force=force)
@@ -77,7 +77,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _share(text: str) -> float:
+def _parse_share(text: str) -> float:
     """`1%` or `0.01` as 0.01."""
     number, percent, rest = text.strip().partition("%")
     try:

@@ -321,7 +321,7 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
     print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
-        f"{whole['change_kg'] / 1e3:+,.3f} t ({_share(whole)}), by {whole['changed']:,.0f} of "
+        f"{whole['change_kg'] / 1e3:+,.3f} t ({_share_text(whole)}), by {whole['changed']:,.0f} of "
         f"{whole['logs']:,.0f} recordings",
     )
     if found.only_a or found.only_b:
@@ -354,7 +354,7 @@ def _changes(row: dict[str, float]) -> tuple[str, ...]:
     )
 
 
-def _share(whole: dict[str, float]) -> str:
+def _share_text(whole: dict[str, float]) -> str:
     if not whole["payload_kg"]:
         return "no tonnes in A"
     return f"{whole['change_kg'] / whole['payload_kg']:+.2%}"

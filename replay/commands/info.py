@@ -161,10 +161,10 @@ def _topic_table(info: "LogInfo") -> "Table":
             escape(one_line(row["topic"])),
             escape(one_line(row["type"])),
             f"{row['messages']:,}",
-            _seconds(row["start_ns"], info.start_ns),
-            _seconds(row["end_ns"], info.start_ns),
-            _number(row["rate_hz"]),
-            _number(row["longest_gap_s"]),
+            _seconds_text(row["start_ns"], info.start_ns),
+            _seconds_text(row["end_ns"], info.start_ns),
+            _number_text(row["rate_hz"]),
+            _number_text(row["longest_gap_s"]),
         )
     return table
 
@@ -182,7 +182,7 @@ def _field_rows(info: "LogInfo") -> list[tuple[str, ...]]:
     for each in info.fields:
         name = f"{each.topic} {each.field}" if several else each.field
         numbers = (each.rate_hz, each.low, each.middle, each.high)
-        rows.append((one_line(name), each.unit or "–", *map(_number, numbers), each.course))
+        rows.append((one_line(name), each.unit or "–", *map(_number_text, numbers), each.course))
     return rows
 
 
@@ -202,11 +202,11 @@ def _troubles(info: "LogInfo") -> Iterator[str]:
             )
 
 
-def _seconds(stamp_ns: int | None, start_ns: int | None) -> str:
+def _seconds_text(stamp_ns: int | None, start_ns: int | None) -> str:
     if stamp_ns is None or start_ns is None:
         return "–"
     return f"{(stamp_ns - start_ns) / 1e9:.3f}"
 
 
-def _number(value: float | None) -> str:
+def _number_text(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"

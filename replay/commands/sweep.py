@@ -155,11 +155,11 @@ def _print_sweep(
         console().print(_tables(rows))
     else:
         print_frame(
-            _frame(rows),
+            _result_frame(rows),
             output_format,
             output,
             force=force,
-            table=lambda: _text(_tables(rows)),
+            table=lambda: _render_text(_tables(rows)),
             records=[_nest_row(row) for row in rows],
         )
     if figure is not None:
@@ -199,13 +199,14 @@ def _nest_row(row: Row) -> dict[str, Any]:
     return {"over": _type_columns(row), **told, **row.errors}
 
 
-def _frame(rows: Sequence[Row]) -> pl.DataFrame:
+def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     """A row a combination, a column a method and quantity; what was varied is a number or text."""
     names = _names(rows[0].over)
     flat = [
         {
             **{
-                names[key]: _flat(value, row.over[key]) for key, value in _type_columns(row).items()
+                names[key]: _cell_value(value, row.over[key])
+                for key, value in _type_columns(row).items()
             },
             **{
                 f"{method}_{name}": value
@@ -317,7 +318,7 @@ def _type_columns(row: Row) -> dict[str, Any]:
     return {key: read_value(text) for key, text in row.over.items()}
 
 
-def _flat(value: Any, written: str) -> Any:
+def _cell_value(value: Any, written: str) -> Any:
     """A value for a column that a file may hold: a list or table as it was written."""
     return written if isinstance(value, list | dict) else value
 
@@ -329,7 +330,7 @@ def _names(keys: Iterable[str]) -> dict[str, str]:
     return {key: name if shared[name] == 1 else key for key, name in last.items()}
 
 
-def _text(shown: RenderableType) -> str:
+def _render_text(shown: RenderableType) -> str:
     from io import StringIO
 
     from rich.console import Console

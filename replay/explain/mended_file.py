@@ -37,7 +37,7 @@ def proposals(finding: Finding) -> tuple[Proposal, ...]:
     if not finding.proposes:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
-    values = _values(str(finding.value))
+    values = _parse_values(str(finding.value))
     if len(keys) != len(values):
         return ()
     said = "; ".join(filter(None, (name_of(finding.cause), finding.evidence, change_of(finding))))
@@ -54,7 +54,7 @@ def proposals(finding: Finding) -> tuple[Proposal, ...]:
     )
 
 
-def _values(text: str) -> list[Any]:
+def _parse_values(text: str) -> list[Any]:
     """Values by commas, each as TOML; none where they are not."""
     try:
         return tomllib.loads(f"values = [{text}]")["values"]
@@ -92,14 +92,14 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
             new = tomlkit.item(change.value)
             # within braces, TOML has no comments
             if not isinstance(place, InlineTable):
-                new.comment(_comment(place, name, change.comment))
+                new.comment(_change_comment(place, name, change.comment))
             place[name] = new
         return tomlkit.dumps(document)
     except TOMLKitError as error:
         raise MachineError(f"{path}: is no TOML: {one_line(str(error))}") from None
 
 
-def _comment(place: Any, name: str, why: str) -> str:
+def _change_comment(place: Any, name: str, why: str) -> str:
     """What stands behind a key: the user's own words, why it changed, and what it was."""
     import tomlkit
     from tomlkit.items import Table

@@ -164,7 +164,7 @@ def mend(
         PayscopeError: the machine file cannot be read, or the output not written.
     """
     file = machine_path(source.path)
-    text = _text(file)
+    text = _read_text(file)
     machine = load_machine(source.path, source.overrides)
     with (
         open_log(path, time=time_axis(machine)) as opened,
@@ -197,7 +197,7 @@ def improve(before: Run, replays: Replays) -> Progress:
     """
     tried = Progress(before)
     for _ in range(_MOST):
-        finding = _next(tried)
+        finding = _next_proposal(tried)
         if finding is None:
             break
         _try(tried, finding, replays)
@@ -238,14 +238,14 @@ def _leave_out_needless(tried: Progress, replays: Replays) -> None:
             tried.changes, tried.run = others, without
 
 
-def _text(file: Path) -> str:
+def _read_text(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise MachineError(f"{file}: cannot be read ({error})") from None
 
 
-def _next(tried: Progress) -> Finding | None:
+def _next_proposal(tried: Progress) -> Finding | None:
     """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
     return next(
         (each for each in _list_untried(tried) if each.cause not in _list_masked(tried)), None
@@ -255,7 +255,7 @@ def _next(tried: Progress) -> Finding | None:
 def _list_untried(tried: Progress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
     shown = findings_of(tried.run)
-    return [each for each in shown if _key(each) not in tried.seen and proposals(each)]
+    return [each for each in shown if _finding_key(each) not in tried.seen and proposals(each)]
 
 
 def _list_masked(tried: Progress) -> dict[str, str]:
@@ -267,8 +267,8 @@ def _list_masked(tried: Progress) -> dict[str, str]:
     from analysis.findings import CAUSES
 
     shown = findings_of(tried.run)
-    untried = {_key(each) for each in _list_untried(tried)}
-    stays = {each.cause for each in shown if _key(each) not in untried}
+    untried = {_finding_key(each) for each in _list_untried(tried)}
+    stays = {each.cause for each in shown if _finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
     return {
@@ -283,13 +283,13 @@ def _list_masked(tried: Progress) -> dict[str, str]:
     }
 
 
-def _key(finding: Finding) -> tuple[str, str | None]:
+def _finding_key(finding: Finding) -> tuple[str, str | None]:
     return finding.cause, finding.channel
 
 
 def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
     """Replay with a proposal, and keep it or take it back."""
-    tried.seen.add(_key(finding))
+    tried.seen.add(_finding_key(finding))
     changes = list(proposals(finding))
     try:
         replayed = replays.run([*tried.changes, *changes])

@@ -62,7 +62,7 @@ class FleetResults:
         found: dict[str, str] = {}
         for machine, names in self.names.items():
             home = f"{_GATHERED}/machine={quote(machine, safe='')}"
-            wanted = f"{home}/{_digest(names)}"
+            wanted = f"{home}/{_results_digest(names)}"
             old = there.get(home, [])
             if wanted not in old:
                 self._gather(wanted, names, old)
@@ -183,7 +183,7 @@ def fleet_results(place: str) -> FleetResults:
     return found
 
 
-def _digest(names: Sequence[ResultName]) -> str:
+def _results_digest(names: Sequence[ResultName]) -> str:
     keys = "\n".join(sorted(name.key for name in names))
     tables = ",".join(TABLES)
     return hashlib.sha256(f"{tables}\n{keys}".encode()).hexdigest()[:_DIGITS]

@@ -128,7 +128,7 @@ class TopicShape:
             return pl.DataFrame(columns).to_struct()
         leaves = [leaf.name for leaf in _leaves_below(node)]
         counts = values[leaves[0]].list.len()
-        flat = {name: _elements(values[name]) for name in leaves}
+        flat = {name: _flatten_lists(values[name]) for name in leaves}
         record = self._column(_Branch(False, None, node.below), flat, depth + 1)
         return _rebuild_lists(record, counts).cast(self._dtype(node, depth))
 
@@ -160,7 +160,7 @@ def _leaves_below(node: _Branch | LeafField) -> Iterator[LeafField]:
             yield from _leaves_below(below)
 
 
-def _elements(lists: pl.Series) -> pl.Series:
+def _flatten_lists(lists: pl.Series) -> pl.Series:
     """The elements of all lists, one behind the other."""
     return pl.Series(lists.name, lists.to_arrow().flatten(), dtype=lists.dtype.inner)  # type: ignore[attr-defined]
 

@@ -169,11 +169,11 @@ def _table(content: dict[str, Any], sections: list[str]) -> dict[str, Any] | Non
 
 def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
     """Rename one key, or move it to the table of its new name; nothing where it is not found."""
-    tables = list(_tables(lines))
+    tables = list(_find_tables(lines))
     for table in tables:
         for at in range(table.first, table.last):
             key, equals, value = lines[at].partition("=")
-            if not equals or f"{table.prefix}{_plain(key)}" != old:
+            if not equals or f"{table.prefix}{_unquote_key(key)}" != old:
                 continue
             home = max((t for t in tables if new.startswith(t.prefix)), key=lambda t: len(t.prefix))
             indent = key[: len(key) - len(key.lstrip())]
@@ -204,12 +204,12 @@ class _TableLines(NamedTuple):
     last: int
 
 
-def _tables(lines: list[str]) -> Iterator[_TableLines]:
+def _find_tables(lines: list[str]) -> Iterator[_TableLines]:
     heads = [at for at, line in enumerate(lines) if line.lstrip()[:1] == "[" and _is_header(line)]
     yield _TableLines("", 0, heads[0] if heads else len(lines))
     for at, end in pairwise([*heads, len(lines)]):
         name = lines[at].partition("]")[0].strip().strip("[")
-        yield _TableLines(f"{_plain(name)}.", at + 1, end)
+        yield _TableLines(f"{_unquote_key(name)}.", at + 1, end)
 
 
 def _is_header(line: str) -> bool:
@@ -231,6 +231,6 @@ def _end_of_value(lines: list[str], at: int, last: int) -> int:
     return at + 1
 
 
-def _plain(key: str) -> str:
+def _unquote_key(key: str) -> str:
     """A dotted key without quotes and blanks."""
     return ".".join(part.strip().strip("\"'") for part in key.split("."))

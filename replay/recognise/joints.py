@@ -28,7 +28,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
         found: what is added to.
     """
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
+    names = list(dict.fromkeys(str(n) for n in _first_values(log, topic, places, start_ns) if n))
     wheels, turns = _wheels(names)
     if wheels:
         for side, joints in wheels.items():
@@ -42,7 +42,7 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
 def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
     """The readings of each joint that the first message has, as fields: `effort[left]`."""
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
+    names = list(dict.fromkeys(str(n) for n in _first_values(log, topic, places, start_ns) if n))
     arrays = ("position", "velocity", "effort")
     return [each for array in arrays for each in _filled_fields(log, topic, array, names, start_ns)]
 
@@ -118,11 +118,11 @@ def _filled_fields(
 ) -> list[str]:
     """The fields of an array that the first message fills."""
     fields = [f"{array}[{joint}]" for joint in joints]
-    values = _first(log, topic, fields, start_ns)
+    values = _first_values(log, topic, fields, start_ns)
     return [field for field, value in zip(fields, values, strict=False) if value is not None]
 
 
-def _first(log: Log, topic: str, fields: Sequence[str], start_ns: int) -> tuple[Any, ...]:
+def _first_values(log: Log, topic: str, fields: Sequence[str], start_ns: int) -> tuple[Any, ...]:
     """Fields of a topic's first message, in this order; none where there are none to read."""
     if not fields:
         return ()

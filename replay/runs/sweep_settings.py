@@ -144,14 +144,16 @@ def _true_errors(
     by_method = {str(method): part for (method,), part in errors.group_by("method")}
     return {
         name: {
-            method: _rms(by_method[method][column]) if weighs and method in by_method else None
+            method: _rms_error(by_method[method][column])
+            if weighs and method in by_method
+            else None
             for method in replayed.frames["masses"]["method"]
         }
         for name, column in names.items()
     }
 
 
-def _rms(errors: pl.Series) -> float | None:
+def _rms_error(errors: pl.Series) -> float | None:
     known = errors.drop_nulls().to_numpy()
     return float(np.sqrt((known**2).mean())) if known.size else None
 
@@ -186,13 +188,13 @@ def _axis(over: str) -> list[str]:
     key, equals, text = (part.strip() for part in over.partition("="))
     if not (key and equals and text):
         raise MachineError(f"--over {over}: {_HOW}")
-    values = _range(over, text) if ":" in text else _split_values(text)
+    values = _parse_range(over, text) if ":" in text else _split_values(text)
     if not all(values):
         raise MachineError(f"--over {over}: a value is missing; {_HOW}")
     return [f"{key}={value}" for value in values]
 
 
-def _range(over: str, text: str) -> list[str]:
+def _parse_range(over: str, text: str) -> list[str]:
     """The decimal numbers of `from:to:step`, as they would be written."""
     try:
         first, last, step = (Decimal(part.strip()) for part in text.split(":"))

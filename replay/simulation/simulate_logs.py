@@ -149,7 +149,9 @@ def log_paths(scenario: Scenario, output: Path) -> list[Path]:
     loads = scenario.campaign.loads_kg
     if len(loads) == 1:
         return [output]
-    return [output.with_name(f"{output.stem}_{_number(load)}kg{output.suffix}") for load in loads]
+    return [
+        output.with_name(f"{output.stem}_{_load_name(load)}kg{output.suffix}") for load in loads
+    ]
 
 
 def _number_outputs(output: Path, count: int) -> list[Path]:
@@ -162,6 +164,6 @@ def _number_outputs(output: Path, count: int) -> list[Path]:
     ]
 
 
-def _number(load_kg: float) -> str:
+def _load_name(load_kg: float) -> str:
     # a point would start a suffix
     return f"{load_kg:03.0f}" if load_kg.is_integer() else str(load_kg).replace(".", "_")

@@ -77,7 +77,7 @@ class ShiftSimulation:
     def logs(self) -> Iterator[SimulatedLog]:
         """The logs in order, once; the same scenario gives the same ones bit for bit."""
         start_ns = nanoseconds(self.scenario.log.start_unix_s)
-        planned = _spans(self.scenario, self.shift)
+        planned = _plan_log_spans(self.scenario, self.shift)
         heading_rad = 0.0
         for index, span in enumerate(planned):
             is_last = index == len(planned) - 1
@@ -185,7 +185,7 @@ def _in_cycles(driven: tuple[DrivenManoeuvre, ...], begins: Floats) -> tuple[Dri
     )
 
 
-def _spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
+def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
     """When the logs are recorded, and which are torn, by plan."""
     drawn = generator(scenario.sensors.seed, 0, 0, "shift_recorder")
     length_s = shift.duration_h * 3600.0 / shift.logs

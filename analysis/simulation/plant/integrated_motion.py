@@ -147,7 +147,7 @@ def _row_before(rows: Floats, time_s: float, known: int) -> int:
 
 
 @inlined
-def _value(row: Floats, which: int) -> float:
+def _row_value(row: Floats, which: int) -> float:
     if which == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
     if which == FILLING:
@@ -156,14 +156,16 @@ def _value(row: Floats, which: int) -> float:
 
 
 @inlined
-def _slope(rows: Floats, at: int, which: int) -> float:
+def _rate_at_row(rows: Floats, at: int, which: int) -> float:
     """How fast a value changes at a row: on both sides of it, without what changes at once."""
     total, known = 0.0, 0.0
     for first in (at - 1, at):
         if first >= 0 and first + 1 < rows.shape[0]:
             span = rows[first + 1, plant.TIME] - rows[first, plant.TIME]
             if span > 0.0:
-                total += (_value(rows[first + 1], which) - _value(rows[first], which)) / span
+                total += (
+                    _row_value(rows[first + 1], which) - _row_value(rows[first], which)
+                ) / span
                 known += 1.0
     return total / max(known, 1.0)
 
@@ -193,5 +195,5 @@ def interpolate_rows(
             low = rows[known, column]
             now[column, number] = low + (rows[known + 1, column] - low) * part
         for which in range(SLOPES):
-            low = _slope(rows, known, which)
-            slopes[which, number] = low + (_slope(rows, known + 1, which) - low) * part
+            low = _rate_at_row(rows, known, which)
+            slopes[which, number] = low + (_rate_at_row(rows, known + 1, which) - low) * part

@@ -61,7 +61,7 @@ class _White(NamedTuple):
     lsb: float
 
 
-def _read(value: Floats, streams: Streams, name: str, white: _White) -> Floats:
+def _measure(value: Floats, streams: Streams, name: str, white: _White) -> Floats:
     reading = value + streams.normal(name, white.std)
     return np.rint(reading / white.lsb) * white.lsb if white.lsb else reading
 
@@ -106,7 +106,7 @@ def _imu(
         "roll_rad": _White(sensors.roll_noise_rad, sensors.angle_lsb_rad),
     }
     return {
-        name: _read(value, streams, name, white.get(name, acc if "force" in name else gyro))
+        name: _measure(value, streams, name, white.get(name, acc if "force" in name else gyro))
         for name, value in made.items()
     }
 
@@ -178,7 +178,9 @@ def _torque(
             sensors.force_drift_N * lever_m / math.sqrt(2),
             sensors.force_drift_s * rate_hz(scenario, "torque"),
         )
-        reading = _read(signals[name] + drift, streams, name, _White(noise, sensors.torque_lsb_N_m))
+        reading = _measure(
+            signals[name] + drift, streams, name, _White(noise, sensors.torque_lsb_N_m)
+        )
         readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
     readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain
     return _sides(scenario, "torque_{}_N_m", readings)
@@ -208,7 +210,7 @@ def _speed(
     signals = _signals(timeline, at_ns, times_s, lambda motion, _: _speed_signals(scenario, motion))
     # the mean of both sides has the scenario's noise
     white = _White(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
-    readings = {name: _read(value, streams, name, white) for name, value in signals.items()}
+    readings = {name: _measure(value, streams, name, white) for name, value in signals.items()}
     return _sides(scenario, "speed_{}_m_s", readings)
 
 

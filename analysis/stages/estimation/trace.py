@@ -45,7 +45,9 @@ def trace(
     }
     t_ns = excitation["t_ns"].to_numpy()
     return {
-        method: _frame({axis: traces[method] for axis, traces in axes_traced.items()}, t_ns)
+        method: _estimates_frame(
+            {axis: traces[method] for axis, traces in axes_traced.items()}, t_ns
+        )
         for method in settings.trace.methods
     }
 
@@ -113,7 +115,7 @@ def _by_load(
     return replace(longest, **joined)
 
 
-def _frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
+def _estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
     """One method's `estimates`: rows of all axes in order of time, each of one axis alone."""
     parts = [
         pl.DataFrame({"t_ns": t_ns[rows.index], **trace_columns(axis, rows)}).with_columns(

@@ -216,7 +216,7 @@ def _angle(
     """An angle of the machine from the orientation of its IMU."""
     assert channel.angle_of is not None
     angle, quaternion = channel.angle_of
-    parts = np.stack([_numbers(name, channel, field, frame) for field in channel.fields])
+    parts = np.stack([_field_numbers(name, channel, field, frame) for field in channel.fields])
     x = mounting.inclination(parts, machine.machine.imu)[angle]
     return _usable(name, channel, quaternion, frame, x, losses)
 
@@ -228,12 +228,12 @@ def _pick(
     field = str(channel.field)
     gain, offset = to_si(channel.unit, unit_of(name)) if channel.unit else (1.0, 0.0)
     with np.errstate(over="ignore"):  # what does not fit is no reading
-        x = _numbers(name, channel, field, frame) * channel.scale + channel.offset
+        x = _field_numbers(name, channel, field, frame) * channel.scale + channel.offset
         x = x * gain + offset
     return _usable(name, channel, field, frame, x, losses)
 
 
-def _numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
+def _field_numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
     dtype = frame[field].dtype
     if not (dtype.is_numeric() or dtype == pl.Boolean or dtype == pl.Null):
         where = f"{field} of {channel.topic or 'the table'}"

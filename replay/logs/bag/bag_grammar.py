@@ -80,7 +80,7 @@ def _scan(
 
 
 @compiled_for(scan_turns)
-def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - 7):
         at = first
         links = 0
@@ -97,4 +97,4 @@ def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     return -1
 
 
-GRAMMAR: Final = Grammar(_scan, _find)
+GRAMMAR: Final = Grammar(_scan, _find_record)

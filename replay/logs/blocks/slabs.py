@@ -116,17 +116,17 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> It
                 sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
                 or (prepared < _GROWING and len(waiting) > 1)
             ):
-                yield from _next(waiting, free)
+                yield from _take_slabs(waiting, free)
             prepared += 1
             recycled = free.pop() if free and size <= SLAB_BYTES else None
             waiting.append((pool.submit(_load, file, group, grammar, recycled), size))
         while waiting:
-            yield from _next(waiting, free)
+            yield from _take_slabs(waiting, free)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _next(
+def _take_slabs(
     waiting: deque[tuple[Future[Slab], int]], free: list[NDArray[np.uint8]]
 ) -> Iterator[Slab]:
     slab = waiting.popleft()[0].result()

@@ -46,17 +46,17 @@ class PerMessageDecoder:
         stamp = None
         if self._kind.record.has_header:
             stamp = library.stamp_ns(library.get(library.get(message, "header"), "stamp"))
-        return (stamp, *(_value(library, message, f.steps, f.kind) for f in self._fields))
+        return (stamp, *(_value_at_path(library, message, f.steps, f.kind) for f in self._fields))
 
 
-def _value(library: Library, message: Any, steps: Sequence[PathStep], kind: str) -> Any:
+def _value_at_path(library: Library, message: Any, steps: Sequence[PathStep], kind: str) -> Any:
     for number, step in enumerate(steps, 1):
         value = library.get(message, step.name)
         if value is None:
             return None
         if step.element == ALL:
             return [
-                _value(library, element, steps[number:], kind)
+                _value_at_path(library, element, steps[number:], kind)
                 for element in library.elements(value)
             ]
         if step.element is not None:

@@ -166,7 +166,9 @@ def _copy(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
 
 
 @compiled
-def _find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, found: Ints) -> None:
+def _find_names(
+    data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, found: Ints
+) -> None:
     first = 0
     for row in range(counts.size):
         found[row] = -1
@@ -196,7 +198,7 @@ def find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Int
     found = np.empty(counts.size, np.int64)
     # a copy, since numba would compile anew for an array that cannot be written
     encoded = np.array(bytearray(name.encode()))
-    _find(data, starts, sizes, counts, encoded, found)
+    _find_names(data, starts, sizes, counts, encoded, found)
     return found
 
 

@@ -87,7 +87,7 @@ def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, 
 
 
 @compiled_for(scan_turns)
-def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - _HEAD + 1):
         at = first
         proof = 0
@@ -103,4 +103,4 @@ def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     return -1
 
 
-GRAMMAR: Final = Grammar(_scan, _find)
+GRAMMAR: Final = Grammar(_scan, _find_record)

@@ -234,7 +234,7 @@ class Chains:
 
 
 @compiled
-def _find(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
+def _find_page(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
     """Where a page is in the data, -1 where not."""
     found = np.searchsorted(at_hand[0], page, side="right") - 1
     if found < 0 or page >= at_hand[0, found] + at_hand[1, found]:
@@ -277,7 +277,7 @@ def _join(
                 following = big_endian(near_bytes, at, 4)
                 data[to : to + size] = near_bytes[at + 4 : at + 4 + size]
             else:
-                at = _find(at_hand, page, layout.page_bytes)
+                at = _find_page(at_hand, page, layout.page_bytes)
                 if at < 0:
                     return True
                 following = big_endian(data, at, 4)
