@@ -118,7 +118,7 @@ def _entries_in(patterns: Sequence[str]) -> list[str]:
         if public:
             entries += [f"## `{module}`\n", *_blocks(ast.get_docstring(tree) or "")]
         for each in public:
-            entries += _entry(each, "", level=3)
+            entries += _entry(each, path.stem, level=3)
     return entries
 
 
@@ -147,7 +147,14 @@ def _signature(defined: _Definition) -> str:
         made = [each for each in defined.body if isinstance(each, ast.FunctionDef)]
         make = next((each for each in made if each.name == "__init__"), None)
         head = f"class {defined.name}" + (f"({bases})" if bases else "")
-        return head if make is None else f"{head}\n{_call(make, defined.name)}"
+        fields = [
+            f"    {ast.unparse(each)}"
+            for each in defined.body
+            if isinstance(each, ast.AnnAssign) and not ast.unparse(each.target).startswith("_")
+        ]
+        if make is not None:
+            return f"{head}\n{_call(make, defined.name)}"
+        return "\n".join([f"{head}:", *fields]) if fields else head
     if any(ast.unparse(each).endswith("property") for each in defined.decorator_list):
         return f"{defined.name}: {ast.unparse(defined.returns) if defined.returns else 'Any'}"
     return _call(defined, defined.name)
