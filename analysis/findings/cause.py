@@ -58,7 +58,7 @@ class Cause:
         says: what it is, in a sentence.
         needs: what a log must hold for it to be seen at all, in a sentence.
         find: looks for it, channel by channel; nothing where the log does not hold that.
-        withholds: whether a mass under it is worth nothing.
+        withholds: whether it invalidates the mass.
         as_judged: whether it withholds only where a check of the verdict does.
         explains: causes that are seen where it is, and stand behind it.
         outdone: what is stronger by this factor is not explained by it.

@@ -123,7 +123,7 @@ def _change(values: Floats, since: int | None) -> tuple[float, float]:
 
 @cache
 def limit_for(run_length: float) -> float:
-    """The limit at which a false alarm comes once in so many values, on average.
+    """Find the limit at which a false alarm comes once in so many values, on average.
 
     Args:
         run_length: average run length of both sums together, without drift.

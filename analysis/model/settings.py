@@ -86,7 +86,9 @@ class PhaseSettings(BaseModel):
     speed_rate_span_s: float = Field(0.1, gt=0, description="span of the speed rate")
     standstill_speed_m_s: float = Field(0.02, ge=0, description="slower than this stands")
     steady_acc_m_s2: float = Field(0.15, gt=0, description="smaller speed rates are cruising")
-    turning_rate_rad_s: float = Field(0.05, gt=0, description="faster yaw rates are turning")
+    turning_rate_rad_s: float = Field(
+        0.05, gt=0, description="yaw rate above which the machine turns"
+    )
     steady_yaw_acc_rad_s2: float = Field(0.05, gt=0, description="smaller ones are steady arcs")
 
 
@@ -403,13 +405,13 @@ class VerdictLimits(BaseModel):
         0.01, gt=0, description="largest change of the mass by braking that counts as driving"
     )
     methods_max: int = Field(0, ge=0, description="most methods that the answer contradicts")
-    term_t_max: float = Field(4.0, gt=0, description="largest t of a term that is not told of")
+    term_t_max: float = Field(4.0, gt=0, description="largest t of a term that is not reported")
     frozen_max_s: float = Field(0.0, ge=0, description="longest time that channels may be frozen")
     clipped_max: float = Field(
         0.0, ge=0, le=1, description="largest share of a force channel's readings that clip"
     )
     sides_max: float = Field(
-        0.07, gt=0, description="largest difference of left and right that is not told of"
+        0.07, gt=0, description="largest difference of left and right that is not reported"
     )
     one_sided_max: float = Field(
         0.4, gt=0, description="largest such difference of the torques that withholds nothing"
@@ -431,7 +433,7 @@ class VerdictLimits(BaseModel):
         3.0, gt=0, description="standard uncertainties that a mass may be below the empty mass"
     )
     empty_mass_max_u: float = Field(
-        1.0, gt=0, description="standard uncertainties from the empty mass that are not told of"
+        1.0, gt=0, description="largest distance from the empty mass, in u, that is not reported"
     )
     causes_max: int = Field(0, ge=0, description="most named causes that make a mass worthless")
 

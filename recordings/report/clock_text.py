@@ -110,7 +110,7 @@ def _offset_text(local: datetime) -> str:
 
 
 def duration_text(s: float) -> str:
-    """A duration in the unit that a person would say it in."""
+    """Format a duration in the unit that a person would use."""
     if s < 2 * _MINUTE_S:
         return f"{s:.0f} s"
     if s < 2 * _HOUR_S:

@@ -55,7 +55,7 @@ class Panel:
 
     @property
     def plot_share(self) -> float:
-        """What a plot needs of the height of a page so that its legend is not cut."""
+        """Share of the height of a page that a plot needs so that its legend is not cut."""
         # lines of one name have one entry
         names = len({each.label for each in self.drawn}) if self.has_legend else 1
         return (_AROUND_PLOT + _NAME * names) / _PAGE

@@ -38,7 +38,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
         )
     content = read_toml(path, CampaignError)
     for place, text in left_open(content):
-        raise CampaignError(f"{path}: {place}: is left to complete ('{text}')")
+        raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
     if campaign.laboratory is not None and campaign.not_stated:

@@ -53,7 +53,7 @@ def command(
         seconds = (start_s, end_s) if at_s is None else at_s
         _show_stage((recording, stage, asked), seconds, wanted, output, force=force)
     elif calibration is not None:
-        raise typer.BadParameter("--calibration is for stage loads; name it")
+        raise typer.BadParameter("--calibration goes with the stage loads alone; name that stage")
     elif (start_s, end_s, at_s, output) != (None, None, None, None):
         raise typer.BadParameter("--from, --to, --at and -o are for a stage; name one")
     elif output_format not in (None, FrameFormat.table, FrameFormat.json):

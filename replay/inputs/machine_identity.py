@@ -62,7 +62,7 @@ def logged_id(logs: Sequence[Log], known: str | None) -> str:
 
 
 def is_serial_number(text: str) -> bool:
-    """Whether a machine file could have it: recorders write what they like."""
+    """Whether a text can be a serial number in a machine file; recorders write anything."""
     try:
         TypeAdapter(MachineId).validate_python(text)
     except ValidationError:

@@ -95,7 +95,7 @@ class CalibratedMachine(BaseModel):
     file: Line = Field(min_length=1, description="machine file, from the campaign file's folder")
     id: Id = Field(description="serial number: evidence is chained by it")
     make: Line = Field("", description="who built it")
-    model: Line = Field("", description="which model it is")
+    model: Line = Field("", description="model of the machine")
     condition: Line = Field("", description="its condition, such as tyres worn by a third")
     empty_mass_kg: float | None = Field(
         None, gt=0, description="its empty mass, where not the machine file's"
@@ -131,7 +131,7 @@ class ReferenceMass(BaseModel):
     )
     certificate_issuer: Line = Field("", description="laboratory that issued the certificate")
     certificate_signature: Line = Field(
-        "", description="who signed the dcc; written when it is read"
+        "", description="signer of the dcc; filled in when it is read"
     )
     source: Line = Field("", description="scale or certificate that several masses share")
     shared_u_kg: float = Field(
@@ -202,7 +202,8 @@ class StatedComponent(BaseModel):
     component: Line = Field(min_length=1, description="name, such as tare or local gravity")
     u_kg: float | None = Field(None, ge=0, le=1e5, description="standard uncertainty, if known")
     absorbed: bool = Field(
-        default=False, description="a constant of the machine, which the line takes with it"
+        default=False,
+        description="whether it is constant for the machine, so that the line absorbs it",
     )
     known: Line = Field("stated in the campaign file", description="how it is known")
 

@@ -95,7 +95,7 @@ class SimulatedBrakes(BaseModel):
         description="time constant with which they let go from a start's beginning; 0: at once",
     )
     release_N: float = Field(
-        default=2000.0, ge=0, le=1e6, description="drag with which such a release begins"
+        default=2000.0, ge=0, le=1e6, description="drag at the start of such a release"
     )
     gentle_m_s2: float = Field(
         default=0.0,

@@ -113,7 +113,7 @@ class SimulatedDefects(BaseModel):
         default=0.0,
         ge=-45,
         le=45,
-        description="how far the accelerometer is mounted nose up; the pitch does not know",
+        description="angle of the accelerometer, nose up, unseen by the pitch",
     )
     acc_without_gravity: bool = Field(
         default=False, description="the accelerometer's gravity has been taken off"

@@ -144,7 +144,7 @@ class SimulatedCampaign(BaseModel):
     )
     rest_s: float = Field(default=5.0, ge=0, le=600, description="standstill after the last run")
     manoeuvres: tuple[Manoeuvre, ...] = Field(
-        default=(), max_length=100, description="what a run is; none: a rest and a start"
+        default=(), max_length=100, description="manoeuvres of a run; none: a rest and a start"
     )
 
     @property

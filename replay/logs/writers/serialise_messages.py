@@ -142,7 +142,7 @@ class _Layout:
             self._value(description, known.get(key), chosen)
 
     def put_bytes(self, data: bytes) -> None:
-        """The same bytes in every message."""
+        """Put the same bytes into every message."""
         self.constants.append((self.size, data))
         self.size += len(data)
 
