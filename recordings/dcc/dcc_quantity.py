@@ -112,7 +112,7 @@ def value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[
     strange = next((unit for unit in units if unit not in _UNITS_KG), None)
     if strange is not None:
         raise EvidenceError(
-            f"{what}: the unit of its mass is '{strange[:40]}'; use one of {', '.join(_UNITS_KG)}"
+            f"{what}: its mass has the unit '{strange[:40]}'; use one of {', '.join(_UNITS_KG)}"
         )
     unit_kg = _UNITS_KG[units[value.place if len(units) > 1 else 0]]
     value_kg = value.number(element, "value", what) * unit_kg
