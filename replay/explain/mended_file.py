@@ -9,6 +9,7 @@ from typing import Any
 from analysis.explain import Finding
 from estimators.errors import MachineError, one_line
 from recordings.report.finding_text import change_of, name_of
+from replay.machines.old_names import BothNamesError, migrate_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +66,15 @@ def _parse_values(text: str) -> list[Any]:
 def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
     """Write changes into the text of a machine file, each with a comment behind the user's own.
 
+    Keys with old names get those that they have now, lest a change meet its own old name.
+
     Args:
         text: the file.
         changes: the proposals.
         path: of the file, for messages.
 
     Raises:
-        MachineError: it is no TOML, or a key leads through a value.
+        MachineError: it is no TOML, a key leads through a value, or a person has to rename one.
     """
     import tomlkit
     from tomlkit.container import OutOfOrderTableProxy
@@ -79,7 +82,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
     from tomlkit.items import InlineTable, Table
 
     try:
-        document = tomlkit.parse(text)
+        document = tomlkit.parse(migrate_text(text)[0])
         for change in changes:
             *sections, name = change.key.split(".")
             place: Any = document
@@ -95,7 +98,9 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
                 new.comment(_change_comment(place, name, change.comment))
             place[name] = new
         return tomlkit.dumps(document)
-    except TOMLKitError as error:
+    except BothNamesError as error:
+        raise MachineError(f"{path}: {error}") from None
+    except (TOMLKitError, tomllib.TOMLDecodeError) as error:
         raise MachineError(f"{path}: is no TOML: {one_line(str(error))}") from None
 
 

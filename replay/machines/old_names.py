@@ -176,8 +176,7 @@ def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
             if not equals or f"{table.prefix}{_unquote_key(key)}" != old:
                 continue
             home = max((t for t in tables if new.startswith(t.prefix)), key=lambda t: len(t.prefix))
-            indent = key[: len(key) - len(key.lstrip())]
-            lines[at] = f"{indent}{new.removeprefix(home.prefix)} ={value}"
+            lines[at] = f"{key.replace(key.strip(), new.removeprefix(home.prefix))}={value}"
             if home is not table:
                 _move_key(lines, at, table, home)
             return

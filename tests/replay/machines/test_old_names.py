@@ -10,6 +10,7 @@ import pytest
 
 from analysis.model.settings import Settings
 from estimators.errors import MachineError
+from replay.explain.mended_file import Proposal, write_proposals
 from replay.machines.machine_file import load_machine
 from replay.machines.old_names import OLD_NAMES, OldNameWarning, migrate_file, migrate_text
 from tests.replay.sledge import MACHINE, Payscope, one_line
@@ -106,7 +107,7 @@ def test_a_link_stays_a_link(tmp_path: Path, old_file: Path) -> None:
             "settings . \"rate_hz\" = 5\n", "settings.align.rate_hz = 5\n", id="dotted and quoted"
         ),
         pytest.param(
-            "[settings]\r\nrate_hz = 5\r\n", "[settings]\r\nalign.rate_hz = 5\r\n", id="CRLF"
+            "[settings]\r\nrate_hz=5\r\n", "[settings]\r\nalign.rate_hz=5\r\n", id="CRLF"
         ),
         pytest.param(
             "note = '''\n[settings]\nrate_hz = 1\n'''\n[settings]\nalign.gap_periods = 3\n",
@@ -149,6 +150,19 @@ def test_no_such_file_is_one_line(payscope: Payscope, tmp_path: Path) -> None:
     one_line(payscope("migrate", tmp_path / "no.toml"), "no.toml", "cannot be read")
     with pytest.raises(MachineError):
         migrate_file(tmp_path)
+
+
+def test_explain_applies_a_proposal_to_a_file_with_old_names() -> None:
+    """Test: the proposal's key has its old name in the file. Expected: one key, both comments."""
+    text = "[settings]\nrate_hz = 50  # grid\nexclude_braking = true  # mine\n"
+    change = Proposal("settings.gate.exclude_braking", False, "braking", "the force sees it")
+    mended = write_proposals(text, [change], Path("m.toml"))
+    assert tomllib.loads(mended)["settings"] == {
+        "align": {"rate_hz": 50},
+        "gate": {"exclude_braking": False},
+    }
+    assert "# mine; payscope: the force sees it; it was true" in mended
+    assert "# grid" in mended
 
 
 def test_every_old_name_at_once_is_rewritten_to_the_same_values() -> None:
