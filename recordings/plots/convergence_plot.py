@@ -39,14 +39,14 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
         at_s: the moment that is meant.
     """
     bounds: list[float] = []
-    starts = _starts(run)
+    starts = _load_starts(run)
     # of many loads what is left of the beginnings covers all else
     for method in _RECURSIVE if len(starts) <= _LOADS else ():
         frame = run.frames.get(f"estimates/{method}")
         if frame is not None and frame.height and "mass_kg" in frame.columns:
-            bounds += _recursion(axes, frame, method, starts, _period_ns(run))
-    means = _running_means(axes, run)
-    answers = _answers(axes, run)
+            bounds += _draw_recursion(axes, frame, method, starts, _period_ns(run))
+    means = _draw_running_means(axes, run)
+    answers = _draw_answers(axes, run)
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
@@ -75,7 +75,7 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     legend_above(axes, 7)
 
 
-def _starts(run: Run) -> list[int]:
+def _load_starts(run: Run) -> list[int]:
     loads = run.frames.get("loads")
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
 
@@ -84,7 +84,7 @@ def _period_ns(run: Run) -> float:
     return NS_PER_S / run.provenance.settings.align.rate_hz
 
 
-def _recursion(
+def _draw_recursion(
     axes: "Axes", frame: pl.DataFrame, method: str, starts: list[int], period_ns: float
 ) -> list[float]:
     rows = frame.filter(pl.col("mass_kg").is_not_null()).select("t_ns", "mass_kg", "mass_std_kg")
@@ -106,7 +106,7 @@ def _recursion(
     return [*mass, *(mass - 2 * std)[mass.size // 4 :], *(mass + 2 * std)[mass.size // 4 :]]
 
 
-def _running_means(axes: "Axes", run: Run) -> list[float]:
+def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
     """Of the manoeuvres of each load, weighted by their variances, after each of them."""
     frame = run.frames.get("manoeuvres")
     if frame is None:
@@ -136,7 +136,7 @@ def _running_means(axes: "Axes", run: Run) -> list[float]:
     return [*(mean - bars), *(mean + bars)]
 
 
-def _answers(axes: "Axes", run: Run) -> list[float]:
+def _draw_answers(axes: "Axes", run: Run) -> list[float]:
     loads = run.frames.get("loads")
     if loads is None:
         return []

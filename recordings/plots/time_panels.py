@@ -97,7 +97,7 @@ def _draw_lines(
     for each in drawn:
         _draw(axes, each, shown[each.frame], span)
     lane = "gate" if view.threshold else "phase"
-    _shade(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
+    _shade_states(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, _LABEL), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=_SMALL)
@@ -161,12 +161,12 @@ def _draw_lanes(
     labels = [each.label.replace("_", " ") for each in drawn]
     axes.set_yticks([len(drawn) - 0.5 - n for n in range(len(drawn))], labels, fontsize=_SMALL)
     for state in sorted(seconds, key=lambda state: -seconds[state])[:_NAMED]:
-        axes.plot([], [], "s", color=_colour(state), ms=5, label=state.replace("_", " "))
+        axes.plot([], [], "s", color=_state_colour(state), ms=5, label=state.replace("_", " "))
     legend_above(axes)
 
 
-def _colour(state: str) -> str:
-    return colours.states().get(state, colours.OTHER)
+def _state_colour(state: str) -> str:
+    return colours.state_colours().get(state, colours.OTHER)
 
 
 def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
@@ -174,7 +174,7 @@ def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         pairs = list(zip(start_s, length_s, strict=True))
-        axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_colour(str(state)), lw=0)
+        axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_state_colour(str(state)), lw=0)
 
 
 def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float) -> None:
@@ -184,7 +184,7 @@ def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], botto
     base = np.full(_SHARES, bottom + 0.08)
     starts, ends = spans["t_ns"].to_numpy(), spans["until"].to_numpy()
     names = spans[STATE].to_numpy()
-    for state in [name for name in colours.states() if name in set(names)]:
+    for state in [name for name in colours.state_colours() if name in set(names)]:
         chosen = names == state
         # time in the state before each edge, whose differences are the time in each bin
         inside = _time_before(starts[chosen], ends[chosen], edges)
@@ -195,7 +195,7 @@ def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], botto
             width / NS_PER_S,
             bottom=base,
             align="edge",
-            color=_colour(state),
+            color=_state_colour(state),
             lw=0,
         )
         base = base + share
@@ -209,7 +209,7 @@ def _time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) -> np.
     return before[number] - over
 
 
-def _shade(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
+def _shade_states(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
     """Shade where a state holds, full height behind the lines; of many changes nothing."""
     if states is None or states.height > _SPANS:
         return
@@ -220,7 +220,7 @@ def _shade(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -
             list(zip(start_s, length_s, strict=True)),
             (0, 1),
             transform=axes.get_xaxis_transform(),
-            color=_colour(str(state)),
+            color=_state_colour(str(state)),
             alpha=0.15,
             lw=0,
             zorder=0,
@@ -237,7 +237,9 @@ def draw_reasons(axes: "Axes", run: Run) -> None:
     counts = gate[column].cast(pl.String).value_counts(sort=True).reverse()
     names, shares = counts[column].to_list(), 100.0 * counts["count"].to_numpy() / gate.height
     bars = axes.barh(
-        [name.replace("_", " ") for name in names], shares, color=[_colour(name) for name in names]
+        [name.replace("_", " ") for name in names],
+        shares,
+        color=[_state_colour(name) for name in names],
     )
     axes.bar_label(bars, [f" {share:.1f} %" for share in shares], fontsize=_SMALL)
     axes.set_xlabel("share of the windows (%)", fontsize=_SMALL)

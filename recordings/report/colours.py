@@ -49,7 +49,7 @@ STATES: Final[dict[str, str]] = {
 
 
 @cache
-def states() -> Mapping[str, str]:
+def state_colours() -> Mapping[str, str]:
     """A colour for each state, and for each cause by what it leads to."""
     # the causes bring all that looks for them
     from analysis.findings import CAUSES

@@ -234,9 +234,9 @@ def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
 
     if kind is Kind.STATES:
         looks = rr.StateConfiguration(
-            values=list(colours.states()),
-            labels=[state.replace("_", " ") for state in colours.states()],
-            colors=[_rgba(colour) for colour in colours.states().values()],
+            values=list(colours.state_colours()),
+            labels=[state.replace("_", " ") for state in colours.state_colours()],
+            colors=[_rgba(colour) for colour in colours.state_colours().values()],
         )
         yield looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
         return

@@ -118,10 +118,10 @@ def _render(design: Design) -> RenderableType:
             f"{score.reach_m:.1f}",
             "best" if score is design.best else "",
         )
-    return Group(*_timing(design), "", table, "", _verdict(design))
+    return Group(*_timing_lines(design), "", table, "", _verdict_text(design))
 
 
-def _timing(design: Design) -> list[str]:
+def _timing_lines(design: Design) -> list[str]:
     periods = {
         "force": design.scores[0].manoeuvre.force,
         "torque": design.scores[0].manoeuvre.torque,
@@ -134,7 +134,7 @@ def _timing(design: Design) -> list[str]:
     return [*lines, f"window {design.window_s:.2f} s"]
 
 
-def _verdict(design: Design) -> str:
+def _verdict_text(design: Design) -> str:
     best, wanted = design.best, f"{design.accuracy:.3g}"
     if best is None:
         return "No waveform fits the yard."

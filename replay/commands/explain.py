@@ -157,14 +157,14 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
     if mended.path is None:
         print_line(screen, "no proposal pays, so no machine file was written")
         return
-    before, after = _mass(mended.before), _mass(mended.after)
+    before, after = _mass_text(mended.before), _mass_text(mended.after)
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
     left = ", ".join(name_of(each.cause) for each in mended.left) or "no cause"
     print_line(screen, f"the log still shows: {left}")
     print_line(screen, f"machine file: {mended.path}")
 
 
-def _mass(answer: "Answer") -> str:
+def _mass_text(answer: "Answer") -> str:
     """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
     from recordings.report.number_text import plus_minus
 

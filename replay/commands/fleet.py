@@ -328,7 +328,7 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
         print_line(screen, f"not compared: {found.only_a} only in A, {found.only_b} only in B")
     table = plain_table("machine", "recordings", "t in A", "t in B", "change t", "loads A", "B")
     for row in found.machines.iter_rows(named=True):
-        table.add_row(row["machine"], f"{row['logs']:,}", *_changes(row))
+        table.add_row(row["machine"], f"{row['logs']:,}", *_change_cells(row))
     print_table(screen, table)
     changed = found.logs.head(shown).filter(found.logs.head(shown)["change_kg"] != 0.0)
     if changed.is_empty():
@@ -340,11 +340,11 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
     )
     for row in changed.iter_rows(named=True):
         opens = f"payscope fleet open {a} {row['key'][:12]}"
-        table.add_row(row["machine"], row["day"], *_changes(row), opens)
+        table.add_row(row["machine"], row["day"], *_change_cells(row), opens)
     print_table(screen, table)
 
 
-def _changes(row: dict[str, float]) -> tuple[str, ...]:
+def _change_cells(row: dict[str, float]) -> tuple[str, ...]:
     tonnes = (row["payload_kg"] / 1e3, row["payload_b_kg"] / 1e3)
     return (
         *(f"{t:,.3f}" for t in tonnes),

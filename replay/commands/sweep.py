@@ -152,31 +152,31 @@ def _print_sweep(
             on_stage=stages.begin,
         )
     if output is None and output_format == "table":
-        console().print(_tables(rows))
+        console().print(_render_tables(rows))
     else:
         print_frame(
             _result_frame(rows),
             output_format,
             output,
             force=force,
-            table=lambda: _render_text(_tables(rows)),
+            table=lambda: _render_text(_render_tables(rows)),
             records=[_nest_row(row) for row in rows],
         )
     if figure is not None:
         from recordings.plots.sweep_figure import plot_sweep
 
         drawn = plot_sweep(
-            [_swept(row) for row in rows], figure, reference_kg=reference_kg, force=force
+            [_swept_row(row) for row in rows], figure, reference_kg=reference_kg, force=force
         )
         typer.echo(f"figure: {drawn}", err=True)
     return any(row.answer.verdict.can_weigh for row in rows)
 
 
-def _swept(row: Row) -> SweptRow:
+def _swept_row(row: Row) -> SweptRow:
     """A row as its figure has it."""
     from recordings.plots.sweep_figure import SweptRow
 
-    names = _names(row.over)
+    names = _short_names(row.over)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
@@ -201,7 +201,7 @@ def _nest_row(row: Row) -> dict[str, Any]:
 
 def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     """A row a combination, a column a method and quantity; what was varied is a number or text."""
-    names = _names(rows[0].over)
+    names = _short_names(rows[0].over)
     flat = [
         {
             **{
@@ -235,23 +235,25 @@ def _calibrated_mass(row: Row) -> dict[str, float | str | None]:
     return {name: loads[0][name] if len(loads) == 1 else None for name in names}
 
 
-def _tables(rows: Sequence[Row]) -> RenderableType:
+def _render_tables(rows: Sequence[Row]) -> RenderableType:
     """Masses and verdict a combination; below, where a truth is known, how wrong they are."""
     from rich.console import Group
 
     from replay.commands.print_tables import kg_text
 
-    masses = _table(rows, _mass, ("used", "weighs"), _verdict)
+    masses = _method_table(rows, _mass_text, ("used", "weighs"), _verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
     if _calibrated_mass(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", _of_calibration(rows)]
     for name in rows[0].errors:
-        errors = _table(rows, lambda row, method, of=name: kg_text(row.errors[of].get(method)))
+        errors = _method_table(
+            rows, lambda row, method, of=name: kg_text(row.errors[of].get(method))
+        )
         parts += ["", _TITLES[name], errors]
     return Group(*parts)
 
 
-def _table(
+def _method_table(
     rows: Sequence[Row],
     cell: Callable[[Row, str], str],
     more: Sequence[str] = (),
@@ -261,7 +263,7 @@ def _table(
     from replay.commands.print_tables import plain_table
 
     methods = list(dict.fromkeys(method for row in rows for method in _by_method(row, "mass_kg")))
-    table = plain_table(*_names(rows[0].over).values(), *methods, *more)
+    table = plain_table(*_short_names(rows[0].over).values(), *methods, *more)
     if more:
         # the last is words
         table.columns[-1].justify = "left"
@@ -274,7 +276,7 @@ def _of_calibration(rows: Sequence[Row]) -> Table:
     """A row a combination: the calibrated mass, or why there is none."""
     from replay.commands.print_tables import kg_text, plain_table
 
-    table = plain_table(*_names(rows[0].over).values(), "calibrated", "from", "to")
+    table = plain_table(*_short_names(rows[0].over).values(), "calibrated", "from", "to")
     table.add_column("", overflow="fold")
     for row in rows:
         mass, low, high, reason = _calibrated_mass(row).values()
@@ -284,14 +286,14 @@ def _of_calibration(rows: Sequence[Row]) -> Table:
     return table
 
 
-def _mass(row: Row, method: str) -> str:
+def _mass_text(row: Row, method: str) -> str:
     from replay.commands.print_tables import kg_text
 
     mass, std = (_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg"))
     return kg_text(mass) + ("" if std is None else f" ± {std:.1f}")
 
 
-def _verdict(row: Row) -> Sequence[str]:
+def _verdict_cells(row: Row) -> Sequence[str]:
     failed = _failed_checks(row)
     loads = len(row.answer.loads)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
@@ -323,7 +325,7 @@ def _cell_value(value: Any, written: str) -> Any:
     return written if isinstance(value, list | dict) else value
 
 
-def _names(keys: Iterable[str]) -> dict[str, str]:
+def _short_names(keys: Iterable[str]) -> dict[str, str]:
     """What a table calls each dotted key: its last part, or all of it where two share that."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())

@@ -27,7 +27,7 @@ from replay.fleet.machine_setups import MachineSetup, setup_on
 from replay.fleet.object_store import Store, store_of
 from replay.fleet.results_layout import MARK, ResultName, key_of, write_result
 from replay.fleet.task_limits import LimitError, limited
-from replay.inputs.channel_inputs import versions
+from replay.inputs.channel_inputs import package_versions
 from replay.logs import Log, open_log
 from replay.machines.machine_file import time_axis
 from replay.pipeline import run
@@ -80,7 +80,7 @@ class TaskOutcome:
 def replay_one(task: ReplayTask) -> TaskOutcome:
     """Replay a recording within its limits, and write its result, unless it is there."""
     began, processor = time.perf_counter(), time.process_time()
-    here = versions()
+    here = package_versions()
     other = [f"{n} {here[n]} for {v}" for n, v in task.versions.items() if here[n] != v]
     if other:
         return TaskOutcome("failed", f"its node has {', '.join(other)}")

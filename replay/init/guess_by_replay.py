@@ -72,7 +72,7 @@ def _braking_lines(replayed: Run) -> list[str]:
 
 
 def _prior_lines(replayed: Run) -> list[str]:
-    lines = _proposals(replayed) if _can_weigh(replayed) else []
+    lines = _proposal_lines(replayed) if _can_weigh(replayed) else []
     if not lines:
         return []
     return [
@@ -83,7 +83,7 @@ def _prior_lines(replayed: Run) -> list[str]:
     ]
 
 
-def _proposals(replayed: Run) -> list[str]:
+def _proposal_lines(replayed: Run) -> list[str]:
     """A line a term: as wide as what was found, and what it is known to."""
     priors = replayed.provenance.settings.priors.model_dump()
     lines: list[str] = []

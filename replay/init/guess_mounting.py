@@ -36,14 +36,14 @@ def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
         return []
     try:
         t_ns, force = _read_fields(log, [sources[name] for name in _AXES])
-        speed = _speed(log, sources)
+        speed = _read_speed(log, sources)
     except LogError:
         return []
     guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
-    return [] if guess is None else _lines(guess)
+    return [] if guess is None else _mounting_lines(guess)
 
 
-def _lines(guess: MountingGuess) -> list[str]:
+def _mounting_lines(guess: MountingGuess) -> list[str]:
     """Every angle with what it rests on; as comments where a slope may explain them."""
     where = "at standstill" if guess.stood else "on average over the drive"
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
@@ -68,7 +68,7 @@ def _lines(guess: MountingGuess) -> list[str]:
     return [*lines, ""]
 
 
-def _speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
+def _read_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
     """The machine's speed, or the mean of its sides'; None where there is neither."""
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:

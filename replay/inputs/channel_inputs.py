@@ -197,7 +197,7 @@ def provenance(
         inputs=tuple(file for log in logs for file in input_files(log)),
         machine=resolve_machine(machine),
         settings=machine.settings,
-        versions=versions(),
+        versions=package_versions(),
         t0_unix_ns=t0_unix_ns,
         stamps=stamps,
         losses=tuple(losses),
@@ -221,7 +221,7 @@ def resolve_machine(machine: Machine) -> dict[str, Any]:
     return plain
 
 
-def versions() -> dict[str, str]:
+def package_versions() -> dict[str, str]:
     """Of whatever may change a number or a recording."""
     return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}
 

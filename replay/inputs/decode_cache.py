@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict
 from analysis.model.machine import Machine
 from analysis.model.run_record import Loss
 from estimators.errors import LogError, OutputError, PayscopeError
-from replay.inputs.channel_inputs import channel_fields, input_files, versions
+from replay.inputs.channel_inputs import channel_fields, input_files, package_versions
 from replay.logs import TABLE, Log, LogCheck, TableHints, TimeAxis, open_log
 from replay.machines.machine_file import time_axis
 
@@ -232,7 +232,7 @@ def _cache_key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | N
         "files": [(each.name, each.sha256) for each in input_files(log)],
         "fields": fields,
         "time": _time_axis_values(time),
-        "versions": versions(),
+        "versions": package_versions(),
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:32]
 

@@ -17,7 +17,7 @@ _TURNS: Final = ("rpm", "rad/s", "Hz")
 def propose_drives(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Sketch force and speed from what motors and wheels report, where no column has them."""
     if not {"force_x_N"} & found.taken and not _has_both(found, "torque_{}_N_m"):
-        sketches = (_unnamed_sides, _motor_force, _pressure, _power)
+        sketches = (_unnamed_sides, _motor_force, _recognise_pressure, _recognise_power)
         any(propose(columns, found) for propose in sketches)
     if "speed_x_m_s" not in found.taken and not _has_both(found, "speed_{}_m_s"):
         any(propose(columns, found) for propose in (_wheel_speeds, _motor_speed))
@@ -87,7 +87,7 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
     return False
 
 
-def _pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from the pressures of a hydrostatic drive: not those of boom and bucket."""
     drive = [c for c in columns if c.quantity == "pressure" and c.unit and not c.said.is_linkage]
     if not drive or len(drive) > 2:
@@ -112,7 +112,7 @@ def _pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:
     return True
 
 
-def _power(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from the drive's power, or from the battery's current and voltage, over the speed."""
     power = next((c for c in columns if c.quantity == "power" and c.is_in("W")), None)
     if power is not None:

@@ -29,14 +29,14 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
     """
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
     names = list(dict.fromkeys(str(n) for n in _first_values(log, topic, places, start_ns) if n))
-    wheels, turns = _wheels(names)
+    wheels, turns = _find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
             _fill_side(log, topic, start_ns, side, joints, found, turns=turns)
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
             for field in _filled_fields(log, topic, array, names, start_ns):
-                _fill(found, column, topic, field)
+                _propose_field(found, column, topic, field)
 
 
 def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
@@ -47,7 +47,7 @@ def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
     return [each for array in arrays for each in _filled_fields(log, topic, array, names, start_ns)]
 
 
-def _wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
+def _find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     """Joints of each side, where both have as many, and whether their names say that they turn."""
     said: dict[str, Meaning] = {name: meaning(name) for name in names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
@@ -75,17 +75,17 @@ def _fill_side(
     if torque not in found.taken:
         parts = _fill_parts(found, topic, efforts, torque)
         if len(parts) > 1:
-            _derive(found, torque, " + ".join(parts), f"the {side} wheels' torques")
+            _propose_formula(found, torque, " + ".join(parts), f"the {side} wheels' torques")
     velocities = _filled_fields(log, topic, "velocity", joints, start_ns)
     if speed in found.taken or not velocities:
         return
     if not turns:
-        _fill(found, speed, topic, velocities[0])
+        _propose_field(found, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
     parts = _fill_parts(found, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
-    _derive(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
+    _propose_formula(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
     found.ask("radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive")
     found.ask(
         "unit",
@@ -100,16 +100,16 @@ def _fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: st
     many = len(fields) > 1
     names = [f"{quantity}_{k}_{behind}" if many else whole for k in range(1, len(fields) + 1)]
     for name, field in zip(names, fields, strict=True):
-        _fill(found, name, topic, field)
+        _propose_field(found, name, topic, field)
     return names
 
 
-def _fill(found: Recognition, column: str, topic: str, field: str) -> None:
+def _propose_field(found: Recognition, column: str, topic: str, field: str) -> None:
     if column not in found.taken:
         found.channels.append(ChannelProposal(column, topic, field, None, "the name of its joint"))
 
 
-def _derive(found: Recognition, column: str, formula: str, reason: str) -> None:
+def _propose_formula(found: Recognition, column: str, formula: str, reason: str) -> None:
     found.channels.append(ChannelProposal(column, None, None, None, reason, formula))
 
 

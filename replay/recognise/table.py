@@ -40,7 +40,7 @@ def recognise(log: Log) -> Recognition:
     Args:
         log: an opened table.
     """
-    columns = _columns(log)
+    columns = _list_columns(log)
     found = Recognition()
     for column in columns:
         if column.field in _KNOWN:
@@ -71,20 +71,23 @@ def recognise(log: Log) -> Recognition:
     return add_correlations(log, columns, found)
 
 
-def _columns(log: Log) -> list[LogColumn]:
+def _list_columns(log: Log) -> list[LogColumn]:
     found: list[LogColumn] = []
     for row in log.topics().iter_rows(named=True):
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
         for name in row["fields"]:
-            said, unit = meaning(_bare(name)), units.get(name) or _CALLED_BY_UNIT.get(name.lower())
+            said, unit = (
+                meaning(_name_without_unit(name)),
+                units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
+            )
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else meaning(name)
             found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
     return found
 
 
-def _bare(name: str) -> str:
+def _name_without_unit(name: str) -> str:
     """The words of a name, without its unit."""
     cut = name
     for opening in "[(":

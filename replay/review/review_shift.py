@@ -32,7 +32,12 @@ from recordings.review.review_state import (
 )
 from recordings.review.reviewer_verdicts import read_verdicts
 from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
-from replay.inputs.channel_inputs import channel_fields, input_files, resolve_machine, versions
+from replay.inputs.channel_inputs import (
+    channel_fields,
+    input_files,
+    package_versions,
+    resolve_machine,
+)
 from replay.inputs.decode_cache import FOLDER as DECODED
 from replay.inputs.decode_cache import decode_logs
 from replay.inputs.time_line import begins_ns
@@ -248,7 +253,7 @@ def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:
         "inputs": [each.sha256 for log in logs for each in input_files(log)],
         "machine": resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "versions": versions(),
+        "versions": package_versions(),
         "full": full,
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
@@ -260,7 +265,7 @@ def _resolved(
     return {
         **resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "versions": versions(),
+        "versions": package_versions(),
         "target_kg": options.target_kg,
         "decimal_comma": options.decimal_comma,
         "calibration": "none" if by is None else f"evidence {by.document.id}",

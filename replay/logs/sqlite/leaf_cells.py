@@ -62,7 +62,7 @@ def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
 
 
 @uncounted
-def _size(kind: int) -> int:
+def _value_bytes(kind: int) -> int:
     """Bytes of a value of a record's type; -1 for what is no type."""
     if kind >= _BLOB:
         return (kind - _BLOB) // 2
@@ -107,7 +107,7 @@ def parse_cell(
     column, topic, time, message, length = 0, 0, 0, 0, 0
     while field < head_end:
         kind, field = _varint(data, field, head_end)
-        size = _size(kind)
+        size = _value_bytes(kind)
         if field < 0 or size < 0 or size > at + payload - body:
             return damaged
         if column == layout.data:
