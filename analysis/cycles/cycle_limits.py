@@ -87,6 +87,17 @@ class CycleLimits:
     #: Fraction of the counted cycles with digging from which digging is a witness.
     digging_witness_fraction: float = 0.5
 
+    # energy_integrals
+    #: Smallest smoothed force along the speed that drives, as a fraction of the largest: coasting
+    #: has none but noise.
+    min_drive_force_fraction: float = 0.05
+
+    # cycle_energy
+    #: Longest hole in a cycle, in s, beyond which its energy is not known.
+    energy_hole_s: float = 5.0
+    #: Fewest cycles that show how their friction scatters.
+    energy_min_cycles: int = 4
+
     # empty_machine
     #: Quantile of the empty passes that is the clean bucket: the least of many is the noisiest.
     clean_bucket_quantile: float = 0.1

@@ -13,6 +13,7 @@ from recordings.report.number_text import plus_minus
 from recordings.report.render_page import page_html
 from recordings.report.shift_text import K, tonnes
 from recordings.review.cycle_rows import DETAILS, PAYLOAD, cycle_rows
+from recordings.review.energy_columns import energy_table
 from recordings.review.review_plots import more_pictures, pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
@@ -123,6 +124,8 @@ def review_html(page: ReviewPage) -> str:
         verdict_file=VERDICTS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
         friction=_friction(state),
+        energy=energy_table(state),
+        energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],
     )
 
 

@@ -11,6 +11,7 @@ from estimators.errors import counted
 from recordings.report.clock_text import duration_text
 from recordings.report.number_text import plus_minus
 from recordings.report.shift_text import K, shift_sentence, tonnes
+from recordings.review.energy_columns import energy_fact
 from recordings.review.review_state import ReviewState
 from recordings.review.torn_logs import open_end
 
@@ -115,6 +116,7 @@ def facts(
 ) -> list[tuple[str, str]]:
     """What a reader looks for, name and value: the work first, then what the tonnes are worth."""
     found = [*_work(shift, ledger), *_times(shift, ledger, state)]
+    found += energy_fact(ledger, shift, state)
     if target is not None:
         found.append(("10/10/20", target_sentence(target)))
     if shift["cycles_counted"]:

@@ -10,6 +10,7 @@ import polars as pl
 from analysis.cycles.cycle_doubts import cycle_doubts
 from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.review.energy_columns import with_energy
 from recordings.review.review_state import ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
 from recordings.review.safe_cell import FORMULA
@@ -83,7 +84,7 @@ def ledger(
 
 
 def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
-    """The ledger with local times, distances, speeds and stands, by the number of the cycle.
+    """The ledger with local times, distances, speeds, stands and energy, by the cycle's number.
 
     Args:
         rows: the ledger.
@@ -99,10 +100,11 @@ def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
             for name in ("distance_m", "top_speed_m_s", "moving_s", "standing_s", "hole_s")
         },
     }
-    return rows.with_columns(
+    moved = rows.with_columns(
         pl.Series("local_time", local, dtype=pl.String),
         *(pl.Series(name, numbers, dtype=pl.Float64) for name, numbers in columns.items()),
     )
+    return with_energy(moved, state)
 
 
 def cycles_of(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:

@@ -1,0 +1,140 @@
+"""Terms of the joint fit that the energy of cycles needs, each with its uncertainty."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Final, TypeVar
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.energy_integrals import MotionErrors
+from analysis.model.machine import Machine
+from analysis.model.schema import values
+from analysis.model.settings import PriorSettings
+
+#: Columns of `nuisances` that are a value and its uncertainty.
+_FOUND: Final = ("term", "posterior", "posterior_std")
+
+
+@dataclass(frozen=True)
+class ForceModel:
+    """What the joint fit says of the force, in the units of `nuisances`.
+
+    Attributes:
+        const: the constant force.
+        offset: of it, the error of the measured one; the rest acts.
+    """
+
+    transfer: float
+    gain_drift: float
+    const: float
+    offset: float
+    viscous: float
+    viscous_drift: float
+    direction: float
+    quadratic: float
+
+    @property
+    def acting(self) -> float:
+        """The constant force that acts: a slope, or an accelerometer's tilt."""
+        return self.const - self.offset
+
+
+Terms = TypeVar("Terms", ForceModel, MotionErrors)
+
+
+def fitted_force(
+    frames: Mapping[str, pl.DataFrame], priors: PriorSettings
+) -> tuple[ForceModel, ForceModel]:
+    """The fit's terms, and their standard uncertainties.
+
+    A constant force is in part an error of the measured one, in part one that acts (a slope, an
+    accelerometer's tilt): by the priors, as in the fit.
+    """
+    rows = frames["nuisances"].select("term", "posterior", "posterior_std", "prior_std")
+    term = {name: (value, std, prior) for name, value, std, prior in rows.iter_rows()}
+
+    def of(name: str) -> tuple[float, float]:
+        value, std, _ = term.get(name, (0.0, 0.0, 0.0))
+        return value, std
+
+    const, const_u = of("const")
+    offset, offset_u = of("offset")
+    both = term["const"][2] if "const" in term else 0.0
+    excitation = frames["excitation"]
+    driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
+    largest_N = float(np.nanquantile(np.abs(values(driving, "force_x_N")), 0.95))
+    wrong_1 = min((priors.const_share * largest_N / both) ** 2, 1.0) if both else 0.0
+    friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
+    viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
+    pairs = {
+        "transfer": of("load_transfer"),
+        "gain_drift": of("gain_drift"),
+        "const": (const, const_u),
+        "offset": (wrong_1 * const + offset, offset_u),
+        "viscous": viscous,
+        "viscous_drift": of("viscous_drift"),
+        "direction": of("direction"),
+        "quadratic": of("quadratic"),
+    }
+    value = ForceModel(**{name: pair[0] for name, pair in pairs.items()})
+    return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
+
+
+def fitted_motion_errors(
+    nuisances: pl.DataFrame, model: ForceModel, machine: Machine
+) -> tuple[MotionErrors, MotionErrors]:
+    """Delays and slip by the fit, and their standard uncertainties.
+
+    Slip is what the wheels say of it where they do, else what it costs of the friction.
+    """
+    term = {name: (value, std) for name, value, std in nuisances.select(_FOUND).iter_rows()}
+    nothing = (0.0, 0.0)
+    by_friction = tuple(x / max(model.viscous, 1e-9) for x in term.get("slip", nothing))
+    slip = term.get("wheel_slip", (-by_friction[0], by_friction[1]) if model.viscous else nothing)
+    by_accelerometer = machine.settings.forces.acceleration == "specific_force"
+    delay = term.get("speed_delay", nothing) if by_accelerometer else nothing
+    pairs = (term.get("lag", nothing), delay, slip)
+    return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
+
+
+def change_each(values: Terms, stds: Terms) -> list[Terms]:
+    """The values with one after the other changed by its standard uncertainty."""
+    names = [each.name for each in fields(values) if getattr(stds, each.name)]
+    return [
+        replace(values, **{name: getattr(values, name) + getattr(stds, name)}) for name in names
+    ]
+
+
+def gain_u(machine: Machine) -> tuple[float, str]:
+    """Relative standard uncertainty of the measured work, and the settings that it lacks.
+
+    Torque times the speed of the same wheels needs no radius.
+    """
+    body = machine.machine
+    parts = {"force_gain_u": body.force_gain_u}
+    if body.force_share < 1.0:
+        share_u = body.force_share_u
+        parts["force_share_u"] = None if share_u is None else share_u / body.force_share
+    by_torque = "force_x_N" not in machine.channels
+    of_wheels = [c for name, c in machine.channels.items() if name.startswith("speed_")]
+    cancels = by_torque and any(c.scale == body.wheel_radius_m for c in of_wheels)
+    if by_torque and not cancels:
+        parts["wheel_radius_u_m"] = body.wheel_radius_u_1
+    unknown = [name for name, u in parts.items() if u is None]
+    return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
+
+
+def mass_u(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
+    """Relative standard uncertainty of masses on the force's own scale: common, and of each."""
+    loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
+    budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")
+    squares = budget.agg((pl.col("u_kg").fill_null(0.0) ** 2).sum().sqrt().alias("common_kg"))
+    both = loads.join(squares, on="load_id", how="left")
+    if both.is_empty():
+        return 0.0, 0.0
+    common, random = (
+        both.select((pl.col(name) / pl.col("mass_kg")).median()).item()
+        for name in ("common_kg", "u_random_kg")
+    )
+    return float(common or 0.0), float(random or 0.0)
