@@ -202,16 +202,16 @@ def _sample_masses(
 def _split(found: PhaseIntegrals, model: ForceModel) -> Floats:
     """(phases, parts) in J."""
     drive, dig, slow = found.drive, found.dig, found.slow
-    straight = _pushed(drive, model)
+    straight = _drive_work(drive, model)
     work = straight + found.turning_J
     slope = drive["mass"] - found.kinetic_J + model.acting * drive["offset"]
-    digging = _pushed(dig, model) - _carried(dig, model)
+    digging = _drive_work(dig, model) - _mass_and_friction_work(dig, model)
     friction = work - found.kinetic_J - slope - digging
-    braking = -_carried(slow, model)
+    braking = -_mass_and_friction_work(slow, model)
     return np.stack([work, found.kinetic_J, slope, friction, digging, braking], axis=1)
 
 
-def _pushed(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work of the measured force without its errors, (phases,) in J."""
     return (
         of["force"]
@@ -221,7 +221,7 @@ def _pushed(of: EnergyIntegrals, model: ForceModel) -> Floats:
     )
 
 
-def _carried(of: EnergyIntegrals, model: ForceModel) -> Floats:
+def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
     """Work that the masses and the fitted friction take, (phases,) in J."""
     return (
         of["mass"]
@@ -252,7 +252,11 @@ def _random_parts(
 ) -> Floats:
     """(phases, parts) in J, what differs from cycle to cycle: masses, and what the fit leaves."""
     drive, dig = found.drive, found.dig
-    left = _pushed(drive, model) - _carried(drive, model) - value[:, PARTS.index("digging")]
+    left = (
+        _drive_work(drive, model)
+        - _mass_and_friction_work(drive, model)
+        - value[:, PARTS.index("digging")]
+    )
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)

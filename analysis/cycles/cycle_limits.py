@@ -98,6 +98,12 @@ class CycleLimits:
     #: Fewest cycles that show how their friction scatters.
     energy_min_cycles: int = 4
 
+    # energy_terms
+    #: Fewest stands that show the offset of the force,
+    offset_min_stands: int = 12
+    #: and combined standard uncertainties from which it contradicts the fit's.
+    offset_contradiction_u: float = 3.0
+
     # empty_machine
     #: Quantile of the empty passes that is the clean bucket: the least of many is the noisiest.
     clean_bucket_quantile: float = 0.1

@@ -99,7 +99,7 @@ def energy_samples(
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     smooth_N, smooth_m_s = (
-        _centred(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
+        _centre_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
     )
     turning = np.where(known, _turning_power(aligned, machine.machine), 0.0)
     stands = (excitation["phase"] == "standstill").fill_null(value=True).to_numpy()
@@ -147,7 +147,7 @@ def without_brakes(
         coulomb_N: likewise.
     """
     speed, acceleration = (
-        _centred(excitation, name, machine) for name in ("speed_x_m_s", "regressor_acc_x_m_s2")
+        _centre_mean(excitation, name, machine) for name in ("speed_x_m_s", "regressor_acc_x_m_s2")
     )
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
     spins = (excitation["phase"] == "spinning").fill_null(value=False).to_numpy()
@@ -169,7 +169,7 @@ def end_drive_later(samples: EnergySamples, machine: Machine) -> EnergySamples:
     )
 
 
-def _centred(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
+def _centre_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
     """A column after the trailing mean, moved back by half its length, (n,); 0 where unknown."""
     late = (machine.settings.smooth.samples - 1) // 2
     return np.roll(np.nan_to_num(values(excitation, name)), -late)

@@ -7,10 +7,13 @@ from typing import Final, TypeVar
 import numpy as np
 import polars as pl
 
+from analysis.cycles.boom_dumps import standing
+from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.settings import PriorSettings
+from analysis.model.windows import runs_of
 
 #: Columns of `nuisances` that are a value and its uncertainty.
 _FOUND: Final = ("term", "posterior", "posterior_std")
@@ -49,7 +52,7 @@ def fitted_force(
     """The fit's terms, and their standard uncertainties.
 
     A constant force is in part an error of the measured one, in part one that acts (a slope, an
-    accelerometer's tilt): by the priors, as in the fit.
+    accelerometer's tilt): by the priors, as in the fit, and by what is measured at a stand.
     """
     rows = frames["nuisances"].select("term", "posterior", "posterior_std", "prior_std")
     term = {name: (value, std, prior) for name, value, std, prior in rows.iter_rows()}
@@ -71,7 +74,7 @@ def fitted_force(
         "transfer": of("load_transfer"),
         "gain_drift": of("gain_drift"),
         "const": (const, const_u),
-        "offset": (wrong_1 * const + offset, offset_u),
+        "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation),
         "viscous": viscous,
         "viscous_drift": of("viscous_drift"),
         "direction": of("direction"),
@@ -79,6 +82,52 @@ def fitted_force(
     }
     value = ForceModel(**{name: pair[0] for name, pair in pairs.items()})
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
+
+
+def _combine_offsets(by_fit: tuple[float, float], excitation: pl.DataFrame) -> tuple[float, float]:
+    """The force's offset by the fit and by the stands, in N, with its uncertainty.
+
+    Where the two contradict each other, a stand measures something else: the fit's stays.
+    """
+    at_rest = standing_offset(excitation)
+    if at_rest is None or not by_fit[1]:
+        return by_fit
+    (fit_N, fit_u), (rest_N, rest_u) = by_fit, at_rest
+    if abs(fit_N - rest_N) > LIMITS.offset_contradiction_u * np.hypot(fit_u, rest_u):
+        return by_fit
+    weights = np.array([fit_u, rest_u]) ** -2.0
+    return float(np.average([fit_N, rest_N], weights=weights)), float(weights.sum() ** -0.5)
+
+
+def standing_offset(excitation: pl.DataFrame) -> tuple[float, float] | None:
+    """The force that is measured while the machine stands on level ground, in N, and its u.
+
+    On a slope brakes or motor hold it: the mean of each stand is a line over the acceleration of
+    gravity along it, and the offset where that is zero. What friction holds differs from stand to
+    stand, and is in the uncertainty.
+
+    Returns:
+        None where there are too few stands.
+    """
+    force, acceleration = (
+        values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
+    )
+    means: list[tuple[float, float]] = []
+    for begin, end in zip(*runs_of(standing(excitation)), strict=True):
+        # the second half: the first has the mean's past and a motor that lets go
+        late = slice((begin + end) // 2, end + 1)
+        pair = (float(np.mean(force[late])), float(np.mean(acceleration[late])))
+        if np.isfinite(pair).all():
+            means.append(pair)
+    if len(means) < LIMITS.offset_min_stands:
+        return None
+    y, slope = np.array(means).T
+    A = np.column_stack([np.ones(y.size), slope])
+    found, *_ = np.linalg.lstsq(A, y)
+    left = y - A @ found
+    variance = float(left @ left) / (y.size - 2)
+    u_N = float(np.sqrt(variance * np.linalg.pinv(A.T @ A)[0, 0]))
+    return (float(found[0]), u_N) if u_N > 0.0 else None
 
 
 def fitted_motion_errors(
