@@ -23,6 +23,7 @@ from analysis.cycles.energy_integrals import (
     Floats,
     PhaseIntegrals,
     PhaseSpan,
+    burnt_litres,
     end_drive_later,
     energy_samples,
     integrate_phases,
@@ -69,6 +70,7 @@ class EnergyRow(NamedTuple):
         friction: of it, the rest.
         digging: of it, what the pile takes.
         braking: what brakes and motor take out again.
+        fuel_L: fuel burnt, in L; None where no channel gives its rate.
     """
 
     cycle: int | None
@@ -79,6 +81,7 @@ class EnergyRow(NamedTuple):
     friction: EnergyAmount
     digging: EnergyAmount
     braking: EnergyAmount
+    fuel_L: float | None = None
 
 
 class ShiftEnergy(NamedTuple):
@@ -125,6 +128,8 @@ def shift_energy(
     samples = without_brakes(samples, excitation, machine, mass_kg, model.viscous, model.direction)
     found = integrate_phases(samples, spans, mass_kg, rotating_kg, errors)
     value = _split(found, model)
+    if value[:, PARTS.index("work")].sum() <= 0.0:
+        return NO_ENERGY
     common = [_split(found, changed) - value for changed in change_each(model, stds)]
     later = end_drive_later(samples, machine)
     common.append(
@@ -138,7 +143,8 @@ def shift_energy(
     common_1, random_1 = mass_u(frames)
     common.append(common_1 * _mass_response(found))
     random = _random_parts(found, value, model, random_1, spans)
-    return ShiftEnergy(_rows(spans, value, np.array(common), random), unknown)
+    fuel_L = burnt_litres(samples, spans)
+    return ShiftEnergy(_rows(spans, value, np.array(common), random, fuel_L), unknown)
 
 
 def _phase_spans(cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> list[PhaseSpan]:
@@ -270,7 +276,7 @@ def _random_parts(
 
 
 def _rows(
-    spans: list[PhaseSpan], value: Floats, common: Floats, random: Floats
+    spans: list[PhaseSpan], value: Floats, common: Floats, random: Floats, fuel_L: Floats
 ) -> tuple[EnergyRow, ...]:
     """The shift, whole and by phase, then each cycle likewise."""
     cycle = np.array([span.cycle for span in spans])
@@ -289,8 +295,12 @@ def _rows(
         )
         energy = value[of].sum(axis=0)
         pairs = zip(energy / J_PER_KWH, u / J_PER_KWH, strict=True)
-        amounts = [EnergyAmount(round(float(e), 7), round(float(w), 7)) for e, w in pairs]
-        return EnergyRow(number, name, *amounts)
+        work, kinetic, slope, friction, digging, braking = (
+            EnergyAmount(round(float(e), 7), round(float(w), 7)) for e, w in pairs
+        )
+        litres = float(fuel_L[of].sum())
+        burnt_L = round(litres, 4) if np.isfinite(litres) else None
+        return EnergyRow(number, name, work, kinetic, slope, friction, digging, braking, burnt_L)
 
     shift = [row(None, name) for name in (WHOLE, *PHASES)]
     own: list[EnergyRow] = []

@@ -129,6 +129,10 @@ class CycleLimits:
     #: Fewest states that have a spread of their own.
     own_spread_min_states: int = 4
 
+    # friction_limit
+    #: Fewest shifts that have a trend: a line through three has one degree of freedom.
+    friction_min_days: int = 4
+
     # friction_trend
     #: Usual number of parts of a shift.
     friction_parts: int = 8

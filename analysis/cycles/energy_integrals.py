@@ -5,7 +5,7 @@ so that one pass over the samples serves the value and its uncertainty alike.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -61,6 +61,7 @@ class EnergySamples:
         progress: from -1/2 to 1/2 over the log, as in the joint fit.
         drives: which samples the drive puts energy into.
         digs: of those, which are of a start that digs.
+        fuel_L_h: rate of the fuel; None where no channel gives it.
         slows: which samples move while neither the drive pushes nor a pile stops them.
     """
 
@@ -74,6 +75,7 @@ class EnergySamples:
     drives: Bools
     digs: Bools
     slows: Bools
+    fuel_L_h: Floats | None = None
 
 
 def energy_samples(
@@ -125,7 +127,27 @@ def energy_samples(
         drives,
         drives & digs,
         moves & ~drives & ~turns & ~digs,
+        values(aligned, "fuel_rate_L_h") if "fuel_rate_L_h" in aligned.columns else None,
     )
+
+
+def phase_rows(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
+    """(phases, 2) first row of each phase, and the first after it."""
+    ends = [(span.start_ns, span.end_ns) for span in spans]
+    return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
+
+
+def burnt_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
+    """(phases,) fuel of each phase in L, standing included; NaN where the rate is not known."""
+    if samples.fuel_L_h is None:
+        return np.full(len(spans), np.nan)
+    litres = np.nan_to_num(samples.fuel_L_h) * samples.step_s / SECONDS_PER_HOUR
+    unknown_s = np.where(np.isnan(samples.fuel_L_h), samples.step_s, 0.0)
+    fuel_L, lost_s = (
+        np.array([each[first:last].sum() for first, last in phase_rows(samples, spans)])
+        for each in (litres, unknown_s)
+    )
+    return np.where(lost_s > LIMITS.longest_sample_s, np.nan, fuel_L)
 
 
 def without_brakes(
@@ -183,9 +205,11 @@ def _turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
     return np.nan_to_num(torque * values(aligned, "yaw_rate_rad_s"))
 
 
+#: Seconds of an hour: fuel rates are by the hour.
+SECONDS_PER_HOUR: Final = 3600.0
 #: The integrals of each set of samples, in J over the unit of what multiplies them; the speed is
 #: the wheels' with the force, else the ground's.
-_TERMS = (
+_TERMS: Final = (
     "force",  # ∫ F v
     "transfer",  # ∫ a F v
     "gain_drift",  # ∫ progress F v
@@ -264,8 +288,7 @@ def integrate_phases(
         "quadratic": fast**3 * step_s,
         "slip": force * (wheels - speed) * step_s,
     }
-    edges = np.searchsorted(samples.t_ns, [(span.start_ns, span.end_ns) for span in spans])
-    edges = edges.reshape(-1, 2)
+    edges = phase_rows(samples, spans)
 
     def over(x: Floats, samples_of_set: Bools) -> Floats:
         total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))

@@ -14,6 +14,8 @@ from recordings.review.review_state import ReviewState
 #: Columns of the ledger, each with its standard uncertainty beside it: the whole work, what it is
 #: split into, its phases, and the work for a tonne.
 ENERGIES: Final = ("energy", *PARTS[1:], *PHASES, "energy_per_t")
+#: Column of the ledger with the fuel of a cycle.
+FUEL: Final = "fuel_L"
 
 
 def value_column(name: str) -> str:
@@ -48,7 +50,9 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
         pairs = [each.get(name, (None, None)) for each in found]
         columns.append(pl.Series(value_column(name), [p[0] for p in pairs], dtype=pl.Float64))
         columns.append(pl.Series(u_column(name), [p[1] for p in pairs], dtype=pl.Float64))
-    return rows.with_columns(columns)
+    burnt = {row.cycle: row.fuel_L for row in state.energy.rows if row.phase == WHOLE}
+    fuel_L = [burnt.get(number) for number in rows["cycle"]]
+    return rows.with_columns(*columns, pl.Series(FUEL, fuel_L, dtype=pl.Float64))
 
 
 def _amounts(row: EnergyRow) -> dict[str, EnergyAmount]:
@@ -105,13 +109,29 @@ def energy_fact(
     )
     lacks = state.energy.scale_unknown
     scale = f"; scale error not included (set {lacks})" if lacks else ""
-    return [("energy at the wheels", f"{amount_text(whole.work)} kWh{each}: {of}{scale}")]
+    found = [("energy at the wheels", f"{amount_text(whole.work)} kWh{each}: {of}{scale}")]
+    if whole.fuel_L is not None:
+        found.append(("fuel", _fuel_text(whole.fuel_L, ledger)))
+    return found
+
+
+def _fuel_text(fuel_L: float, ledger: pl.DataFrame) -> str:
+    """The fuel of the cycles, and of a counted tonne; its channel states no uncertainty."""
+    both = ledger.filter("counted", pl.col(FUEL).is_not_null())
+    tonnes = float(both["payload_kg"].sum()) / 1e3
+    each = f", {float(both[FUEL].sum()) / tonnes:.3f} L/t" if tonnes > 0.0 else ""
+    return f"{fuel_L:,.2f} L in the cycles{each}, as its channel says"
 
 
 def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     """The shift's energy by part and phase: a row a part; nothing where it is not known."""
     rows = [row for row in state.energy.rows if row.cycle is None]
-    return [(part, [amount_text(getattr(row, part)) for row in rows]) for part in PARTS]
+    found: list[tuple[str, Sequence[str]]]
+    found = [(part, [amount_text(getattr(row, part)) for row in rows]) for part in PARTS]
+    if any(row.fuel_L is not None for row in rows):
+        litres = ["–" if row.fuel_L is None else f"{row.fuel_L:.2f}" for row in rows]
+        found.append(("fuel in L", litres))
+    return found
 
 
 def energy_dict(
@@ -125,7 +145,7 @@ def energy_dict(
         "per_t": None if per_t is None else per_t._asdict(),
         "scale_unknown": state.energy.scale_unknown,
         "rows": [
-            {"cycle": row.cycle, "phase": row.phase}
+            {"cycle": row.cycle, "phase": row.phase, "fuel_L": row.fuel_L}
             | {part: getattr(row, part)._asdict() for part in PARTS}
             for row in state.energy.rows
         ],

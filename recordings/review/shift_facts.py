@@ -80,13 +80,9 @@ def missing_loads(shift: Mapping[str, Any]) -> list[str]:
 
 def long_holes(shift: Mapping[str, Any], state: ReviewState) -> str:
     """Where nothing was recorded for minutes, and what that costs; empty where nowhere."""
-    clock = state.clock
-    holes = [(s, e) for s, e in state.gaps_s if e - s > _LONG_HOLE_S]
-    if not holes:
+    spans = long_gaps(state)
+    if not spans:
         return ""
-    spans = "; ".join(
-        f"from {clock.at(s)} to {clock.at(e)} ({duration_text(e - s)})" for s, e in holes
-    )
     price = "what was loaded then is unknown"
     if shift["lost_cycles"] > 0.0:
         price = (
@@ -95,6 +91,16 @@ def long_holes(shift: Mapping[str, Any], state: ReviewState) -> str:
             f"{tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
         )
     return f"Nothing was recorded {spans}; {price}."
+
+
+def long_gaps(state: ReviewState) -> str:
+    """The spans of minutes in which nothing was recorded; empty where there are none."""
+    clock = state.clock
+    return "; ".join(
+        f"from {clock.at(s)} to {clock.at(e)} ({duration_text(e - s)})"
+        for s, e in state.gaps_s
+        if e - s > _LONG_HOLE_S
+    )
 
 
 def torn_sentences(state: ReviewState) -> list[str]:
