@@ -170,7 +170,7 @@ def gain_u(machine: Machine) -> tuple[float, str]:
     cancels = by_torque and any(c.scale == body.wheel_radius_m for c in of_wheels)
     if by_torque and not cancels:
         parts["wheel_radius_u_m"] = body.wheel_radius_u_1
-    unknown = [name for name, u in parts.items() if u is None]
+    unknown = [f"machine.{name}" for name, u in parts.items() if u is None]
     return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
 
 

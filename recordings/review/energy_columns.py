@@ -1,7 +1,7 @@
 """The energy of a shift in ledger, JSON and page: columns of a cycle, a table, and a sentence."""
 
 from collections.abc import Mapping, Sequence
-from math import hypot
+from math import floor, hypot, log10
 from typing import Any, Final
 
 import polars as pl
@@ -14,6 +14,8 @@ from recordings.review.review_state import ReviewState
 #: Columns of the ledger, each with its standard uncertainty beside it: the whole work, what it is
 #: split into, its phases, and the work for a tonne.
 ENERGIES: Final = ("energy", *PARTS[1:], *PHASES, "energy_per_t")
+#: Most digits behind the point in kWh: a tenth of a Wh.
+_MOST_DIGITS: Final = 4
 #: Column of the ledger with the fuel of a cycle.
 FUEL: Final = "fuel_L"
 
@@ -126,12 +128,24 @@ def _fuel_text(fuel_L: float, ledger: pl.DataFrame) -> str:
 def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     """The shift's energy by part and phase: a row a part; nothing where it is not known."""
     rows = [row for row in state.energy.rows if row.cycle is None]
+    if not rows:
+        return []
+    # all cells to the place that the whole work is worth
+    digits = min(max(1 - floor(log10(max(K * rows[0].work.u_kWh, 1e-9))), 0), _MOST_DIGITS)
     found: list[tuple[str, Sequence[str]]]
-    found = [(part, [amount_text(getattr(row, part)) for row in rows]) for part in PARTS]
+    found = [(part, [_cell(getattr(row, part), digits) for row in rows]) for part in PARTS]
     if any(row.fuel_L is not None for row in rows):
         litres = ["–" if row.fuel_L is None else f"{row.fuel_L:.2f}" for row in rows]
         found.append(("fuel in L", litres))
     return found
+
+
+def _cell(amount: EnergyAmount, digits: int) -> str:
+    """An energy in the table; a dash where it is nothing."""
+    least = 0.5 * 10.0**-digits
+    if abs(amount.kWh) < least and K * amount.u_kWh < least:
+        return "–"
+    return f"{amount.kWh:.{digits}f} ± {K * amount.u_kWh:.{digits}f}"
 
 
 def energy_dict(

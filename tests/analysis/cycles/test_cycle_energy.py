@@ -163,7 +163,7 @@ def test_the_gain_of_the_force_is_in_every_interval_and_said_where_it_is_not_kno
     assert known.u_kWh == pytest.approx(0.01 * known.kWh, rel=0.3)
     assert twice.u_kWh == pytest.approx(2.0 * known.u_kWh, rel=0.1)
     lacking = shift_energy(driven(), machine(force_gain_u=None), ())
-    assert lacking.scale_unknown == "force_gain_u"
+    assert lacking.scale_unknown == "machine.force_gain_u"
 
 
 def test_a_cycle_with_a_hole_has_no_energy() -> None:
