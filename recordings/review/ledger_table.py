@@ -79,7 +79,8 @@ def _remark(row: Row, _: ShiftClock) -> Cell:
 
 def _energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
     """An energy, and its interval."""
-    head = name.replace("_per_t", " per tonne")
+    own = {"energy": "energy", "energy_per_t": "energy per tonne"}
+    head = own.get(name, f"energy, {name}")
     unit = "kWh/t" if name == "energy_per_t" else "kWh"
     return (
         TableColumn(head, unit, _scale_column(value_column(name)), 4),

@@ -27,7 +27,7 @@ _TEMPLATE: Final = "week.html.j2"
 #: What the page of a week holds, so that no other file is replaced by one.
 _MARK: Final = "<!-- payscope week -->"
 #: Plot area of the friction, in units of the drawing,
-_BOX: Final = (48.0, 22.0, WIDTH - 8.0, 190.0)
+_BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
 #: and height of the figure, likewise.
 _HEIGHT: Final = 226
 #: Heads of a table of totals, behind the name.
