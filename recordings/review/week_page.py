@@ -8,7 +8,7 @@ from typing import Final
 from analysis.cycles.friction_limit import FrictionDay, FrictionTrend
 from estimators.errors import OutputError, counted
 from recordings.report.atomic_output import atomic_file
-from recordings.report.number_text import plus_minus
+from recordings.report.number_text import SCALE_NOT_KNOWN, plus_minus
 from recordings.report.render_page import page_html
 from recordings.report.shift_text import K, tonnes
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing
@@ -77,8 +77,7 @@ def week_html(
         title=f"Week of {', '.join(sorted({shift.machine for shift in shifts}))}",
         days=" to ".join(dict.fromkeys([*days[:1], *days[-1:]])),
         reviews=counted(len(shifts), "review"),
-        headline=f"{tonnes(whole.payload_kg, K * whole.payload_u_kg)} in "
-        f"{counted(whole.loads, 'load')}",
+        headline=week_sentence(parts),
         verdicts=f"{whole.rejected} rejected, {whole.noted} with another verdict",
         heads=list(HEADS),
         tables={by: [_cells(each) for each in sum_by(parts, by)] for by in GROUPS},
@@ -87,6 +86,14 @@ def week_html(
         trends=trend_sentences(trends),
         pictures=_friction_pictures(shifts, trends),
     )
+
+
+def week_sentence(parts: Sequence[WeekPart]) -> str:
+    """The tonnes of the week, and whether their ± has the scale."""
+    whole = sum_week(parts)
+    scale = "" if all(part.scale_known for part in parts) else f", {SCALE_NOT_KNOWN}"
+    sum_text = tonnes(whole.payload_kg, K * whole.payload_u_kg)
+    return f"{sum_text} in {counted(whole.loads, 'load')}{scale}"
 
 
 def _cells(total: WeekTotal) -> tuple[str, ...]:

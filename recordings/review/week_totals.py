@@ -38,6 +38,7 @@ class WeekPart(NamedTuple):
         energy_kWh: of the counted loads whose energy is known,
         energy_u_kWh: its standard uncertainty,
         energy_t: and the tonnes of those loads.
+        scale_known: whether their ± has the error of the scale.
         review: folder.
     """
 
@@ -53,6 +54,7 @@ class WeekPart(NamedTuple):
     energy_kWh: float = 0.0
     energy_u_kWh: float = 0.0
     energy_t: float = 0.0
+    scale_known: bool = True
     review: str = ""
 
 
@@ -140,6 +142,7 @@ def _sum_parts(
     for (day, product), members in groups.items():
         sums = sum_cycles(cycles[members], rejected)
         masses = (sums[f"payload_{name}kg"] for name in ("", "u_random_", "u_common_"))
+        members_counted = cycles[members].filter("counted")
         given = [row for row in members if row in by_row]
         parts.append(
             WeekPart(
@@ -150,6 +153,7 @@ def _sum_parts(
                 *masses,
                 rejected=sum(by_row[row].reject for row in given),
                 noted=sum(not by_row[row].reject for row in given),
+                scale_known=not (members_counted["scale_from"] == "").any(),
                 review=str(folder),
                 **_sum_energy(rows[members], cycles[members], rejected),
             )

@@ -182,7 +182,7 @@ def report_week(
         as_json: print numbers instead of sentences.
     """
     from recordings.report.shift_text import K
-    from recordings.review.week_page import write_week_page
+    from recordings.review.week_page import week_sentence, write_week_page
     from recordings.review.week_shifts import friction_trends, read_shifts, trend_sentences
     from recordings.review.week_totals import GROUPS, read_week, sum_by, sum_week
     from replay.commands.print_tables import console, print_json, print_line
@@ -201,12 +201,13 @@ def report_week(
         )
         return
     screen = console()
-    for by, totals in [*sums.items(), ("all", [whole])]:
+    for by, totals in sums.items():
         for each in totals:
             t, u_t = each.payload_kg / 1e3, K * each.payload_u_kg / 1e3
-            name = f"{by} {each.name or 'not named'}" if by != "all" else "all"
+            name = f"{by} {each.name or 'not named'}"
             rejected = f", {each.rejected} rejected" if each.rejected else ""
             print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t{rejected}")
+    print_line(screen, f"all: {week_sentence(parts)}")
     for sentence in trend_sentences(trends):
         print_line(screen, sentence)
     for shift in shifts:
