@@ -131,13 +131,13 @@ def _sum_parts(
     verdicts = read_verdicts(folder)
     by_row = matched(verdicts, rows["id"], folder)
     rejected = [int(rows["cycle"][row]) for row, each in by_row.items() if each.reject]
-    clock, shift_product = state.clock, verdicts.shift_labels.product
+    clock = state.clock
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
     for row, ends_ns in enumerate(rows["end_unix_ns"]):
         own = by_row[row].product if row in by_row else ""
         local = clock.local((ends_ns - state.t0_unix_ns) / _NS) if clock.is_dated else None
         day = NO_DATE if local is None else f"{local:%Y-%m-%d}"
-        groups[day, own or shift_product or ""].append(row)
+        groups[day, own or verdicts.labels_at(ends_ns / _NS).product].append(row)
     parts: list[WeekPart] = []
     for (day, product), members in groups.items():
         sums = sum_cycles(cycles[members], rejected)

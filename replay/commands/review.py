@@ -73,6 +73,24 @@ def command(
     truck: Annotated[str, _label("truck")] = "",
     customer: Annotated[str, _label("customer")] = "",
     stockpile: Annotated[str, _label("stockpile")] = "",
+    begin: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            metavar="TIME",
+            help="Labels are of loads dumped from this local time on (14:00).",
+            rich_help_panel=_VERDICT,
+        ),
+    ] = "",
+    end: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="TIME",
+            help="Labels are of loads dumped before this local time.",
+            rich_help_panel=_VERDICT,
+        ),
+    ] = "",
     author: Annotated[
         str,
         typer.Option(help="Name of the one who gives the verdict.", rich_help_panel=_VERDICT),
@@ -129,7 +147,7 @@ def command(
         "customer": customer,
         "stockpile": stockpile,
     }
-    given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author)
+    given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
     given.check()
     asked = read_calibration(calibration, key, signed=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):

@@ -119,7 +119,7 @@ class CountedShift:
         """
         by_row = matched(verdicts, identities(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
-        rows = ledger(cycles, t0_unix_ns, by_row, verdicts.shift_labels)
+        rows = ledger(cycles, t0_unix_ns, by_row, verdicts.labels_at)
         totals = {name: label_totals(cycles, rows[name].to_list(), rejected) for name in LABELS}
         return cls(
             rows,
