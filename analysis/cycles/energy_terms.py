@@ -66,7 +66,8 @@ def fitted_force(
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
     driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
-    largest_N = float(np.nanquantile(np.abs(values(driving, "force_x_N")), 0.95))
+    pushed_N = np.abs(values(driving, "force_x_N"))
+    largest_N = float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
     wrong_1 = min((priors.const_share * largest_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)

@@ -107,7 +107,9 @@ def energy_fact(
     per_t = energy_of_tonnes(ledger, shift, state)
     each = "" if per_t is None else f", {amount_text(per_t)} kWh/t"
     of = ", ".join(
-        f"{part} {getattr(whole, part).kWh / whole.work.kWh:.0%}" for part in PARTS[1:-1]
+        # no -0 %
+        f"{part} {round(getattr(whole, part).kWh / whole.work.kWh, 2) + 0.0:.0%}"
+        for part in PARTS[1:-1]
     )
     lacks = state.energy.scale_unknown
     scale = f"; scale error not included (set {lacks})" if lacks else ""

@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
@@ -130,3 +131,27 @@ def test_a_limit_of_the_friction_needs_a_week(reviewed: Path, payscope: Payscope
     done = payscope("review", str(reviewed), "--friction-limit", "4000")
     assert done.status == 2
     assert "--week" in done.err
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_is_accessible_and_scrolls_down_only_on_a_phone(
+    on_day: Callable[..., Path], payscope: Payscope, chromium: Any, tmp_path: Path, scheme: str
+) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    folders = [on_day(day, 1.0 + 0.01 * day) for day in range(4)]
+    page = tmp_path / "week.html"
+    payscope("review", "--week", *map(str, folders), "-o", str(page), "--friction-limit", "4000")
+    context = chromium.new_context(
+        viewport={"width": 380, "height": 800}, color_scheme=scheme, offline=True
+    )
+    tab = context.new_page()
+    asked: list[str] = []
+    tab.on("request", lambda each: asked.append(each.url))
+    tab.goto(page.as_uri())
+    assert asked == [page.as_uri()]
+    found = Axe().run(tab).response["violations"]
+    assert not [each["id"] for each in found if each["impact"] in ("serious", "critical")]
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 380
+    assert tab.locator("svg title").first.text_content().startswith("Friction of")
+    context.close()
