@@ -1,5 +1,6 @@
 """`payscope review`: the logs of a shift in, its tonnes and their worth out."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -73,6 +74,14 @@ def command(
     truck: Annotated[str, _label("truck")] = "",
     customer: Annotated[str, _label("customer")] = "",
     stockpile: Annotated[str, _label("stockpile")] = "",
+    label: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=TOPIC:FIELD",
+            help="Take a label from the logs: operator=/shift/operator:data; repeatable.",
+            rich_help_panel=_VERDICT,
+        ),
+    ] = None,
     begin: Annotated[
         str,
         typer.Option(
@@ -130,8 +139,10 @@ def command(
     from recordings.review.shift_facts import headline
     from replay.commands.print_tables import console, print_json
     from replay.commands.progress_bar import Stages
+    from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
     from replay.review.give_verdicts import GivenVerdicts, count_again, is_review
+    from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review
 
     if week:
@@ -149,12 +160,14 @@ def command(
     }
     given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
     given.check()
+    channels = [parse_label_channel(each) for each in label or ()]
     asked = read_calibration(calibration, key, signed=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):
-        if asked is not None or target is not None or overrides or full or decimal_comma:
+        needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
+        if any(needs_logs):
             raise typer.BadParameter(
-                "--calibration, --target, --set, --full and --decimal-comma need the logs, -m and "
-                "-o once more"
+                "--calibration, --target, --set, --full, --decimal-comma and --label need the "
+                "logs, -m and -o once more"
             )
         made = count_again(logs[0], given)
     elif machine is None or output is None:
@@ -163,6 +176,9 @@ def command(
             "of a review needs neither"
         )
     else:
+        if channels:
+            settings = load_machine(machine, overrides or [])
+            given = replace(given, spans=read_label_spans(logs, channels, settings))
         options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)
         with Stages(len(STAGES) + 3, timing=timing) as stages:
             made = review(logs, machine, output, options, stages.begin)

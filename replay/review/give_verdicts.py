@@ -43,6 +43,7 @@ class GivenVerdicts:
         cycles: cycles that note and labels are of.
         note: of the cycles.
         labels: of the cycles, by name (`LABELS`); of the whole shift where no cycle is named.
+        spans: what the logs say of parts of the shift.
         begin: local time from which on labels are of the shift's cycles.
         end: local time up to which they are.
         author: who says so.
@@ -56,10 +57,11 @@ class GivenVerdicts:
     author: str = ""
     begin: str = ""
     end: str = ""
+    spans: Sequence[ShiftVerdict] = ()
 
     def __bool__(self) -> bool:
         """Whether anything is said."""
-        return bool(self.named or self.note or self._labels)
+        return bool(self.named or self.note or self._labels or self.spans)
 
     @property
     def named(self) -> list[tuple[str, bool | None]]:
@@ -107,6 +109,13 @@ class GivenVerdicts:
             state: of the review.
             folder: of the review.
         """
+        logged = [each for each in self.spans if each not in before.shift]
+        return [*logged, *self._said_by_person(before, rows, state, folder)]
+
+    def _said_by_person(
+        self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+    ) -> list[CycleVerdict | ShiftVerdict]:
+        """Of these, what no log says; arguments as of `added_to`."""
         now = _now()
         signed = {"author": self.author.strip() or None, "time": now}
         if self.begin or self.end:
