@@ -122,7 +122,7 @@ def shift_energy(
         return NO_ENERGY
     samples = energy_samples(frames["aligned"], frames["excitation"], frames["digging"], machine)
     mass_kg = _sample_masses(samples, cycles, manoeuvres)
-    model, stds = fitted_force(frames, machine.settings.priors)
+    model, stds = fitted_force(frames, mass_kg, machine.settings.priors)
     errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
     excitation, rotating_kg = frames["excitation"], machine.machine.rotating_mass_kg
     samples = without_brakes(samples, excitation, machine, mass_kg, model.viscous, model.direction)
@@ -138,6 +138,7 @@ def shift_energy(
     for changed in change_each(errors, errors_u):
         moved = integrate_phases(samples, spans, mass_kg, rotating_kg, changed)
         common.append(_split(moved, model) - value)
+    common += [_slope_transfer(found, model), _misfit(found, value, model)]
     gain_u_1, unknown = gain_u(machine)
     common.append(gain_u_1 * value)
     common_1, random_1 = mass_u(frames)
@@ -240,6 +241,31 @@ def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
     )
 
 
+def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
+    """(phases, parts) in J, whether a slope shifts weight between the axles as acceleration does.
+
+    It is taken to do so in full, and may do so in part: the width of that interval over √3.
+    """
+    share = model.transfer / np.sqrt(3.0)
+    work, dig = (share * of["transfer_slope"] for of in (found.drive, found.dig))
+    nothing = np.zeros_like(work)
+    return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
+
+
+def _misfit(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+    """(phases, parts) in J, what the fit leaves over on average where the machine does not dig."""
+    left_N = _left_work(found, value, model).sum() / max(found.drive["direction"].sum(), 1.0)
+    dig, slow = left_N * found.dig["direction"], left_N * found.slow["direction"]
+    nothing, slope = np.zeros_like(dig), left_N * found.drive["offset"]
+    return np.stack([nothing, nothing, slope, -dig - slope, dig, slow], axis=1)
+
+
+def _left_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+    """(phases,) work that neither masses, fitted friction nor digging explain, in J."""
+    explained = _mass_and_friction_work(found.drive, model) + value[:, PARTS.index("digging")]
+    return _drive_work(found.drive, model) - explained
+
+
 def _mass_response(found: PhaseIntegrals) -> Floats:
     """(phases, parts) what masses that are all heavier by their own share of 1 change."""
     lifted = found.drive["mass"] - found.kinetic_J
@@ -258,11 +284,7 @@ def _random_parts(
 ) -> Floats:
     """(phases, parts) in J, what differs from cycle to cycle: masses, and what the fit leaves."""
     drive, dig = found.drive, found.dig
-    left = (
-        _drive_work(drive, model)
-        - _mass_and_friction_work(drive, model)
-        - value[:, PARTS.index("digging")]
-    )
+    left = _left_work(found, value, model)
     way_m = drive["direction"]
     number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
     left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)

@@ -212,6 +212,7 @@ SECONDS_PER_HOUR: Final = 3600.0
 _TERMS: Final = (
     "force",  # ∫ F v
     "transfer",  # ∫ a F v
+    "transfer_slope",  # of it, by gravity's part of a
     "gain_drift",  # ∫ progress F v
     "offset",  # ∫ v
     "mass",  # ∫ m a v, gravity included
@@ -276,9 +277,12 @@ def integrate_phases(
     squares = np.pad(speed**2, 1, mode="edge")
     gained = np.where(step_s > 0.0, (squares[2:] - squares[:-2]) / 4.0, 0.0)
     power = force * wheels
+    speeds = np.pad(speed, 1, mode="edge")
+    gained_speed = np.where(step_s > 0.0, (speeds[2:] - speeds[:-2]) / 2.0, 0.0)
     by_term = {
         "force": power * step_s,
         "transfer": samples.acceleration_m_s2 * power * step_s,
+        "transfer_slope": (samples.acceleration_m_s2 * step_s - gained_speed) * power,
         "gain_drift": samples.progress * power * step_s,
         "offset": wheels * step_s,
         "mass": mass_kg * samples.acceleration_m_s2 * speed * step_s + rotating_kg * gained,

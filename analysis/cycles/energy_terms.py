@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.cycles.boom_dumps import standing
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.energy_integrals import MotionErrors
+from analysis.cycles.energy_integrals import Floats, MotionErrors
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.settings import PriorSettings
@@ -47,12 +47,17 @@ Terms = TypeVar("Terms", ForceModel, MotionErrors)
 
 
 def fitted_force(
-    frames: Mapping[str, pl.DataFrame], priors: PriorSettings
+    frames: Mapping[str, pl.DataFrame], mass_kg: Floats, priors: PriorSettings
 ) -> tuple[ForceModel, ForceModel]:
     """The fit's terms, and their standard uncertainties.
 
     A constant force is in part an error of the measured one, in part one that acts (a slope, an
     accelerometer's tilt): by the priors, as in the fit, and by what is measured at a stand.
+
+    Args:
+        frames: of the run.
+        mass_kg: (n,) of machine and load at each sample.
+        priors: of the fit.
     """
     rows = frames["nuisances"].select("term", "posterior", "posterior_std", "prior_std")
     term = {name: (value, std, prior) for name, value, std, prior in rows.iter_rows()}
@@ -71,26 +76,34 @@ def fitted_force(
     wrong_1 = min((priors.const_share * largest_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
+    # what of either grows with the load is in neither, so in what is uncertain of both
+    loaded_1 = float(np.quantile(mass_kg, 0.9) / np.quantile(mass_kg, 0.1)) - 1.0
+    const_u, direction_u = (
+        float(np.hypot(std, loaded_1 * np.hypot(*of(f"weight_{name}"))))
+        for name, std in (("const", const_u), ("direction", of("direction")[1]))
+    )
     pairs = {
         "transfer": of("load_transfer"),
         "gain_drift": of("gain_drift"),
         "const": (const, const_u),
-        "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation),
+        "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
         "viscous": viscous,
         "viscous_drift": of("viscous_drift"),
-        "direction": of("direction"),
+        "direction": (of("direction")[0], direction_u),
         "quadratic": of("quadratic"),
     }
     value = ForceModel(**{name: pair[0] for name, pair in pairs.items()})
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
 
 
-def _combine_offsets(by_fit: tuple[float, float], excitation: pl.DataFrame) -> tuple[float, float]:
+def _combine_offsets(
+    by_fit: tuple[float, float], excitation: pl.DataFrame, mass_kg: Floats
+) -> tuple[float, float]:
     """The force's offset by the fit and by the stands, in N, with its uncertainty.
 
     Where the two contradict each other, a stand measures something else: the fit's stays.
     """
-    at_rest = standing_offset(excitation)
+    at_rest = standing_offset(excitation, mass_kg)
     if at_rest is None or not by_fit[1]:
         return by_fit
     (fit_N, fit_u), (rest_N, rest_u) = by_fit, at_rest
@@ -100,11 +113,11 @@ def _combine_offsets(by_fit: tuple[float, float], excitation: pl.DataFrame) -> t
     return float(np.average([fit_N, rest_N], weights=weights)), float(weights.sum() ** -0.5)
 
 
-def standing_offset(excitation: pl.DataFrame) -> tuple[float, float] | None:
+def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, float] | None:
     """The force that is measured while the machine stands on level ground, in N, and its u.
 
-    On a slope brakes or motor hold it: the mean of each stand is a line over the acceleration of
-    gravity along it, and the offset where that is zero. What friction holds differs from stand to
+    On a slope brakes or motor hold it: the median of each stand is a line over the weight along it,
+    and the offset where that is zero. What friction holds differs from stand to
     stand, and is in the uncertainty.
 
     Returns:
@@ -115,15 +128,18 @@ def standing_offset(excitation: pl.DataFrame) -> tuple[float, float] | None:
     )
     means: list[tuple[float, float]] = []
     for begin, end in zip(*runs_of(standing(excitation)), strict=True):
-        # the second half: the first has the mean's past and a motor that lets go
-        late = slice((begin + end) // 2, end + 1)
-        pair = (float(np.mean(force[late])), float(np.mean(acceleration[late])))
+        # neither a motor that lets go nor one that is about to push
+        quarter = (end - begin) // 4
+        quiet = slice(begin + quarter, end - quarter + 1)
+        weight_N = mass_kg[quiet] * acceleration[quiet]
+        pair = (float(np.median(force[quiet])), float(np.median(weight_N)))
         if np.isfinite(pair).all():
             means.append(pair)
     if len(means) < LIMITS.offset_min_stands:
         return None
-    y, slope = np.array(means).T
-    A = np.column_stack([np.ones(y.size), slope])
+    y, weight = np.array(means).T
+    # in thousands of N, so that both columns are of one size
+    A = np.column_stack([np.ones(y.size), weight / 1e3])
     found, *_ = np.linalg.lstsq(A, y)
     left = y - A @ found
     variance = float(left @ left) / (y.size - 2)
