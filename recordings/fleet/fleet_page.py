@@ -54,6 +54,7 @@ class FleetPage:
         looks: of `needs_a_look`, with column `command`.
         failed: recordings without a result, and why.
         today: the last day of the fleet, by which calibrations are due.
+        friction: when each machine's friction reaches a limit, in sentences, where it was asked.
     """
 
     name: str
@@ -66,6 +67,7 @@ class FleetPage:
     looks: pl.DataFrame
     failed: Mapping[str, str]
     today: dt.date | None
+    friction: Sequence[str] = ()
 
 
 def fleet_html(page: FleetPage) -> str:
@@ -90,6 +92,7 @@ def fleet_html(page: FleetPage) -> str:
         pictures=[picture for picture in drawn if picture is not None],
         drifts=[_drift(chart) for chart in flagged],
         drift_pictures=[drift(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
+        friction=list(page.friction),
         undrawn=max(len(flagged) - _MOST_FIGURES, 0),
         looks=[_look(n, row) for n, row in enumerate(_first_looks(page), start=1)],
         more_looks=max(page.looks.height - MOST_LOOKS, 0),

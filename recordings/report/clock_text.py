@@ -54,6 +54,14 @@ class ShiftClock:
         day = "" if self._one_day else f"{local:%Y-%m-%d} "
         return f"{day}{local:%H:%M:%S} {self._offset(s)}"
 
+    def hour(self, s: float) -> str:
+        """The beginning of the hour in which a time lies, with offset; h:00 without a date."""
+        if not self.is_dated:
+            return f"{int(s // _HOUR_S)}:00"
+        local = self.local(s)
+        day = "" if self._one_day else f"{local:%Y-%m-%d} "
+        return f"{day}{local:%H}:00 {self._offset(s)}"
+
     def day_and_time(self, when: datetime) -> str:
         """Any time, of another day than the shift as well, as the machine's clock has it."""
         local = when.astimezone(ZoneInfo(self.zone))

@@ -10,7 +10,7 @@ from analysis.cycles.payload_target import TargetCheck
 from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten
 from recordings.review.review_state import ReviewState
 
-_BOX: Final = (48.0, 22.0, WIDTH - 8.0, 190.0)
+_BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
 _HEIGHT: Final = 226
 _ROW: Final = 20.0
 #: Bars of a distribution.

@@ -331,6 +331,7 @@ TABS: Final = (
                 boom_rad="boom",
                 bucket_rad="bucket",
             ),
+            _lines("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
         ),
     ),
     Tab("Calibration", texts=("calibration",)),

@@ -142,6 +142,14 @@ def report_command(
     destination: Results,
     output: Annotated[Path, typer.Option("-o", "--output", help="The page (.html).")],
     force: Annotated[bool, typer.Option(help="Replace an existing page.")] = False,
+    friction_limit: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N_S_M",
+            min=1e-3,
+            help="Say on which day each machine's viscous friction reaches so many N·s/m.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
@@ -151,7 +159,14 @@ def report_command(
     from replay.fleet.write_fleet_page import fleet_report
 
     results = fleet_results(destination)
-    made = fleet_report(results, destination, results.current.fleet, output, force=force)
+    made = fleet_report(
+        results,
+        destination,
+        results.current.fleet,
+        output,
+        force=force,
+        friction_limit_N_s_m=friction_limit,
+    )
     said = made.to_dict()
     if as_json:
         print_json(said)
@@ -164,6 +179,8 @@ def report_command(
             f"{each['machine']}: {each['of']} {each['change']:+,.1f} {each['unit']} since "
             f"{each['since']}, flagged {each['flagged']}",
         )
+    for sentence in made.page.friction:
+        print_line(screen, sentence)
     print_line(screen, f"recordings that need a look: {len(said['to_look_at'])}")
     print_line(screen, f"page: {made.path}")
 

@@ -14,6 +14,8 @@ from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradiction
 from analysis.cycles.calibrated_payloads import calibrate_cycles
+from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
+from analysis.cycles.lost_cycles import holes
 from analysis.cycles.mixed_machines import find_mixed_machine
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -136,7 +138,8 @@ def review(
                 write_recording(_thinned(made.run, full=options.full), stage / RECORDING)
                 digest = file_sha256(stage / RECORDING)
                 torn = torn_logs(opened, channel_fields(machine), made.run.provenance)
-                state = state_of(made.run, key, digest, plain, made.mixed, torn)
+                energy = _energy(made.run, machine)
+                state = state_of(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
                 assert before is not None
                 state = before
@@ -193,6 +196,13 @@ def _mixed(made: Run, opened: list[Log], machine: Machine) -> str:
     begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
     found = find_mixed_machine(made.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.text(list(begins)[found.log].path.name)
+
+
+def _energy(made: Run, machine: Machine) -> ShiftEnergy:
+    """The energy of the shift, by the settings that it was replayed with."""
+    frames, settings = made.frames, made.provenance.settings
+    gaps = holes(frames["excitation"], frames["aligned"])
+    return shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 
 def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
