@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import polars as pl
@@ -24,6 +25,7 @@ class FollowedRow(NamedTuple):
         gate: of the window that ends here; None for what comes when the log has ended.
         estimates: by method, each with the `t_ns` of the row at which it stands.
         reports: made at this row.
+        excitation: the row of `excitation`; empty for what comes when the log has ended.
     """
 
     t_ns: int
@@ -31,6 +33,7 @@ class FollowedRow(NamedTuple):
     gate: GateRow | None
     estimates: Mapping[str, tuple[int, Estimate]]
     reports: tuple[OnlineReport, ...]
+    excitation: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(slots=True)
@@ -142,7 +145,7 @@ class Follower:
         if second > self._second and not reports:
             reports.append(self._report("second"))
         self._second = second
-        return FollowedRow(t_ns, row["phase"], stepped.gate, estimates, tuple(reports))
+        return FollowedRow(t_ns, row["phase"], stepped.gate, estimates, tuple(reports), row)
 
     def _finish(self, state: OnlineState) -> Iterator[FollowedRow]:
         t_ns, phase = self._now

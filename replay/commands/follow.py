@@ -20,7 +20,9 @@ def command(
     machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="At the end, record the causal replay (.rrd)."),
+        typer.Option(
+            "-o", "--output", help="Record as it goes; at the end, the causal replay (.rrd)."
+        ),
     ] = None,
     overrides: Annotated[
         list[str] | None,
@@ -55,43 +57,44 @@ def command(
     from contextlib import ExitStack
 
     from analysis.online.follower import FollowedRow
-    from recordings import check_recording, read_recording
-    from replay.commands.follow_panel import FollowPanel, mass_text, time_text
+    from recordings import read_recording
+    from replay.commands.follow_panel import FollowPanel
     from replay.follow.agreement import FollowedDigests
     from replay.follow.follow_logs import Following, follow_logs
+    from replay.follow.followed_outputs import FollowedOutputs
     from replay.follow.record_followed import record_followed
-    from replay.follow.report_file import ReportFile
+    from replay.follow.report_text import mass_text, time_text
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 
     settings = overrides or []
     loaded = load_machine(machine, settings)
     known = read_recording(noise).frames.get("noise") if noise else None
-    if output is not None:
-        check_recording(output, force=force)
     digests = FollowedDigests()
 
+    def tell(line: str) -> None:
+        typer.echo(f"payscope: {line}", err=True)
+
     with ExitStack() as opened:
-        topic = ReportFile(reports, logs, force=force) if reports else None
-        if topic is not None:
-            opened.callback(topic.close)
+        outputs = FollowedOutputs(
+            logs, loaded, known, tell, output=output, reports=reports, force=force
+        )
+        opened.callback(outputs.close)
         panel = opened.enter_context(FollowPanel())
 
         def show(following: Following, rows: list[FollowedRow]) -> None:
             digests.add(rows)
-            made = [report for row in rows for report in row.reports]
-            if topic is not None and made:
-                topic.write(made)
+            made = outputs.take(following, rows)
             for report in made:
                 if as_json:
                     typer.echo(json.dumps(report.to_dict(), allow_nan=False))
                 elif report.event == "manoeuvre":
-                    typer.echo(f"{time_text(report)}  {mass_text(report)}")
+                    typer.echo(f"{time_text(report.unix_ns)}  {mass_text(report)}")
             panel.show(following, made)
 
         following = follow_logs(logs, loaded, show, noise=known, idle_s=idle_s, valid_s=valid_s)
     for loss in following.losses:
-        typer.echo(f"payscope: {loss}", err=True)
+        tell(str(loss))
     follower = following.follower
     typer.echo(
         f"{following.ended}: {follower.rows_stepped:,} rows, masses of {follower.manoeuvres:,} "
@@ -99,7 +102,7 @@ def command(
         err=True,
     )
     if output is not None:
-        to = RecordTo(output, force)
+        to = RecordTo(output, force=True)
         _, agreements = record_followed(logs, machine, to, settings, digests)
         for each in agreements:
             typer.echo(_agreement_text(each), err=True)

@@ -1,0 +1,34 @@
+"""A report in words: for terminals, and for the page of a recording that grows."""
+
+from datetime import UTC, datetime
+
+from analysis.online.online_report import OnlineReport
+
+
+def time_text(unix_ns: int) -> str:
+    """The time of day as UTC, to a tenth of a second."""
+    at = datetime.fromtimestamp(unix_ns // 10**9, UTC)
+    return f"{at:%H:%M:%S}.{unix_ns % 10**9 // 10**8}"
+
+
+def mass_text(report: OnlineReport) -> str:
+    """Mass and friction with their uncertainties, or why there is none."""
+    if report.mass_kg is None:
+        return report.validity.replace("_", " ")
+    return (
+        f"{report.mass_kg:,.1f} ± {report.mass_u_kg:,.1f} kg, friction "
+        f"{report.friction_x_N_s_m:,.0f} ± {report.friction_u_N_s_m:,.0f} N·s/m, {report.validity}"
+    )
+
+
+def page_text(report: OnlineReport) -> str:
+    """The same in Markdown, for the page beside the plots."""
+    age = "" if report.age_s is None else f", {report.age_s:,.0f} s old"
+    return (
+        f"# {mass_text(report)}\n\n"
+        f"Last manoeuvre{age}; {report.manoeuvres:,} gave a mass so far.\n\n"
+        f"{time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, gate "
+        f"{report.gate.replace('_', ' ')}.\n\n"
+        "Recorded as it is followed: random uncertainties, no load states. When the log ends, its "
+        "causal replay takes the place of this recording.\n"
+    )
