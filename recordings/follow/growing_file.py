@@ -15,8 +15,9 @@ from recordings.report.appended_file import AppendedFile
 if TYPE_CHECKING:
     from mmap import mmap
 
-#: What a recording begins with, and the bytes of its head: magic, version, options.
+#: What a recording begins with.
 _MAGIC: Final = b"RRF2"
+#: The bytes of its head: that, version and options.
 HEAD_BYTES: Final = 12
 _MESSAGE_HEAD: Final = struct.Struct("<QQ")
 #: What the last bytes of a whole recording begin with.
