@@ -7,6 +7,7 @@ is) is taken from its first seconds and kept.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Final
 
 import numpy as np
@@ -222,9 +223,10 @@ def _joined(frames: list[pl.DataFrame]) -> pl.DataFrame:
     """Frames one below the other; a column may be of integers in one and of floats in another."""
     if len(frames) == 1:
         return frames[0]
-    # where nothing is to be cast, no query is made of it
-    alike = all(frame.schema == frames[0].schema for frame in frames)
-    return pl.concat(frames, how="vertical" if alike else "vertical_relaxed")
+    if any(frame.schema != frames[0].schema for frame in frames):
+        return pl.concat(frames, how="vertical_relaxed")
+    # a query would cost more than all the rest of a few samples
+    return reduce(pl.DataFrame.vstack, frames)
 
 
 def _in_order(frame: pl.DataFrame, key: str) -> pl.DataFrame:

@@ -4,6 +4,7 @@ A part of a second is one append, whose last chunk is that of the excitation: wh
 all of the second is.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
@@ -12,6 +13,7 @@ import polars as pl
 
 from analysis.model.settings import Settings
 from analysis.online.follower import FollowedRow
+from analysis.online.online_report import LARGEST_U_1
 from recordings.follow.growing_file import append_part
 from recordings.follow.growing_layout import (
     ANSWER,
@@ -127,6 +129,9 @@ class GrowingRecording:
                 if last is not None and t_ns - last > _BREAK_PERIODS * self._period_ns:
                     found.append({"t_ns": last + 1})
                 numbers = (*estimate.theta[:2], *estimate.std[:2] ** 2)
+                if not estimate.std[0] <= LARGEST_U_1 * abs(estimate.theta[0]):
+                    # one that is off by tons would leave no room for the others
+                    numbers = (math.nan,) * len(ESTIMATES)
                 named = zip(ESTIMATES, map(float, numbers), strict=True)
                 found.append({"t_ns": t_ns, **dict(named)})
                 self._last[method] = t_ns
@@ -153,6 +158,13 @@ class GrowingRecording:
         for stream in self._streams:
             self._send(stream, new, text)
         self._append()
+
+    def give_up_file(self) -> None:
+        """Write no further; viewers go on."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+            self._streams.pop(0)
 
     def _append(self) -> None:
         if self._file is not None and (part := self._bytes.read(flush=True)):

@@ -38,10 +38,22 @@ def command(
     valid_s: Annotated[
         float, typer.Option("--valid-s", min=0.0, help="A mass older than this is old.")
     ] = 120.0,
+    until_u: Annotated[
+        float | None,
+        typer.Option(
+            "--until-u",
+            metavar="KG",
+            min=1e-3,
+            help="Tell how far from a mass of the load to ± KG (2 % of the empty mass).",
+        ),
+    ] = None,
     reports: Annotated[
         Path | None,
         typer.Option("--reports", metavar="MCAP", help="Write reports as a topic, as they come."),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show it in a browser on this machine as it grows.")
+    ] = False,
     force: Annotated[bool, typer.Option(help="Replace existing outputs.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print reports as JSON lines: manoeuvres, each second.")
@@ -58,6 +70,7 @@ def command(
 
     from analysis.online.follower import FollowedRow
     from recordings import read_recording
+    from recordings.rrd.viewer_server import viewer_server
     from replay.commands.follow_panel import FollowPanel
     from replay.follow.agreement import FollowedDigests
     from replay.follow.follow_logs import Following, follow_logs
@@ -76,8 +89,18 @@ def command(
         typer.echo(f"payscope: {line}", err=True)
 
     with ExitStack() as opened:
+        server = opened.enter_context(viewer_server()) if live else None
+        if server is not None:
+            tell(f"open {server.page}")
         outputs = FollowedOutputs(
-            logs, loaded, known, tell, output=output, reports=reports, force=force
+            logs,
+            loaded,
+            known,
+            tell,
+            output=output,
+            reports=reports,
+            server=server.address if server else None,
+            force=force,
         )
         opened.callback(outputs.close)
         panel = opened.enter_context(FollowPanel())
@@ -92,7 +115,15 @@ def command(
                     typer.echo(f"{time_text(report.unix_ns)}  {mass_text(report)}")
             panel.show(following, made)
 
-        following = follow_logs(logs, loaded, show, noise=known, idle_s=idle_s, valid_s=valid_s)
+        following = follow_logs(
+            logs,
+            loaded,
+            show,
+            noise=known,
+            idle_s=idle_s,
+            valid_s=valid_s,
+            until_u_kg=until_u,
+        )
     for loss in following.losses:
         tell(str(loss))
     follower = following.follower

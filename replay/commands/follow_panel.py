@@ -13,7 +13,7 @@ from rich.text import Text
 from analysis.model.methods import METHODS
 from analysis.online.online_report import OnlineReport
 from replay.follow.follow_logs import Following
-from replay.follow.report_text import mass_text, time_text
+from replay.follow.report_text import mass_text, progress_text, time_text
 
 #: Manoeuvres that are shown.
 _SHOWN: Final = 5
@@ -68,7 +68,10 @@ class FollowPanel:
             if following.topics and following.remedy:
                 parts.append(Text(following.remedy.removeprefix("; "), style="dim"))
             return parts
-        parts += [_motion(self._last), _answer(self._last), _methods(following)]
+        parts += [_motion(self._last), _answer(self._last)]
+        if progress := progress_text(self._last):
+            parts.append(Text(progress))
+        parts.append(_methods(following))
         if self._masses:
             parts.append(_manoeuvres(list(self._masses)))
         if following.losses:

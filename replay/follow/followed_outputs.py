@@ -117,7 +117,9 @@ class FollowedOutputs:
             self._take_place(rows[-1].t_ns + t0_ns)
         except OSError as error:
             self._tell(f"{self._output}: {_give_up_text(error)}")
-            self._begins = False
+            if self._recording is not None:
+                self._recording.give_up_file()
+            self._begins = self._server is not None and self._recording is not None
 
     def _begin(self, following: Following) -> GrowingRecording:
         basis = following.follower.log.basis
