@@ -13,7 +13,7 @@ from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from estimators.errors import LogError, ReviewError, nearest
 from recordings.review.reviewer_verdicts import LABELS, ShiftVerdict
-from replay.inputs.merged_topics import merge_topics
+from replay.inputs.channel_inputs import merge_topics
 from replay.logs import logs_in, open_log
 from replay.machines.machine_file import time_axis
 

@@ -61,6 +61,9 @@ class Db3Tail:
                 self._losses.note(self._path, f"row {number} is no message of a known topic")
         return [join_messages(topic, *parts) for topic, parts in messages.items()]
 
+    def end(self) -> None:
+        """A transaction is there or it is not."""
+
     def close(self) -> None:
         """Nothing stays open between two polls: a recorder may checkpoint and truncate."""
 
