@@ -34,8 +34,8 @@ NOISE = [
     for each in ("force_N=60", "acc_m_s2=0.01", "speed_m_s=0.005")
     for word in ("--set", f"settings.noise.{each}")
 ]
-#: Seconds between two looks of a slow recorder: it writes for forty seconds.
-SLOW_S = 0.1
+#: Seconds between two looks of a slow recorder: it writes for half a minute.
+SLOW_S = 0.06
 MACHINE = ("-m", "cat262c.toml", *NOISE)
 
 
