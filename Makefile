@@ -64,6 +64,7 @@ golden-update: $(TEST_STAMP) ## keep the results of the golden logs as they are 
 docs: $(TEST_STAMP) ## run the documentation's commands and write down what comes out
 	$(BIN)/python -P docs/update.py
 	$(BIN)/python -P docs/decision_index.py
+	$(BIN)/python -P docs/api_reference.py
 
 campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
 	$(BIN)/python -P benchmarks/campaign.py

@@ -103,11 +103,16 @@ def _run(module: str) -> None:
         import_module(module).main()
     except ImportError as error:
         package = (error.name or "").partition(".")[0]
-        if package == "payscope":  # its version is not found: `importlib.metadata`
+        if not _is_installed():  # neither its version nor what it needs is found
             _refuse(
                 f"{_OURS}: payscope is not installed in this Python ({sys.executable}); run "
                 f"'{sys.executable} -m pip install -e {_OURS}', or 'make demo' once and then "
                 f"{_OURS / '.venv/bin/payscope'}"
+            )
+        if package not in _PACKAGES and isinstance(error, ModuleNotFoundError):
+            _refuse(
+                f"{error.name}: payscope needs this package, which is not installed in this Python "
+                f"({sys.executable}); install payscope anew, with what it needs"
             )
         if package not in _PACKAGES:
             raise
@@ -115,6 +120,17 @@ def _run(module: str) -> None:
             f"{_OURS / package}: files of another distribution lie among payscope's own ({error}); "
             "install payscope anew, in an environment of its own (pipx install)"
         )
+
+
+def _is_installed() -> bool:
+    """Whether this Python has payscope as a distribution."""
+    from importlib.metadata import PackageNotFoundError, distribution
+
+    try:
+        distribution("payscope")
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 def _refuse(fault: str) -> NoReturn:

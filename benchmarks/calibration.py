@@ -20,7 +20,7 @@ from scipy.stats import t as student_t
 from analysis.calibration.line.line_fit import tested_line
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import Points
-from analysis.calibration.line.straight_line import line_of_19
+from analysis.calibration.line.point_errors import line_of_19
 from analysis.calibration.line.variance_components import WithinRunVariance
 from analysis.paper import printed_numbers
 from analysis.paper.torque_chain import TorqueChain

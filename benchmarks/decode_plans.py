@@ -20,7 +20,7 @@ from replay.logs.decoding.decode_plan import Plan
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import leaves
-from replay.logs.messages.raw_batch import RawBatch, joined
+from replay.logs.messages.raw_batch import RawBatch, join_messages
 from replay.logs.storage.container import Connection
 
 TOPICS: Final = (
@@ -46,7 +46,7 @@ def main() -> None:
         kind = compile_type(Connection(0, "/t", name, "cdr", text, "ros2msg"))
         fields = [resolve(leaf, kind.record) for leaf in leaves(kind.record)]
         stored = [bytes(types.serialize_cdr(value(types, name, rng), name)) for _ in range(rows)]
-        batch = joined(0, range(len(stored)), stored)
+        batch = join_messages(0, range(len(stored)), stored)
         batches = [batch] * (MESSAGES // rows)
         plan = Plan(kind.record, ros1=False, fields=fields)
         by_rosbags = _best(partial(_rosbags, kind.decode, stored)) / rows

@@ -20,6 +20,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import tomllib
 import traceback
 import warnings
 from collections import Counter
@@ -380,6 +381,19 @@ def queried(of: Replayed, payscope: Driven) -> None:
         payscope("info", folder)
 
 
+def migrated(of: Replayed, payscope: Driven) -> None:
+    """`migrate`: under an old name of a key the log runs as before; the file is rewritten."""
+    text = of.drawn.machine.read_text(encoding="utf-8")
+    old = of.drawn.machine.with_name("old.toml")
+    key = "[settings.forces]\nacceleration"
+    old.write_text(text.replace(key, key.replace(".forces", "")), encoding="utf-8")
+    status, _ = payscope("run", of.drawn.log, "-m", old)
+    payscope.require(status == of.status, f"run: exit status {of.status}, by old names {status}")
+    payscope("migrate", old)
+    same = tomllib.loads(old.read_text(encoding="utf-8")) == tomllib.loads(text)
+    payscope.require(same, "migrate: another machine file")
+
+
 #: What is done with a table that was replayed, two of them at a time.
 JOBS: Final[tuple[Job, ...]] = (
     told,
@@ -395,6 +409,7 @@ JOBS: Final[tuple[Job, ...]] = (
     calibrated,
     queried,
     followed,
+    migrated,
 )
 
 

@@ -280,9 +280,12 @@ def provenance_difference(mine: dict[str, Any], theirs: dict[str, Any]) -> str |
 def moved_settings() -> Mapping[str, str]:
     """The nested name of each setting that was flat once, as this checkout has it."""
     sys.path.insert(0, str(REPO))
-    from analysis.model.settings import MOVED
+    from replay.machines.old_names import OLD_NAMES
 
-    return dict(MOVED)
+    return {
+        old.removeprefix("settings."): new.removeprefix("settings.")
+        for old, new in OLD_NAMES.items()
+    }
 
 
 def main(

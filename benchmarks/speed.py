@@ -19,7 +19,7 @@ import numpy as np
 import typer
 from numba import njit
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.methods import fgls, tls
 from estimators.numerics.mutual_information import correlated_sums
 from estimators.numerics.normal_equations import solve

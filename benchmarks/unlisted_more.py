@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.simulation.scenario.waveforms import Floats
 from benchmarks.unlisted_rows import (
     SPEEDS,
     TORQUES,
@@ -23,6 +22,7 @@ from benchmarks.unlisted_rows import (
     slipping,
     times,
 )
+from estimators.arrays import Floats
 
 _Dice = np.random.Generator
 

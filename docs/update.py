@@ -33,14 +33,18 @@ from analysis.calibration.campaign.campaign_plan import (
     StatedComponent,
 )
 from analysis.model.settings import Settings
-from analysis.simulation.scenario.brakes import SimulatedBrakes
-from analysis.simulation.scenario.chassis import SimulatedChassis
-from analysis.simulation.scenario.defects import SimulatedDefects
-from analysis.simulation.scenario.drivetrain import SimulatedDrivetrain
-from analysis.simulation.scenario.instruments import SimulatedRecorder, SimulatedSensors
-from analysis.simulation.scenario.loading import SimulatedLoading
+from analysis.simulation.scenario.drivetrain import (
+    SimulatedBrakes,
+    SimulatedChassis,
+    SimulatedDrivetrain,
+    SimulatedRolling,
+)
+from analysis.simulation.scenario.instruments import (
+    SimulatedDefects,
+    SimulatedRecorder,
+    SimulatedSensors,
+)
 from analysis.simulation.scenario.manoeuvres import Arc, Excite, Rest, Spin, Start, Travel
-from analysis.simulation.scenario.rolling_resistance import SimulatedRolling
 from analysis.simulation.scenario.sampling import SimulatedSampling
 from analysis.simulation.scenario.scenario import (
     SimulatedCampaign,
@@ -48,7 +52,7 @@ from analysis.simulation.scenario.scenario import (
     SimulatedTerrain,
 )
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.scenario.starts import SimulatedStarts
+from analysis.simulation.scenario.starts import SimulatedLoading, SimulatedStarts
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from replay.fleet.fleet_file import AboutFleet, MachineRule
 from replay.fleet.last_run import TaskLimits

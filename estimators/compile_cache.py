@@ -37,7 +37,7 @@ def folder_of(source: Path) -> Path:
     inside = source.relative_to(_HOUSE)
     module = ".".join(inside.with_suffix("").parts)
     for parent in _parents(inside.parts[0]):
-        folder = parent / module / _digest(source)
+        folder = parent / module / _sources_digest(source)
         if _is_writable(folder):
             _forget_old(folder)
             return folder
@@ -115,7 +115,7 @@ def _passing() -> Path:
     return Path(folder)
 
 
-def _digest(source: Path) -> str:
+def _sources_digest(source: Path) -> str:
     """Hash the sources of a module and of all that it imports of its package and of this one."""
     packages = {Path(__file__).parent.name, source.relative_to(_HOUSE).parts[0]}
     found: set[Path] = set()
@@ -125,15 +125,15 @@ def _digest(source: Path) -> str:
         path = left.pop()
         if path not in found and path.relative_to(_HOUSE).parts[0] in packages:
             found.add(path)
-            left += _read(path)[1]
+            left += _read_module(path)[1]
     digest = hashlib.sha256()
     for path in sorted(found):
-        digest.update(path.relative_to(_HOUSE).as_posix().encode() + b"\0" + _read(path)[0])
+        digest.update(path.relative_to(_HOUSE).as_posix().encode() + b"\0" + _read_module(path)[0])
     return digest.hexdigest()[:16]
 
 
 @cache
-def _read(source: Path) -> tuple[bytes, tuple[Path, ...]]:
+def _read_module(source: Path) -> tuple[bytes, tuple[Path, ...]]:
     """Read a module: its source, and the files of those that it imports from beside it."""
     text = source.read_bytes()
     modules: set[Path] = set()

@@ -140,7 +140,7 @@ class Loop:
     def _interpret(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero
         with np.errstate(all="ignore"):
-            return _plain(self.interpreted(*arguments))
+            return _to_python(self.interpreted(*arguments))
 
     def _twofold(self) -> "dict[str, Loop | Primitive]":
         names = self._function.__globals__
@@ -206,12 +206,12 @@ def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
     )
 
 
-def _plain(result: Any) -> Any:
+def _to_python(result: Any) -> Any:
     """What compiled code returns: numbers of Python, not of numpy."""
     if isinstance(result, np.generic):
         return result.item()
     if type(result) is tuple:
-        return tuple(map(_plain, cast("tuple[Any, ...]", result)))
+        return tuple(map(_to_python, cast("tuple[Any, ...]", result)))
     return result
 
 

@@ -50,7 +50,7 @@ from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields, named_by_topic, provenance, read_channels
-from replay.inputs.machine_identity import identified
+from replay.inputs.machine_identity import identify_machine
 from replay.inputs.parallel_tables import join_parallel_tables
 from replay.inputs.time_line import note as order_note
 from replay.inputs.time_line import offsets_ns
@@ -64,7 +64,7 @@ STAGES: Final = (
 
 
 @dataclass(frozen=True)
-class _Placed:
+class _TopicChannels:
     """The channels that come from a topic, in SI units and in time.
 
     Attributes:
@@ -78,7 +78,7 @@ class _Placed:
     doubts: list[Loss]
 
     @classmethod
-    def of(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_Placed":
+    def of(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_TopicChannels":
         """Place every sample by its stamp, and take what the channels name."""
         placed, stamps, doubts = assign_timestamps(raw)
         read, missing = read_measured(placed, machine)
@@ -125,11 +125,11 @@ def run(
         Every intermediate frame and where it came from.
     """
     logs, machine = join_parallel_tables(logs if isinstance(logs, Sequence) else [logs], machine)
-    machine, logged_id = identified(logs, machine)  # a sister's log is refused
+    machine, logged_id = identify_machine(logs, machine)  # a sister's log is refused
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
-    placed = _Placed.of(raw, machine)
+    placed = _TopicChannels.of(raw, machine)
     machine, chosen = at_own_rate(placed.read, machine)  # what no setting gives
     seen = _run_stages(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
@@ -188,7 +188,7 @@ def run(
 
 def _run_stages(
     raw: Mapping[str, pl.DataFrame],
-    placed: _Placed,
+    placed: _TopicChannels,
     machine: Machine,
     on_stage: Callable[[str], None],
 ) -> _Stages:
@@ -268,7 +268,7 @@ def _causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) ->
 
     def look(changed: Machine) -> pl.DataFrame | None:
         try:
-            placed = _Placed.of(part, changed)
+            placed = _TopicChannels.of(part, changed)
             return findings(_run_stages(part, placed, changed, lambda _: None).case)
         except DataError:  # the first hour of a log may hold less than the whole
             return None

@@ -41,6 +41,24 @@ def test_the_index_of_decisions_has_every_record() -> None:
     assert written == index["index"](), "python -P docs/decision_index.py writes it"
 
 
+def test_the_api_reference_is_what_the_docstrings_say() -> None:
+    reference = runpy.run_path(str(REPO / "docs/api_reference.py"))
+    folder, pages = reference["FOLDER"], reference["pages"]()
+    assert {path.name for path in folder.iterdir()} == set(pages)
+    for name, text in pages.items():
+        written = (folder / name).read_text(encoding="utf-8")
+        assert written == text, f"{name}: python -P docs/api_reference.py writes it"
+
+
+def test_every_public_name_is_in_the_api_reference() -> None:
+    import payscope
+
+    for name, module in (("payscope", payscope), ("online", payscope.online)):
+        page = (REPO / f"docs/api/{name}.md").read_text(encoding="utf-8")
+        for public in module.__all__:
+            assert f"## `{module.__name__.replace('analysis', 'payscope')}.{public}`" in page
+
+
 def test_every_setting_is_documented_under_its_stage() -> None:
     page = (REPO / "docs/machine-file.md").read_text(encoding="utf-8")
     for stage, part in Settings.parts().items():

@@ -60,7 +60,13 @@ ORDER = (
     ("recordings/fleet", "recordings/paper", "recordings/rrd", "recordings/signatures"),
     ("recordings/calibration/page",),
     ("recordings/notary",),
-    ("recordings/calibration", "recordings/compare", "recordings/plots", "recordings/review"),
+    (
+        "recordings/calibration",
+        "recordings/compare",
+        "recordings/follow",
+        "recordings/plots",
+        "recordings/review",
+    ),
     ("recordings", "recordings/dcc", "recordings/explain"),
     ("replay/logs/messages",),
     ("replay/logs/decoding", "replay/logs/storage", "replay/logs/tables"),
@@ -107,6 +113,10 @@ OWNERS = {
     "obstore": "replay",
     "python_calamine": "replay",
 }
+#: Lines below which a file that one other file imports is a crumb: it hardly says more than a name.
+CRUMB_LINES = 60
+#: Crumbs that are left; there may only be fewer.
+MORE_CRUMBS = 7
 FILES = [path for package in HOUSE for path in sorted((REPO / package).rglob("*.py"))]
 
 
@@ -233,10 +243,10 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
             )
         )
     }
-    # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
+    # `LogCheck` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
     # a storage without folders, holds; `TABLE` is the one topic of a table
     assert names == {
-        *("TABLE", "Checked", "Log", "TableHints", "TimeAxis"),
+        *("TABLE", "LogCheck", "Log", "TableHints", "TimeAxis"),
         *("logs_among", "logs_in", "open_log"),
         # what follows a log that grows
         *("ACTIVE", "GrowingLogFile", "follow_log"),
@@ -297,6 +307,33 @@ def test_a_circle_is_found() -> None:
         ["c", "a", "b", "c"],
     )
     assert circle({"a": {"b", "c"}, "b": {"c"}}) == []
+
+
+def crumbs() -> list[str]:
+    """Small files that one other file imports; a command and the part of a face are meant to be."""
+    importers: dict[Path, set[Path]] = {}
+    for path in FILES:
+        for imported in files_imported(path):
+            importers.setdefault(imported, set()).add(path)
+    return [
+        f"{shown(path)} is imported by {shown(one)} alone"
+        for path in FILES
+        if path.name != "__init__.py" and len(importers.get(path, ())) == 1
+        for one in importers[path]
+        if one.name not in ("__init__.py", "cli.py")
+        and len(path.read_text(encoding="utf-8").splitlines()) < CRUMB_LINES
+    ]
+
+
+def test_a_small_file_that_one_other_imports_is_merged_into_it() -> None:
+    found = crumbs()
+    assert len(found) <= MORE_CRUMBS, "\n".join(
+        [
+            *found,
+            f"{len(found)} files are crumbs, at most {MORE_CRUMBS} may be: merge one of them into "
+            "the file that imports it, where the pair reads as one.",
+        ]
+    )
 
 
 def test_no_two_classes_share_a_name() -> None:

@@ -141,7 +141,7 @@ def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Co
     return Comparison(
         settings=tuple(_settings(mine, theirs)),
         inputs=tuple(_inputs(mine, theirs)),
-        versions=tuple(_values(mine.versions, theirs.versions)),
+        versions=tuple(_changed_values(mine.versions, theirs.versions)),
         provenance=tuple(_provenance(mine, theirs)) if rows else (),
         only_a=tuple(name for name in a.stages if name not in b.stages),
         only_b=tuple(name for name in b.stages if name not in a.stages),
@@ -153,15 +153,15 @@ def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Co
     )
 
 
-def _flat(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
+def _flatten(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
     for name, value in section.items():
         if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from _flatten(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 
 
-def _values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
+def _changed_values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
     for name in dict.fromkeys((*a, *b)):
         if a.get(name) != b.get(name):
             yield ValueChange(name, a.get(name), b.get(name))
@@ -174,16 +174,16 @@ def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
         plain = machine.model_dump(mode="json")
         del plain["settings"]
         flat.append(_keys(machine.settings, plain))
-    return list(_values(flat[0], flat[1]))
+    return list(_changed_values(flat[0], flat[1]))
 
 
 def _keys(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
     by_stage = {f"settings.{name}": value for name, value in settings.flat().items()}
-    return {**by_stage, **dict(_flat(machine, ""))}
+    return {**by_stage, **dict(_flatten(machine, ""))}
 
 
 def _settings(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _values(_keys(a.settings, a.machine), _keys(b.settings, b.machine))
+    yield from _changed_values(_keys(a.settings, a.machine), _keys(b.settings, b.machine))
 
 
 def _inputs(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
@@ -196,7 +196,7 @@ def _inputs(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
 
 
 def _provenance(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _values(
+    yield from _changed_values(
         {f"stamps of {topic}": kind for topic, kind in a.stamps.items()},
         {f"stamps of {topic}": kind for topic, kind in b.stamps.items()},
     )
@@ -242,13 +242,13 @@ def _manoeuvres(a: Replay, b: Replay, rtol: float, offset_ns: int) -> tuple[Esti
             <= row["end_t_ns"]
         ]
         left = [other for other in left if not any(other is each for each in inside)]
-        found.append((_span(row, 0), row, inside[0] if inside else {}))
-        found += [(_span(other, offset_ns), {}, other) for other in inside[1:]]
-    found += [(_span(other, offset_ns), {}, other) for other in left]
+        found.append((_span_text(row, 0), row, inside[0] if inside else {}))
+        found += [(_span_text(other, offset_ns), {}, other) for other in inside[1:]]
+    found += [(_span_text(other, offset_ns), {}, other) for other in left]
     return _differing_estimates(found, rtol)
 
 
-def _span(row: Mapping[str, Any], offset_ns: int) -> str:
+def _span_text(row: Mapping[str, Any], offset_ns: int) -> str:
     begin, end = ((row[name] + offset_ns) / 1e9 for name in ("start_t_ns", "end_t_ns"))
     return f"{begin:.2f} to {end:.2f} s"
 
@@ -281,4 +281,4 @@ def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
 def _checks(a: Replay, b: Replay) -> Iterator[ValueChange]:
     """Checks that passed in one and not in the other."""
     passed = [{row["check"]: row["passed"] for row in _rows(each, "verdict")} for each in (a, b)]
-    yield from _values(passed[0], passed[1])
+    yield from _changed_values(passed[0], passed[1])

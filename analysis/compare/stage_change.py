@@ -118,7 +118,7 @@ def stage_change(
         for column in has[which]
         if column not in has[1 - which]
     ]
-    seconds = _seconds(ids[0], pairs)
+    seconds = _row_times_s(ids[0], pairs)
     changes: list[ColumnChange] = []
     for part in _parts([column for column in has[0] if column in has[1]], height):
         mine, theirs = a.read(name, part), b.read(name, part)
@@ -157,7 +157,7 @@ def _pairs(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame
     return found.select("row_a", "row_b").sort("row_a")
 
 
-def _seconds(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
+def _row_times_s(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | None:
     """The time of each common row."""
     column = next((name for name in _TIMES if name in ids.columns), None)
     if column is None:

@@ -87,6 +87,23 @@ class CycleLimits:
     #: Fraction of the counted cycles with digging from which digging is a witness.
     digging_witness_fraction: float = 0.5
 
+    # energy_integrals
+    #: Smallest smoothed force along the speed that drives, as a fraction of the largest: coasting
+    #: has none but noise.
+    min_drive_force_fraction: float = 0.05
+
+    # cycle_energy
+    #: Longest hole in a cycle, in s, beyond which its energy is not known.
+    energy_hole_s: float = 5.0
+    #: Fewest cycles that show how their friction scatters.
+    energy_min_cycles: int = 4
+
+    # energy_terms
+    #: Fewest stands that show the offset of the force,
+    offset_min_stands: int = 12
+    #: and combined standard uncertainties from which it contradicts the fit's.
+    offset_contradiction_u: float = 3.0
+
     # empty_machine
     #: Quantile of the empty passes that is the clean bucket: the least of many is the noisiest.
     clean_bucket_quantile: float = 0.1
@@ -111,6 +128,10 @@ class CycleLimits:
     min_loaded_spread: float = 0.1
     #: Fewest states that have a spread of their own.
     own_spread_min_states: int = 4
+
+    # friction_limit
+    #: Fewest shifts that have a trend: a line through three has one degree of freedom.
+    friction_min_days: int = 4
 
     # friction_trend
     #: Usual number of parts of a shift.

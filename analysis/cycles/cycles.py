@@ -32,7 +32,7 @@ from analysis.cycles.load_passes import NO_PASSES, Passes, passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
-from analysis.model.uncertainty_sources import combined, unknown_scale
+from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
 from analysis.weighing.mass_budget import budget
@@ -382,8 +382,8 @@ def _common_uncertainty(
     sources = budget(weighing, machine, summed) if datum is None else datum.sources(summed)
     by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ found.mass_kg)), 1e-9)
-    kept = (combined(sources, "random") / by_1) ** 2 - float(weights**2 @ found.u_kg**2)
-    common = combined(sources, "common", "scale") / by_1
+    kept = (combine(sources, "random") / by_1) ** 2 - float(weights**2 @ found.u_kg**2)
+    common = combine(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.count)
@@ -394,7 +394,7 @@ def _common_uncertainty(
         empty = -datum.by_kg * share / share.sum()
     return _CommonUncertainty(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
-        combined(other) / by_1 / total_kg,
+        combine(other) / by_1 / total_kg,
         fit.term_responses @ of_states,
         covariance - np.diag(found.u_kg**2),
         empty,

@@ -1,11 +1,10 @@
 """Diagnosis: what a log says of itself. Its one table is `analysis.diagnosis.checks.CHECKS`."""
 
 from analysis.diagnosis.check_inputs import CheckInputs
-from analysis.diagnosis.checks import CHECKS, verdict
+from analysis.diagnosis.checks import CHECKS, verdict, withhold_by_findings
 from analysis.diagnosis.excluded_stretches import refit_without_stretches
 from analysis.diagnosis.measured_channels import signals
 from analysis.diagnosis.method_disagreement import disagreements
-from analysis.diagnosis.worthless import withhold_by_findings
 
 __all__ = [
     "CHECKS",

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.diagnosis.empty_mass import EmptyMassDifference, compare_empty_mass
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
@@ -18,9 +17,7 @@ from analysis.model.machine import Machine
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_pace
 from analysis.weighing.weigh import Weighing
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats
 
 
 class UngatedFit(NamedTuple):

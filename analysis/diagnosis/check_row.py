@@ -27,7 +27,7 @@ class CheckRow:
     Attributes:
         name: in the verdict.
         about: what it may withhold, and so which motion it looks at.
-        number: computes its number; NaN where there is nothing to tell it from.
+        number: computes its number; NaN if the log has nothing to compute it from.
         minimum: the setting of `[settings.verdict]` that it must reach, if any.
         maximum: the one that it must not exceed.
         applies: whether this log has what it looks at.

@@ -16,14 +16,18 @@ from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.axes import X
+from analysis.model.machine import Machine
 from analysis.model.schema import build, values
-from analysis.model.verdict import EvidenceSubject
+from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.motion.phases import beside_speed_rate, span_rows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 
+_CHECK: Final = "causes"
+_MEANING: Final = "named causes that invalidate a mass which no other check withholds"
+_REMEDY: Final = "payscope explain names what mends each"
 _SCALE_REMEDY: Final = (
     "the scale and unit of the force, machine.wheel_radius_m, machine.force_share, "
     "machine.empty_mass_kg"
@@ -284,3 +288,40 @@ CHECKS: Final = (
         applies=lambda inputs, _: inputs.has("specific_force_x_m_s2", "specific_force_y_m_s2"),
     ),
 )
+
+
+def withhold_by_findings(
+    judged: pl.DataFrame, findings: pl.DataFrame, machine: Machine
+) -> pl.DataFrame:
+    """Add the check that withholds what a finding withholds.
+
+    Args:
+        judged: `verdict`.
+        findings: of the same log.
+        machine: its limit.
+
+    Returns:
+        `verdict` with one row more, behind those of the mass.
+    """
+    # a cause of what is withheld already is said once, by its finding
+    is_open = Verdict.of(judged).can_weigh
+    grave = findings.filter(pl.col("severity") == "withhold", pl.lit(is_open))
+    most = machine.settings.verdict.causes_max
+    names = ", ".join(name.replace("_", " ") for name in grave["cause"])
+    row = pl.DataFrame(
+        {
+            "check": [_CHECK],
+            "about": ["mass"],
+            "value": [float(grave.height)],
+            "minimum": pl.Series([None], dtype=pl.Float64),
+            "maximum": [float(most)],
+            "passed": [grave.height <= most],
+            "meaning": [f"{_MEANING} ({names})" if names else _MEANING],
+            "consequence": ["withhold"],
+            "remedy": [_REMEDY],
+        }
+    )
+    of_mass = judged.filter(pl.col("about") == "mass").height
+    parts = [judged.head(of_mass), row.select(judged.columns), judged.tail(judged.height - of_mass)]
+    cast = [part.cast(dict(judged.schema)) for part in parts]  # type: ignore[arg-type]
+    return build("verdict", pl.concat(cast).to_dict())

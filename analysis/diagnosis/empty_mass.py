@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.machine import Machine
-from analysis.model.uncertainty_sources import combined
+from analysis.model.uncertainty_sources import combine
 from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.weigh import Weighing
@@ -120,11 +120,11 @@ def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMass
     mass_kg = float(fit.masses_kg[lightest])
     unknown = bool(unknown_factors(sources))
     scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
-    u_kg = float(np.linalg.norm([combined(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
+    u_kg = float(np.linalg.norm([combine(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
     if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:
         return None
     # the lightest of several is light by chance as well
-    by_chance_kg = combined(sources, "random") * float(np.sqrt(2.0 * np.log(fit.count)))
+    by_chance_kg = combine(sources, "random") * float(np.sqrt(2.0 * np.log(fit.count)))
     named = machine.settings.loads.empty_from_s is not None
     return EmptyMassDifference(
         mass_kg + by_chance_kg - body.rotating_mass_kg,

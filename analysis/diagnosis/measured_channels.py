@@ -8,15 +8,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from analysis.model.windows import runs_of
 from analysis.stages.signals.clocks import RelativeDrift, clock_drifts, relative_drift
 from analysis.stages.signals.filters import period_ns
+from estimators.arrays import Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Series = tuple[Ints, Floats]
 Spans = list[tuple[int, int]]
 

@@ -11,14 +11,11 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.diagnosis.measured_channels import Signals
 from analysis.model.machine import Machine
 from analysis.stages.signals.grid_rate import rows_in
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats
 
 TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s")
@@ -94,7 +91,7 @@ def side_differences(
         t0_unix_ns: when the first row is.
 
     Returns:
-        By kind: `torque`, `speed` and `slip`, as far as the log tells them.
+        By kind: `torque`, `speed` and `slip`, where the log has samples enough for it.
     """
     if signals is None:
         return {}

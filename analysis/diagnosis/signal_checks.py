@@ -5,10 +5,11 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import CheckInputs, Floats, Motion
+from analysis.diagnosis.check_inputs import CheckInputs, Motion
 from analysis.diagnosis.check_row import CheckRow
 from analysis.stages.estimation import fit_quality
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg
+from estimators.arrays import Floats
 
 
 def _raw_opposing_share(inputs: CheckInputs, motion: Motion) -> float:

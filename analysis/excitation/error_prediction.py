@@ -15,7 +15,7 @@ import numpy as np
 
 from analysis.simulation import Channels, Scenario
 from analysis.simulation.motion.body import RigidBody
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 from estimators.planar import planar_rows
 
 Drive: TypeAlias = Literal["straight", "spin", "joint"]

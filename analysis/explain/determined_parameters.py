@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Floats, X
+from analysis.model.axes import X
 from analysis.model.schema import values
 from analysis.model.settings import Settings
 from analysis.stages.noise.column_noise import ColumnNoise
-from estimators.estimate import Bools
+from estimators.arrays import Bools, Floats
 from estimators.planar.identifiability import identify
 
 #: Two parameters whose estimates are correlated by more than this trade off.

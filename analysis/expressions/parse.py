@@ -68,7 +68,7 @@ def names(tree: Expression) -> Iterator[str]:
 
 
 def slopes(tree: Expression) -> Iterator[str]:
-    """The channels that an expression takes the derivative of."""
+    """List the channels whose derivative an expression takes."""
     if isinstance(tree, Call):
         if tree.function == SLOPE:
             yield from names(tree)

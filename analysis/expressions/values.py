@@ -4,11 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.expressions.parse import SLOPE, Call, Expression, Name, Number
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: A divisor below this share of its 99th percentile is near zero: the quotient would be its noise.
 NEAR_ZERO: Final = 0.01

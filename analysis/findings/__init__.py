@@ -1,10 +1,13 @@
 """Findings: named causes of a bad estimate. Their one table is `cause_table.CAUSES`."""
 
 from analysis.findings.cause_table import CAUSES, UNKNOWN
-from analysis.findings.find_causes import findings
+from analysis.findings.find_causes import (
+    add_masked_findings,
+    drop_work_findings,
+    findings,
+    first_findings,
+)
 from analysis.findings.finding_inputs import FindingInputs
-from analysis.findings.masked_causes import add_masked_findings, first_findings
-from analysis.findings.part_of_work import drop_work_findings
 
 __all__ = [
     "CAUSES",

@@ -4,10 +4,10 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Floats
 from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.model.schema import values
+from estimators.arrays import Floats
 
 #: Over so long, and so many of them.
 _SPAN_S: Final = 0.1

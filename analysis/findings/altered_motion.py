@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Floats
 from analysis.weighing.motion_samples import MotionSamples
+from estimators.arrays import Floats
 
 
 def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionSamples:

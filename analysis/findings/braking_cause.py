@@ -8,12 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Bools, CheckInputs
+from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.fit_causes import relative_mass_u
 from analysis.stages.estimation import fit_quality
+from estimators.arrays import Bools
 
 #: Braking takes a large part of the windows from this share on.
 _REFUSED: Final = 0.5

@@ -1,6 +1,6 @@
 """What a cause is, and what is said of one that a log shows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from analysis.findings.finding_inputs import FindingInputs
@@ -58,7 +58,7 @@ class Cause:
         says: what it is, in a sentence.
         needs: what a log must hold for it to be seen at all, in a sentence.
         find: looks for it, channel by channel; nothing where the log does not hold that.
-        withholds: whether a mass under it is worth nothing.
+        withholds: whether it invalidates the mass.
         as_judged: whether it withholds only where a check of the verdict does.
         explains: causes that are seen where it is, and stand behind it.
         outdone: what is stronger by this factor is not explained by it.
@@ -74,3 +74,8 @@ class Cause:
     explains: tuple[str, ...] = ()
     outdone: float = float("inf")
     hides: bool = False
+
+
+def strongest_symptom(symptoms: Sequence[Symptom]) -> list[Symptom]:
+    """The strongest of several symptoms, as a list; empty of none."""
+    return [max(symptoms, key=lambda each: each.strength)] if symptoms else []

@@ -5,14 +5,14 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Bools
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
-from analysis.diagnosis.measured_channels import Floats, Ints, long_runs
-from analysis.findings.cause import Change, Symptom
+from analysis.diagnosis.measured_channels import long_runs
+from analysis.findings.cause import Change, Symptom, strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.refit import left_out
 from analysis.model.windows import windows_with
 from analysis.stages.signals.filters import period_ns
+from estimators.arrays import Bools, Floats, Ints
 
 #: A channel that repeats itself for so long, all in all, counts.
 _FROZEN_S: Final = 0.3
@@ -165,7 +165,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
                 channel=name,
             )
         )
-    return _strongest_symptom(found)
+    return strongest_symptom(found)
 
 
 def _reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
@@ -212,7 +212,7 @@ class _Spikes:
 
 def find_spikes(inputs: FindingInputs) -> list[Symptom]:
     """Single readings far from both neighbours, which agree."""
-    return _strongest_symptom(
+    return strongest_symptom(
         [
             Symptom(
                 each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / _ALONE,
@@ -306,7 +306,3 @@ def is_beside_spike(inputs: FindingInputs) -> Bools:
     for each in _spikes(inputs).values():
         near |= each.near
     return near
-
-
-def _strongest_symptom(found: list[Symptom]) -> list[Symptom]:
-    return [max(found, key=lambda sign: sign.strength)] if found else []

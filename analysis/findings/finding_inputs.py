@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis.check_inputs import Bools, CheckInputs, Floats
-from analysis.diagnosis.measured_channels import Ints, Series
+from analysis.diagnosis.check_inputs import CheckInputs
+from analysis.diagnosis.measured_channels import Series
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
 from analysis.model.machine import Channel, Machine
@@ -19,6 +19,7 @@ from analysis.model.windows import windows_with
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
+from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_ahead
 
 #: Channels of the force and of the speed, as a machine file may have them.

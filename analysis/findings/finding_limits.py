@@ -84,7 +84,7 @@ class FindingLimits:
     #: Fewest estimates at steady speed.
     wind_up_min_estimates: int = 100
 
-    # growing_load_cause
+    # changing_loads
     #: Probability that a log without a growing load shows one.
     growth_false_alarm_probability: float = 5e-4
     #: Factor of certainty for a load that falls: what pours in may pour fast.

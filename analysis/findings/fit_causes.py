@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
-from analysis.findings.alternating_load import compare_share_with_loads
 from analysis.findings.cause import Change, Symptom
+from analysis.findings.changing_loads import compare_share_with_loads
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS

@@ -4,14 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Bools, Floats
-from analysis.diagnosis.measured_channels import Ints
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.methods import METHODS, Feed
 from analysis.model.schema import values
 from analysis.weighing.load_frames import changes
+from estimators.arrays import Bools, Floats, Ints
 
 
 def find_wind_up(inputs: FindingInputs) -> list[Symptom]:

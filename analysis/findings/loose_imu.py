@@ -6,7 +6,6 @@ x grows by gravity times the angle that the acceleration tilts it by.
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Floats
 from analysis.findings.accelerometer_share import fit_accelerometer_gain
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
@@ -14,6 +13,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in
+from estimators.arrays import Floats
 
 
 def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.findings.cause import Change
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -18,6 +17,7 @@ from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples, begins
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
+from estimators.arrays import Bools, Floats
 
 Mend = Callable[[MotionSamples], MotionSamples]
 

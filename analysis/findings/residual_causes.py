@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Bools, Floats
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
+from estimators.arrays import Bools, Floats
 
 
 class Spectra(NamedTuple):

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Bools
-from analysis.diagnosis.measured_channels import Floats, Ints
-from analysis.findings.cause import Symptom
+from analysis.findings.cause import Symptom, strongest_symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
+from estimators.arrays import Bools, Floats, Ints
 
 
 def find_gaps(inputs: FindingInputs) -> list[Symptom]:
@@ -35,7 +34,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
                 span_ns=inputs.since_start(t[longest], t[longest + 1]),
             )
         )
-    return _strongest_symptom(found)
+    return strongest_symptom(found)
 
 
 def _recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
@@ -78,7 +77,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
                 channel=name,
             )
         )
-    return _strongest_symptom(found)
+    return strongest_symptom(found)
 
 
 def _least_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
@@ -155,7 +154,7 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
                 span_ns=inputs.since_start(when, when),
             )
         )
-    return _strongest_symptom(found)
+    return strongest_symptom(found)
 
 
 def find_clock_drift(inputs: FindingInputs) -> list[Symptom]:
@@ -235,7 +234,3 @@ def _residual_of_line(level: Floats) -> float:
     """What a line leaves of its scatter."""
     x = np.arange(level.size, dtype=np.float64)
     return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))
-
-
-def _strongest_symptom(found: list[Symptom]) -> list[Symptom]:
-    return [max(found, key=lambda sign: sign.strength)] if found else []

@@ -1,11 +1,10 @@
-"""Channels that have lost their sign, their side or their unit."""
+"""Channels that have lost their sign, their side, their unit or their scale."""
 
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Floats
 from analysis.findings.accelerometer_share import fit_accelerometer_gain
 from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import ACC, FindingInputs
@@ -14,6 +13,7 @@ from analysis.findings.refit import refit_from_scratch, refit_mended
 from analysis.model.schema import values
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.motion_samples import MotionSamples
+from estimators.arrays import Floats
 
 #: Ratios of units that are taken for each other, and what they are.
 _SPEED_UNITS: Final = {
@@ -353,3 +353,13 @@ def _multiply_channel(motion: MotionSamples, channel: str, times: float) -> Moti
         turned = np.sign(times)
         return replace(motion, speed=motion.speed * times, direction=motion.direction * turned)
     return replace(motion, force=motion.force * times)
+
+
+def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
+    """The lightest load against the empty mass, in their standard uncertainty with the scale."""
+    found = inputs.check_inputs.empty_mass
+    if found is None or not found.tells:
+        return []
+    return [
+        Symptom(abs(found.in_u) / LIMITS.wrong_scale_u, found.text, channel=inputs.force_channel)
+    ]

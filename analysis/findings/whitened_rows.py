@@ -10,10 +10,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import Floats
-from analysis.diagnosis.measured_channels import Ints
 from analysis.findings.finding_limits import LIMITS
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
+from estimators.arrays import Floats, Ints
 from estimators.numerics.fit_loss import group_rows
 
 

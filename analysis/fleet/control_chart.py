@@ -13,10 +13,9 @@ from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri, stdtr
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: Allowance of the CUSUM, in standard deviations: half of the shift that it finds soonest.
 ALLOWANCE: Final = 0.25
@@ -124,7 +123,7 @@ def _change(values: Floats, since: int | None) -> tuple[float, float]:
 
 @cache
 def limit_for(run_length: float) -> float:
-    """The limit at which a false alarm comes once in so many values, on average.
+    """Find the limit at which a false alarm comes once in so many values, on average.
 
     Args:
         run_length: average run length of both sums together, without drift.

@@ -83,7 +83,7 @@ def sums(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
     )
 
 
-def whole(machines: pl.DataFrame) -> Mapping[str, float]:
+def sum_machines(machines: pl.DataFrame) -> Mapping[str, float]:
     """The sum over machines: what is common to one's recordings is not common to two machines.
 
     Args:

@@ -9,14 +9,12 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.schema import values
 from analysis.model.settings import Settings
+from estimators.arrays import Floats
 from estimators.estimate import Trace
 from estimators.planar import planar_rows
-
-Floats = NDArray[np.float64]
 
 #: What the z axis cannot do without.
 YAW_COLUMNS: Final = ("torque_z_N_m", "yaw_rate_rad_s", "yaw_acc_rad_s2")
@@ -112,7 +110,7 @@ def theta_of(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
 
 
 def rows_of(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
-    """The rows of an axis; every row where there is x alone."""
+    """Rows of an axis; all rows if x is the only axis."""
     if "axis" not in estimates.columns:
         return estimates if axis is X else estimates.clear()
     return estimates.filter(pl.col("axis") == axis.letter)

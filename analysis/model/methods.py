@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 from pydantic import BaseModel, ConfigDict, Field
 
 if TYPE_CHECKING:
-    from estimators.estimate import Floats, Trace
+    from estimators.arrays import Floats
+    from estimators.estimate import Trace
     from estimators.methods.fgls import FglsOptions
     from estimators.methods.huber import HuberOptions
     from estimators.methods.ls import LsOptions

@@ -138,6 +138,7 @@ _HINTS = (
     _f("bucket_rad", "rad", "bucket angle, positive curled up"),
     _f("latitude_deg", "°", "latitude"),
     _f("longitude_deg", "°", "longitude"),
+    _f("fuel_rate_L_h", "L/h", "rate at which the engine burns fuel"),
 )
 _DIRECTION = _f(
     "direction_x_1",

@@ -86,7 +86,9 @@ class PhaseSettings(BaseModel):
     speed_rate_span_s: float = Field(0.1, gt=0, description="span of the speed rate")
     standstill_speed_m_s: float = Field(0.02, ge=0, description="slower than this stands")
     steady_acc_m_s2: float = Field(0.15, gt=0, description="smaller speed rates are cruising")
-    turning_rate_rad_s: float = Field(0.05, gt=0, description="faster yaw rates are turning")
+    turning_rate_rad_s: float = Field(
+        0.05, gt=0, description="yaw rate above which the machine turns"
+    )
     steady_yaw_acc_rad_s2: float = Field(0.05, gt=0, description="smaller ones are steady arcs")
 
 
@@ -265,7 +267,7 @@ class PriorSettings(BaseModel):
         "squats under its load",
     )
     speed_delay_s: float = Field(
-        0.02, gt=0, description="prior of the speed's delay behind the accelerometer"
+        0.02, gt=0, description="prior std of the speed's delay after the accelerometer"
     )
     wheel_slip: float = Field(
         0.07, gt=0, description="prior of the wheels' slip at full force, as a share of the speed"
@@ -403,13 +405,13 @@ class VerdictLimits(BaseModel):
         0.01, gt=0, description="largest change of the mass by braking that counts as driving"
     )
     methods_max: int = Field(0, ge=0, description="most methods that the answer contradicts")
-    term_t_max: float = Field(4.0, gt=0, description="largest t of a term that is not told of")
+    term_t_max: float = Field(4.0, gt=0, description="largest t of a term that is not reported")
     frozen_max_s: float = Field(0.0, ge=0, description="longest time that channels may be frozen")
     clipped_max: float = Field(
         0.0, ge=0, le=1, description="largest share of a force channel's readings that clip"
     )
     sides_max: float = Field(
-        0.07, gt=0, description="largest difference of left and right that is not told of"
+        0.07, gt=0, description="largest difference of left and right that is not reported"
     )
     one_sided_max: float = Field(
         0.4, gt=0, description="largest such difference of the torques that withholds nothing"
@@ -431,58 +433,16 @@ class VerdictLimits(BaseModel):
         3.0, gt=0, description="standard uncertainties that a mass may be below the empty mass"
     )
     empty_mass_max_u: float = Field(
-        1.0, gt=0, description="standard uncertainties from the empty mass that are not told of"
+        1.0, gt=0, description="largest distance from the empty mass, in u, that is not reported"
     )
     causes_max: int = Field(0, ge=0, description="most named causes that make a mass worthless")
-
-
-#: Where the keys of older machine files went, when all settings were one flat table.
-MOVED: Final[Mapping[str, str]] = {
-    "rate_hz": "align.rate_hz",
-    "gap_periods": "align.gap_periods",
-    "smooth_samples": "smooth.samples",
-    "derivative_cutoff_hz": "filter.cutoff_hz",
-    "causal": "filter.causal",
-    "acceleration": "forces.acceleration",
-    "coulomb": "forces.coulomb",
-    "direction_deadband_m_s": "forces.direction_deadband_m_s",
-    "speed_rate_span_s": "phases.speed_rate_span_s",
-    "standstill_speed_m_s": "phases.standstill_speed_m_s",
-    "steady_acc_m_s2": "phases.steady_acc_m_s2",
-    "turning_rate_rad_s": "phases.turning_rate_rad_s",
-    "steady_yaw_acc_rad_s2": "phases.steady_yaw_acc_rad_s2",
-    "window_samples": "gate.window_samples",
-    "gate": "gate.index",
-    "threshold_nat": "gate.threshold_nat",
-    "threshold_std_kg": "gate.threshold_std_kg",
-    "threshold_std_kg_m2": "gate.threshold_std_kg_m2",
-    "ksg_neighbours": "gate.ksg_neighbours",
-    "exclude_braking": "gate.exclude_braking",
-    "saturation_force_N": "gate.saturation_force_N",
-    "saturation_torque_z_N_m": "gate.saturation_torque_z_N_m",
-    "slip_acc_m_s2": "gate.slip_acc_m_s2",
-    "condition_max": "gate.condition_max",
-    "methods": "trace.methods",
-    "forgetting": "trace.forgetting",
-    "directional_forgetting": "trace.directional_forgetting",
-    "fgls_floor": "trace.fgls_floor",
-    "huber_bend": "trace.huber_bend",
-    "tls_noise_force_N": "noise.force_N",
-    "tls_noise_acc_m_s2": "noise.acc_m_s2",
-    "tls_noise_speed_m_s": "noise.speed_m_s",
-    "tls_noise_torque_z_N_m": "noise.torque_z_N_m",
-    "tls_noise_yaw_acc_rad_s2": "noise.yaw_acc_rad_s2",
-    "tls_noise_yaw_rate_rad_s": "noise.yaw_rate_rad_s",
-    "threshold_std_com_m": "planar.threshold_std_com_m",
-}
 
 
 def _nearest(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
     """The setting, with its stage, whose name is most like a key that is none."""
     stages = {name: stage for stage, part in parts.items() for name in part.model_fields}
-    names = {**{name: f"{stage}.{name}" for name, stage in stages.items()}, **MOVED}
-    close = get_close_matches(key, names, n=1)
-    return names[close[0]] if close else None
+    close = get_close_matches(key, stages, n=1)
+    return f"{stages[close[0]]}.{close[0]}" if close else None
 
 
 class Settings(BaseModel):
@@ -511,25 +471,14 @@ class Settings(BaseModel):
     @classmethod
     def _values_are_in_a_stage(cls, content: Any) -> Any:
         """Name the stage of a value that was given without one."""
-        for key, _ in cls.refuse_moved(content):
-            if key not in cls.model_fields and (meant := _nearest(key, cls.parts())):
+        if not isinstance(content, Mapping):
+            return content
+        for key, value in content.items():
+            if key in cls.model_fields or isinstance(value, Mapping | BaseModel):
+                continue
+            if meant := _nearest(key, cls.parts()):
                 raise ValueError(f"unknown key '{key}'; did you mean 'settings.{meant}'?")
         return content
-
-    @classmethod
-    def refuse_moved(cls, content: Any) -> list[tuple[str, Any]]:
-        """Name the new key of a value of the flat table; the values that are in no stage.
-
-        Raises:
-            ValueError: there is one.
-        """
-        if not isinstance(content, Mapping):
-            return []
-        bare = [(k, v) for k, v in content.items() if not isinstance(v, Mapping | BaseModel)]
-        moved = [f"'{key}' is now 'settings.{MOVED[key]}'" for key, _ in bare if key in MOVED]
-        if moved:
-            raise ValueError(", ".join(moved))
-        return bare
 
     @classmethod
     def parts(cls) -> dict[str, type[BaseModel]]:

@@ -25,7 +25,7 @@ class Check:
     Attributes:
         check: its name.
         about: what it may withhold.
-        value: the number; None where the log has nothing to tell it from.
+        value: the number; None if the log has nothing to compute it from.
         minimum: smallest number that passes, None where there is none.
         maximum: largest number that passes, likewise.
         passed: None where the check does not apply to this log.

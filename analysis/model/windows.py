@@ -1,10 +1,8 @@
 """Windows and runs of flagged rows: which windows hold one, which rows lie inside a window."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
+from estimators.arrays import Bools, Ints
 
 
 def windows_with(flag: Bools, window: int) -> Bools:

@@ -1,18 +1,24 @@
 """A log that is followed: samples in, decisions, estimates and reports out, in bounded memory."""
 
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 
 from analysis.model.machine import Machine
-from analysis.online.gate_state import GateRow
+from analysis.online.answer_progress import AnswerProgress, find_aim
+from analysis.online.gate_state import GateRow, number
 from analysis.online.growing_log import GrowingLog, causal_machine
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
 from analysis.online.online_report import VALID_S, Event, LastMass, OnlineReport, judge
 from estimators.estimate import Estimate
+
+#: Changes of direction that are kept: a manoeuvre's mass comes before as many more.
+_DIRECTIONS: Final = 16
 
 
 class FollowedRow(NamedTuple):
@@ -24,6 +30,7 @@ class FollowedRow(NamedTuple):
         gate: of the window that ends here; None for what comes when the log has ended.
         estimates: by method, each with the `t_ns` of the row at which it stands.
         reports: made at this row.
+        excitation: the row of `excitation`; empty for what comes when the log has ended.
     """
 
     t_ns: int
@@ -31,6 +38,7 @@ class FollowedRow(NamedTuple):
     gate: GateRow | None
     estimates: Mapping[str, tuple[int, Estimate]]
     reports: tuple[OnlineReport, ...]
+    excitation: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(slots=True)
@@ -66,7 +74,12 @@ class Follower:
     """
 
     def __init__(
-        self, machine: Machine, noise: pl.DataFrame | None = None, *, valid_s: float = VALID_S
+        self,
+        machine: Machine,
+        noise: pl.DataFrame | None = None,
+        *,
+        valid_s: float = VALID_S,
+        until_u_kg: float | None = None,
     ) -> None:
         """Begin before the first sample.
 
@@ -75,6 +88,8 @@ class Follower:
             noise: the frame `noise` of an earlier recording of the machine; None:
                 `[settings.noise]` where it names all of it, else no window is refused for noise.
             valid_s: for so many seconds a mass counts as that of the machine now.
+            until_u_kg: the standard uncertainty of a load's mass that is aimed at; None: 2 % of
+                the empty mass, where the machine file has it.
         """
         self.log = GrowingLog(causal_machine(machine))
         self.last_gate: GateRow | None = None
@@ -82,6 +97,10 @@ class Follower:
         #: the newest estimate of each method, with the `t_ns` at which it stands
         self.newest: dict[str, tuple[int, Estimate]] = {}
         self.manoeuvres = 0
+        #: of the load that the machine carries now
+        self.progress = AnswerProgress(find_aim(machine.machine, until_u_kg))
+        #: since when the machine has moved ahead (speed in m/s) or backwards, the newest last
+        self._directions: deque[tuple[int, float]] = deque(maxlen=_DIRECTIONS)
         self._noise, self._valid_s = noise, valid_s
         self._state: OnlineState | None = None
         self._times: _RowTimes | None = None
@@ -136,13 +155,14 @@ class Follower:
         stepped = step(state, row)
         self._state, self.last_gate = stepped.state, stepped.gate
         self._now = t_ns, row["phase"]
+        self._note_direction(t_ns, row)
         estimates = self._time_stage(stepped.estimates)
         second = t_ns // 1_000_000_000
         reports = [self._report("manoeuvre")] if self._take_mass(estimates) else []
         if second > self._second and not reports:
             reports.append(self._report("second"))
         self._second = second
-        return FollowedRow(t_ns, row["phase"], stepped.gate, estimates, tuple(reports))
+        return FollowedRow(t_ns, row["phase"], stepped.gate, estimates, tuple(reports), row)
 
     def _finish(self, state: OnlineState) -> Iterator[FollowedRow]:
         t_ns, phase = self._now
@@ -169,9 +189,21 @@ class Follower:
     def _take_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
         if "pooled" not in estimates:
             return False
-        self.last_mass = LastMass(*estimates["pooled"])
+        self.last_mass = last = LastMass(*estimates["pooled"])
         self.manoeuvres += 1
+        assert self.log.basis is not None, "there are rows"
+        if judge(last, last.t_ns, self.log.basis.machine.machine, math.inf) == "valid":
+            speeds = [speed for since, speed in self._directions if since <= last.t_ns]
+            mass_kg, u_kg = float(last.estimate.theta[0]), float(last.estimate.std[0])
+            self.progress = self.progress.add(mass_kg, u_kg, speeds[-1] if speeds else 0.0)
         return True
+
+    def _note_direction(self, t_ns: int, row: Mapping[str, Any]) -> None:
+        speed = number(row["speed_x_m_s"])
+        if row["phase"] in (None, "standstill") or not speed:
+            return
+        if not self._directions or (speed < 0.0) != (self._directions[-1][1] < 0.0):
+            self._directions.append((t_ns, speed))
 
     def _report(self, event: Event) -> OnlineReport:
         basis, gate, last = self.log.basis, self.last_gate, self.last_mass
@@ -180,6 +212,7 @@ class Follower:
         validity = judge(last, t_ns, basis.machine.machine, self._valid_s)
         given = last.estimate if last is not None and validity in ("valid", "old") else None
         index = gate.mi_x_nat if gate else math.nan
+        progress = self.progress
         return OnlineReport(
             event=event,
             unix_ns=basis.t0_unix_ns + t_ns,
@@ -194,4 +227,11 @@ class Follower:
             friction_u_N_s_m=None if given is None else float(given.std[1]),
             age_s=None if last is None else (t_ns - last.t_ns) / 1e9,
             manoeuvres=self.manoeuvres,
+            load_mass_kg=progress.mean_kg if progress.manoeuvres else None,
+            load_u_kg=progress.u_kg,
+            load_manoeuvres=progress.manoeuvres,
+            until_u_kg=progress.until_u_kg,
+            percent=progress.percent,
+            starts_missing=progress.starts_missing,
+            reverse_missing=progress.reverse_missing,
         )

@@ -14,16 +14,9 @@ from analysis.model.axes import X
 from analysis.model.schema import PHASES
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import slipping, without_gravity
-from analysis.stages.gating.gate_rules import (
-    UNKNOWN,
-    Bools,
-    Floats,
-    Ints,
-    decide,
-    is_braking,
-    row_flags,
-)
+from analysis.stages.gating.gate_rules import UNKNOWN, decide, is_braking, row_flags
 from analysis.stages.motion.phases import TURNS, span_rows
+from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, window_statistics
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics import nearest_neighbours

@@ -7,6 +7,7 @@ is) is taken from its first seconds and kept.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Final
 
 import numpy as np
@@ -164,16 +165,18 @@ class GrowingLog:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
                 raise DataError(f"nothing came of the topics {missing}")
             return False
-        spans = [_span_s(frame) for frame in self._raw.values()]
-        if min(spans) < HEAD_S and not is_whole:
-            return False
-        placed, labels, _ = assign_timestamps(self._raw)
+        head = _head(self._raw)
+        if head is None:
+            if not is_whole:
+                return False
+            head = self._raw
+        placed, labels, _ = assign_timestamps(head)
         read, _ = read_measured(placed, self.machine)
         machine, notes = at_own_rate(read, self.machine)
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
             machine,
-            {topic: _behind_ns(frame, labels[topic]) for topic, frame in self._raw.items()},
+            {topic: _behind_ns(frame, labels[topic]) for topic, frame in head.items()},
             labels,
             find_origin(channels, machine),
             tuple(notes),
@@ -220,9 +223,10 @@ def _joined(frames: list[pl.DataFrame]) -> pl.DataFrame:
     """Frames one below the other; a column may be of integers in one and of floats in another."""
     if len(frames) == 1:
         return frames[0]
-    # where nothing is to be cast, no query is made of it
-    alike = all(frame.schema == frames[0].schema for frame in frames)
-    return pl.concat(frames, how="vertical" if alike else "vertical_relaxed")
+    if any(frame.schema != frames[0].schema for frame in frames):
+        return pl.concat(frames, how="vertical_relaxed")
+    # a query would cost more than all the rest of a few samples
+    return reduce(pl.DataFrame.vstack, frames)
 
 
 def _in_order(frame: pl.DataFrame, key: str) -> pl.DataFrame:
@@ -230,9 +234,19 @@ def _in_order(frame: pl.DataFrame, key: str) -> pl.DataFrame:
     return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
 
 
-def _span_s(frame: pl.DataFrame) -> float:
-    times = frame["log_time_ns"]
-    return (int(times[-1]) - int(times[0])) / 1e9 if frame.height > 1 else 0.0
+def _head(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
+    """The first seconds of every topic, up to one time; None where one has fewer.
+
+    However much a look finds on disk, a log has one head: who follows it again begins alike.
+    """
+    reached: list[int] = []
+    for frame in topics.values():
+        times = frame["log_time_ns"].to_numpy()
+        first = int(np.searchsorted(times, times[0] + round(HEAD_S * 1e9)))
+        if first == times.size:
+            return None
+        reached.append(int(times[first]))
+    return {t: f.filter(f["log_time_ns"] <= max(reached)) for t, f in topics.items()}
 
 
 def _behind_ns(frame: pl.DataFrame, label: str) -> int | None:

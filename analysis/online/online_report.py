@@ -60,6 +60,13 @@ class OnlineReport:
         friction_u_N_s_m: random standard uncertainty.
         age_s: since the last sample that the mass is made of; None without one.
         manoeuvres: how many have given a mass so far.
+        load_mass_kg: mean of the manoeuvres with the load of now; None before the first.
+        load_u_kg: its random standard uncertainty; None likewise.
+        load_manoeuvres: how many they are.
+        until_u_kg: the uncertainty that is aimed at; None where nothing says which.
+        percent: of the information that takes; None likewise.
+        starts_missing: manoeuvres like these until then; None before the first.
+        reverse_missing: those of them that should be driven backwards.
     """
 
     event: Event
@@ -75,6 +82,13 @@ class OnlineReport:
     friction_u_N_s_m: float | None
     age_s: float | None
     manoeuvres: int
+    load_mass_kg: float | None = None
+    load_u_kg: float | None = None
+    load_manoeuvres: int = 0
+    until_u_kg: float | None = None
+    percent: float | None = None
+    starts_missing: int | None = None
+    reverse_missing: int | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The fields by name, as JSON has them."""

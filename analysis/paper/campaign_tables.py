@@ -14,7 +14,7 @@ from analysis.paper.replayed_campaign import (
     ERRORS,
     ReplayedCampaign,
     errors,
-    regated,
+    regate,
     trial_bound_kg,
 )
 from analysis.paper.simulated_sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
@@ -134,7 +134,7 @@ def errors_over(
     """Repeat gate and estimators with each value of a setting: a row a value and method."""
     frames: list[pl.DataFrame] = []
     for value in values:
-        again = regated(campaign, campaign.settings.changed({f"gate.{setting}": value}))
+        again = regate(campaign, campaign.settings.changed({f"gate.{setting}": value}))
         frames.append(
             errors(again).with_columns(
                 pl.lit(float(value)).alias(setting), bound_kg=pl.lit(trial_bound_kg(again))

@@ -42,7 +42,7 @@ _PARAMETERS: Final = 2  # mass and friction
 _FLOAT_BYTES: Final = 8
 
 
-def fed(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> ReplayedCampaign:
+def accept_windows(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> ReplayedCampaign:
     """Accept other windows of a campaign.
 
     Args:
@@ -67,7 +67,7 @@ def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
 def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) -> float:
     """The error of RLS at the end of the cruise; NaN without estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
-    again = fed(campaign, how, campaign.settings.changed(methods))
+    again = accept_windows(campaign, how, campaign.settings.changed(methods))
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
     before = again.replayed.frames["estimates/rls"].filter(pl.col("t_ns") <= cruised_ns)
     if before.is_empty():
@@ -86,7 +86,7 @@ def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     rls = campaign.settings.changed({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
     estimates = {"gated": campaign.estimates()} | {
-        how: fed(campaign, how, rls).estimates() for how in without
+        how: accept_windows(campaign, how, rls).estimates() for how in without
     }
     return pl.concat(
         run_errors(masses)
@@ -186,10 +186,16 @@ def claims(extracts: Extracts) -> Claims:
     buffer = _buffer_rows(pl.concat(extracts.all(OVER_WINDOWS), how="vertical_relaxed"))
     rows = [
         *buffer,
-        *(_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
-        _row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
+        *(
+            _claim_row("rms", "trial", row, "rms_left_out_kg")
+            for row in gated.iter_rows(named=True)
+        ),
+        _claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
         *(_window_row(row) for row in windows.iter_rows(named=True)),
-        *(_row("experiment", "trial", row, "mean_abs_kg") for row in gated.iter_rows(named=True)),
+        *(
+            _claim_row("experiment", "trial", row, "mean_abs_kg")
+            for row in gated.iter_rows(named=True)
+        ),
         *_cruise_rows(np.array(extracts.all(CRUISE_ERRORS))),
         *_campaign_rows(means),
     ]
@@ -208,14 +214,14 @@ def claims(extracts: Extracts) -> Claims:
         frame=frame,
         rms_limit_kg=limit_kg,
         rms_held=bool((rms["found_kg"] < limit_kg).all()),
-        rms_kg=_range(rms["found_kg"]),
+        rms_kg=_value_range(rms["found_kg"]),
         constant_percent=constant["of_mass_percent"].item(),
         window_spread_1=spread_1,
         windows_claimed=(spread_1 / printed_numbers.SIMULATION_ERROR[1]) ** 2,
         bias_kg=ls["bias_kg"],
         biased=abs(ls["bias_kg"]) > _NORMAL * ls["bias_std_kg"],
-        experiment_mass_percent=_range(experiment["of_mass_percent"]),
-        experiment_range_percent=_range(experiment["of_load_range_percent"]),
+        experiment_mass_percent=_value_range(experiment["of_mass_percent"]),
+        experiment_range_percent=_value_range(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
         saved_by=_saved_by(means),
         buffer=_buffers(frame.filter(pl.col("claim") == "buffer")),
@@ -234,7 +240,7 @@ def _buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
         samples = round(row[WINDOW])
         held = ls_buffer_bytes(samples) if row["method"] == "ls" else rls_state_bytes()
         of_window = {"window_samples": samples, "buffer_bytes": held}
-        rows.append(_row("buffer", "trial", {**row, **of_window}, "run_left_out_kg"))
+        rows.append(_claim_row("buffer", "trial", {**row, **of_window}, "run_left_out_kg"))
     return rows
 
 
@@ -245,12 +251,12 @@ def _buffers(frame: pl.DataFrame) -> Buffers:
     return Buffers(
         windows=tuple(beside["window_samples"]),
         as_good=tuple(beside.filter(reaches)["window_samples"]),
-        ls_kg=_range(ls["found_kg"]),
-        rls_kg=_range(rls["found_kg"]),
+        ls_kg=_value_range(ls["found_kg"]),
+        rls_kg=_value_range(rls["found_kg"]),
     )
 
 
-def _row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
+def _claim_row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
     """A finding whose number and interval stand in `row` under `name`."""
     return {
         "claim": claim,
@@ -271,7 +277,7 @@ def _row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, An
 def _window_row(row: Mapping[str, Any]) -> dict[str, Any]:
     half = _NORMAL * row["bias_std_kg"]
     ends = {"bias_kg_low": row["bias_kg"] - half, "bias_kg_high": row["bias_kg"] + half}
-    return _row("simulation", "window", {**row, **ends}, "bias_kg")
+    return _claim_row("simulation", "window", {**row, **ends}, "bias_kg")
 
 
 def _cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
@@ -280,7 +286,7 @@ def _cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     found = [rms_interval(errors, rng) for errors in errors_kg.T]
     ungated_kg = found[0][0]
     return [
-        _row(
+        _claim_row(
             "reduction",
             "cruise",
             {
@@ -304,7 +310,7 @@ def _campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
         gated = row["fed"] != "ungated"
         smaller = _smaller(row["rms_left_out_kg"], ungated_kg) if gated else None
         rows.append(
-            _row("reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg")
+            _claim_row("reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg")
         )
     return rows
 
@@ -322,7 +328,7 @@ def _saved_by(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "th
     return "refusing braking" if by_fed["no braking"] < _ALIKE * by_fed["gated"] else "the index"
 
 
-def _range(column: pl.Series) -> tuple[float, float]:
+def _value_range(column: pl.Series) -> tuple[float, float]:
     low, high = column.min(), column.max()
     assert isinstance(low, float)
     assert isinstance(high, float)

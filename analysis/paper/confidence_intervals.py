@@ -5,9 +5,8 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: Probability of an interval, and resamples of the bootstrap that finds it.
 CONFIDENCE: Final = 0.95

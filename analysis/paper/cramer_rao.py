@@ -7,11 +7,9 @@ what treats samples as unrelated, as (7) does; who also knew that a = dv/dt coul
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.simulation.scenario.scenario import SimulatedSensors
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 
 def equation_noise(sensors: SimulatedSensors, mass_kg: float, friction_N_s_m: float) -> float:

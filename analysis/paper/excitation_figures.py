@@ -13,7 +13,8 @@ from analysis.paper import printed_numbers
 from analysis.paper.replayed_campaign import ReplayedCampaign, accepting
 from analysis.paper.simulated_sources import LINEAR, ROTATION, Extract
 from analysis.stages.gating.gate import gate
-from estimators.estimate import Floats, Trace
+from estimators.arrays import Floats
+from estimators.estimate import Trace
 from estimators.methods import fgls, ls, rls, tls
 from estimators.planar import planar_rows
 

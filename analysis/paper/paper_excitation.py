@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
 from analysis.simulation import Scenario, solve_motion
@@ -15,8 +14,7 @@ from analysis.simulation.scenario.manoeuvres import Excite
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from analysis.stages.motion.smooth import trailing_mean
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: Phases a sample at which a window may start.
 PHASES: Final = 10
@@ -92,7 +90,7 @@ class SteadyDrive:
         return mass_bounds_kg(noise_N, *sums)
 
 
-def excited(scenario: Scenario, *, force: ForceWave | None, torque: TorqueWave | None) -> Scenario:
+def excite(scenario: Scenario, *, force: ForceWave | None, torque: TorqueWave | None) -> Scenario:
     """The scenario with one run without load, under these waveforms for five periods."""
     period_s = (force or torque or ForceWave()).period_s
     drive = Excite(duration_s=_PERIODS * period_s, force=force, torque=torque)
@@ -110,7 +108,7 @@ def steady_drive(scenario: Scenario, force: ForceWave | None = None) -> SteadyDr
         force: the waveform.
     """
     force = force or ForceWave()
-    motion = solve_motion(excited(scenario, force=force, torque=None), 0.0)
+    motion = solve_motion(excite(scenario, force=force, torque=None), 0.0)
     steps = round(force.period_s * scenario.sensors.rate_hz * PHASES)
     time_s = force.period_s * (_SETTLED_PERIODS + np.arange(steps) / steps)
     true = motion.sample(time_s)

@@ -50,7 +50,7 @@ class ReplayedCampaign:
         return run_estimates(self.replayed, self.trials)
 
 
-def regated(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
+def regate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Repeat gate and estimators with other settings; nothing before the gate changes."""
     excitation = campaign.replayed.frames["excitation"]
     return accepting(campaign, gate(excitation, settings), settings)

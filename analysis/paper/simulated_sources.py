@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 from analysis.model.machine import Channel, Machine
-from analysis.paper.paper_excitation import SteadyDrive, excited, steady_drive
+from analysis.paper.paper_excitation import SteadyDrive, excite, steady_drive
 from analysis.paper.replayed_campaign import ReplayedCampaign
 from analysis.paper.torque_chain import TorqueChain, through
 from analysis.simulation import Scenario, SimulatedLog
@@ -179,18 +179,18 @@ def _chained_campaign(study: Study, number: int) -> ReplayedCampaign:
 
 
 def _linear(study: Study, _: int) -> ReplayedCampaign:
-    driven = excited(study.scenario, force=ForceWave(), torque=None)
+    driven = excite(study.scenario, force=ForceWave(), torque=None)
     return study.replay(driven, study.machine, _ideal)
 
 
 def _rotation(study: Study, _: int) -> ReplayedCampaign:
-    driven = excited(study.scenario, force=None, torque=TorqueWave())
+    driven = excite(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
     return study.replay(driven, machine, _ideal)
 
 
-def _start(study: Study, _: int) -> ReplayedCampaign:
+def _replay_start(study: Study, _: int) -> ReplayedCampaign:
     return study.replay(_one_trial(study.scenario), study.machine, _ideal)
 
 
@@ -223,6 +223,6 @@ CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _campaigns)
 LINEAR: Final = Source("linear motion", _linear)
 ROTATION: Final = Source("rotation", _rotation)
 #: One start and stop.
-START: Final = Source("start and stop", _start)
+START: Final = Source("start and stop", _replay_start)
 #: A start, and a long cruise.
 CRUISES: Final = Source("cruise", _cruise, _cruises)

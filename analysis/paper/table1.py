@@ -14,17 +14,15 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.paper import printed_numbers
 from analysis.paper.confidence_intervals import CONFIDENCE, lowest, rms_interval
 from analysis.paper.paper_excitation import MeasuredWindows, SteadyDrive
 from analysis.paper.simulated_sources import OSCILLATION, Extract, Extracts, SteadyStudy
 from analysis.simulation.scenario.scenario import SimulatedSensors
+from estimators.arrays import Floats
 from estimators.methods import fgls, ls, rls, tls
 from estimators.methods.rls import RlsOptions
-
-Floats = NDArray[np.float64]
 
 #: The paper's, and total least squares on raw units.
 METHODS: Final = (*printed_numbers.METHODS, "tls_raw")

@@ -37,7 +37,7 @@ class TorqueChain:
 
 
 def through(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
-    """The log with its torques as this chain would record them, their noise along with them."""
+    """Give a log the torques, and their noise, that this chain would record."""
     machine = simulated.scenario.machine
     share = chain.front_share(machine.mass_kg, simulated.load_kg)
     factor = chain.gain_1 * share / machine.force_share

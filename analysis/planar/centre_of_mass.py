@@ -17,7 +17,7 @@ from analysis.model.axes import Axis, X, Z
 from analysis.model.machine import Machine
 from analysis.model.schema import FRAMES, build
 from analysis.model.settings import Settings
-from analysis.model.uncertainty_sources import combined, unknown_scale
+from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.planar.planar_budget import gradient_of, sources, standard_uncertainty
 from analysis.planar.planar_motion import drive_of
@@ -27,7 +27,7 @@ from analysis.planar.planar_terms import TERMS, terms_of
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.gating.segments import manoeuvres
-from estimators.estimate import Bools, Floats, Ints
+from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
 from estimators.planar.base_parameters import BaseEstimate, Prior
 from estimators.planar.planar_rows import PARAMETERS
@@ -127,7 +127,7 @@ def _arcs(
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
         fitted = _fit(log, of, start, known, _BOTH if both else _FORCE)
-        row = _row(kind, log, of >= 0, fitted, known.names)
+        row = _planar_row(kind, log, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
             reason = "ill_conditioned"
@@ -180,7 +180,7 @@ def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate]
         plane.motion, plane.f, PARAMETERS, of, noise=plane_noise(plane, used)
     ).coefficients
     fitted = _fit(log, of, start, Prior.about_zero({}, 2), _BOTH)
-    row = _row("joint", log, used, fitted, ())
+    row = _planar_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
     # of a force that never changes nothing is explained
@@ -284,7 +284,7 @@ def _of_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
     )
 
 
-def _row(
+def _planar_row(
     kind: str, log: _Log, used: Bools, fitted: _NamedEstimate, known: tuple[str, ...]
 ) -> dict[str, Any]:
     """What a fit says, by column."""
@@ -364,7 +364,7 @@ def _budget(
             moment = _MOMENTS["xy".index(quantity[4])]
             gradient = fitted.estimate.slope(moment, "mass_kg")[1]
         found = sources(fitted.estimate, gradient, fitted.priors, machine)
-        total = combined(found)
+        total = combine(found)
         parts += [
             {
                 "quantity": quantity,

@@ -11,12 +11,12 @@ from analysis.model.uncertainty_sources import (
     SCALES,
     TRACK_WIDTH,
     UncertaintySource,
-    combined,
+    combine,
     largest_first,
     turned_by_sides,
 )
 from analysis.planar.planar_terms import TERMS
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 from estimators.planar.base_parameters import BaseEstimate
 
 _TERMS: Final = {term.name: term for term in TERMS}
@@ -101,4 +101,4 @@ def standard_uncertainty(
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combined(sources(estimate, gradient, terms, machine))
+    return combine(sources(estimate, gradient, terms, machine))

@@ -9,7 +9,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.planar.planar_samples import Plane
-from estimators.estimate import Bools, Floats
+from estimators.arrays import Bools, Floats
 from estimators.planar.planar_rows import PARAMETERS
 
 #: What a log reaches: this quantile of it.

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.planar.planar_motion import Drive
 from analysis.planar.planar_terms import Term
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.planar.planar_rows import PARAMETERS
 
 

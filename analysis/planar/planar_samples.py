@@ -13,10 +13,8 @@ from analysis.model.settings import Settings
 from analysis.stages.gating.gate import braking_within_sight
 from analysis.stages.motion.phases import TURNS, pace, yaw_pace
 from analysis.stages.noise.column_noise import mean_stds
+from estimators.arrays import Bools, Floats
 from estimators.planar import planar_rows
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

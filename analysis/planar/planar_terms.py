@@ -17,7 +17,7 @@ from analysis.model.settings import PriorSettings
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, turned_by_sides
 from analysis.planar.planar_motion import Drive, TurningSamples
 from analysis.weighing.nuisances import constant_force_std, coulomb_std
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
 Columns = tuple[Floats | None, Floats | None]
@@ -72,7 +72,7 @@ def _blind_sideways(machine: Machine) -> bool:
     return not measures_sideways(machine) and "roll_rad" not in machine.channels
 
 
-def _slope(machine: Machine) -> bool:
+def _has_unknown_slope(machine: Machine) -> bool:
     return _blind_along(machine) or _blind_sideways(machine)
 
 
@@ -284,7 +284,7 @@ TERMS: Final = (
         "a slope along where the log begins, of which no channel tells",
         "level ground; an accelerometer, or channels of pitch and roll",
         "xz",
-        _slope,
+        _has_unknown_slope,
     ),
     Term(
         "slope_across",
@@ -293,7 +293,7 @@ TERMS: Final = (
         "a slope across where the log begins, of which no channel tells",
         "level ground; an accelerometer, or channels of pitch and roll",
         "xz",
-        _slope,
+        _has_unknown_slope,
     ),
     Term(
         "accelerometer_gain",

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.machine import Body, Machine
-from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combined, largest_first
+from analysis.model.uncertainty_sources import SCALES, UncertaintySource, combine, largest_first
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
@@ -116,7 +116,7 @@ class EmptyMachine:
         if stated_kg is None:
             return ""
         scale_kg = UNKNOWN_SCALE * self.rotating_kg if unknown_factors(self.sources) else 0.0
-        u_kg = float(np.hypot(combined(self.sources), scale_kg))
+        u_kg = float(np.hypot(combine(self.sources), scale_kg))
         allowed_kg = LIMITS.empty_mass_agreement_u * float(
             np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0)
         )
@@ -134,7 +134,7 @@ class EmptyMachine:
         stated_kg, stated_u_kg = self._stated_kg, self._body.empty_mass_u_kg
         if stated_kg is None or stated_u_kg is None:
             return None
-        u_kg = combined(self.sources, "random", "common")
+        u_kg = combine(self.sources, "random", "common")
         turns_u_kg = self._body.rotating_mass_u_kg
         u_1 = float(np.linalg.norm([u_kg, stated_u_kg, turns_u_kg])) / stated_kg
         return self.rotating_kg / stated_kg, u_1
@@ -164,18 +164,18 @@ class EmptyMachine:
             # of masses so far apart that rounding leaves no ratio
             return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance(payloads)
-        empty_kg2 = combined(self.sources) ** 2
+        empty_kg2 = combine(self.sources) ** 2
         ratio_kg2 = self._variance(payloads - in_ratio * sum_kg * self.weights)
         together_kg2 = own_kg2 + (in_ratio * sum_kg) ** 2 * self._variance(self.weights) - ratio_kg2
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
         found = datum_of_share(float(np.clip(by_kg, 0.0, in_ratio)))
-        if found.scale_1 <= 0.0 or combined(found.sources(payloads)) ** 2 >= own_kg2:
+        if found.scale_1 <= 0.0 or combine(found.sources(payloads)) ** 2 >= own_kg2:
             return None
         return found
 
     def _variance(self, weights: Floats) -> float:
-        return combined(budget(self.weighing, self.machine, weights)) ** 2
+        return combine(budget(self.weighing, self.machine, weights)) ** 2
 
 
 @dataclass(frozen=True)

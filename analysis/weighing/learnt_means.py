@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import MOVED, SCALE, build
-from analysis.model.uncertainty_sources import combined
+from analysis.model.uncertainty_sources import combine
 from analysis.weighing.load_frames import difference_weights
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.motion_samples import Floats
@@ -137,7 +137,7 @@ def _response_rows(
     total = np.sum(list(sums.values()), axis=0)
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all
-    scale_1 = combined(budget(weighing, machine, total), "scale") / total_kg if total_kg else 0.0
+    scale_1 = combine(budget(weighing, machine, total), "scale") / total_kg if total_kg else 0.0
     rows: list[dict[str, object]] = []
     for number, weights in sums.items():
         by_term = dict(zip(terms, (moved_kg @ weights).tolist(), strict=True))

@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.model.schema import CALIBRATED, FRAMES, build
-from analysis.model.uncertainty_sources import combined, unknown_scale
+from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
 from analysis.weighing.joint_result import JointFit
@@ -109,7 +109,7 @@ def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Mach
         return []
     lightest = int(np.argmin(fit.masses_kg))
     difference_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
-    u_kg = combined(budget(weighing, machine, fit.weights(lightest)))
+    u_kg = combine(budget(weighing, machine, fit.weights(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
     if difference_kg > LIMITS.empty_state_u * u_kg or carried_kg < LIMITS.heaviest_state_u * u_kg:
@@ -125,7 +125,7 @@ def _equally_light_states(weighing: Weighing, lightest: int, machine: Machine) -
         if state == lightest:
             continue
         weights = difference_weights(weighing, state, found)
-        random_kg = combined(budget(weighing, machine, weights), "random")
+        random_kg = combine(budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > LIMITS.equally_light_std * random_kg:
             break
         found.append(state)
@@ -173,7 +173,7 @@ def _load_row(
     assert states is not None
     sources = budget(weighing, machine, fit.weights(state))
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
-    u_kg = combined(sources)
+    u_kg = combine(sources)
     withheld = [check.check for check in verdict.failed("mass")]
     # as the check of that name judges the load that most manoeuvres are of
     known = relative_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
@@ -184,8 +184,8 @@ def _load_row(
     numbers = {
         "mass_kg": mass_kg,
         "u_kg": u_kg,
-        "u_random_kg": combined(sources, "random"),
-        "u_common_kg": combined(sources, "common", "scale"),
+        "u_random_kg": combine(sources, "random"),
+        "u_common_kg": combine(sources, "common", "scale"),
         **payload,
         "friction_x_N_s_m": friction[0],
         "friction_x_std_N_s_m": friction[1],
@@ -226,15 +226,15 @@ def _payload(
     weights = difference_weights(weighing, state, empty)
     sources = budget(weighing, machine, weights)
     own_kg = float(weights @ fit.masses_kg)
-    u_kg = combined(sources)
+    u_kg = combine(sources)
     if not empty:
         own_kg -= body.rotating_mass_kg + (body.empty_mass_kg or 0.0)
         u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
-    own = (own_kg, u_kg, combined(sources, "random"))
+    own = (own_kg, u_kg, combine(sources, "random"))
     told = own
     if datum is not None:
         sources = datum.sources(weights)
-        told = (datum.scale_1 * own_kg, combined(sources), combined(sources, "random"))
+        told = (datum.scale_1 * own_kg, combine(sources), combine(sources, "random"))
     found: dict[str, float | None] = {
         f"payload_{n}": value for n, value in zip(names, told, strict=True)
     }
@@ -412,7 +412,7 @@ def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
 
 def _source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
     sources = budget(weighing, machine, weighing.fit.weights(state))
-    total = combined(sources)
+    total = combine(sources)
     u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(
         {

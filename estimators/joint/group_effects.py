@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.numerics.sandwich import meat

@@ -14,15 +14,12 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 from scipy.special import betaln
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
-
-Bools = NDArray[np.bool_]
 
 #: How far levels are apart, as standard deviations over their spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)

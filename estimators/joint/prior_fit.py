@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import toeplitz
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.joint.prior_solution import SolutionParts, solve_with_priors, uncertain_noise_share
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (

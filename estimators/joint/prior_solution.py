@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.joint.random_intercepts import InterceptShape
 from estimators.numerics.autocorrelation import pooled_autocorrelation

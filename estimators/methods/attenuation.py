@@ -10,7 +10,7 @@ n times their covariance; what they share with f is taken off Aᵀf likewise.
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.methods.ls import solve_windows
 from estimators.numerics.small_systems import factor, inverse_spd, packed_index, substitute
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.estimate import Estimate, Floats, Ints
+from estimators.arrays import Floats, Ints
+from estimators.estimate import Estimate
 from estimators.interpreted import compiled_ahead
 from estimators.methods import rls as recursion
 from estimators.methods import rtls as total_recursion
@@ -113,7 +114,10 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
 
 
 def window_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
-    """Compute what the gate asks of the window that ends now, (1,) each; noise as for `ls`."""
+    """Compute the statistics that the gate needs of the window that ends now, (1,) each.
+
+    The noise is given as for `ls`.
+    """
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
     correlation(state.moments, state.centre, window, rho, spread)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints, Trace
+from estimators.arrays import Floats, Ints
+from estimators.estimate import Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods.attenuation import DOUBT
 from estimators.numerics.autocorrelation import pooled_autocorrelation, widening

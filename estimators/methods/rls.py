@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.estimate import Bools, Floats, Ints, Trace
+from estimators.arrays import Bools, Floats, Ints
+from estimators.estimate import Trace
 from estimators.methods.ls import solve_windows
 from estimators.numerics import directional_forgetting as directional
 from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals

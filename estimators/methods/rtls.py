@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from estimators.estimate import Bools, Floats, Ints, Trace
+from estimators.arrays import Bools, Floats, Ints
+from estimators.estimate import Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods.tls import TlsOptions, solve_scaled
 from estimators.numerics.autocorrelation import pooled_autocorrelation

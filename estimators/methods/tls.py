@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
+from estimators.arrays import Bools, Floats, Ints
+from estimators.estimate import Estimate, Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
 from estimators.numerics.normal_equations import columns_of, gram, residual_squares

@@ -8,7 +8,7 @@ whatever the overlap.
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.methods.ls import solve_windows
 from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals

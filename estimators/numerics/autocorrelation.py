@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.fit_loss import fit_loss, group_ids
 from estimators.numerics.in_order import sum_axis_in_order

@@ -6,7 +6,7 @@ recursion runs in its covariance form, and its error's covariance by the error's
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 
 

@@ -8,7 +8,7 @@ of the long-run variance; less where the correlation lasts as long as the regres
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.in_order import multiply_vectors, sum_axis_in_order
 
@@ -150,7 +150,7 @@ def _orthonormal(A: Floats) -> Floats:
     return Q
 
 
-def _spans(group: Ints, some: Ints) -> Ints:
+def _group_spans(group: Ints, some: Ints) -> Ints:
     """First and last sample of each of `some` (ascending) groups, (fits, 2)."""
     fit = np.minimum(np.searchsorted(some, group), some.size - 1)
     inside = np.flatnonzero(some[fit] == group)
@@ -239,4 +239,4 @@ def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, _MOST_FITS)).astype(np.int64)]
-    return _total_loss(A, group, _spans(group, some), lags)
+    return _total_loss(A, group, _group_spans(group, some), lags)

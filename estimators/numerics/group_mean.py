@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_beside
 
 

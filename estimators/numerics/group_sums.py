@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_beside
 from estimators.numerics.fit_loss import group_rows
 from estimators.numerics.group_mean import find_runs
@@ -186,7 +186,7 @@ class GroupSums:
     ) -> Self:
         """Sum columns that were divided by a scale."""
         rows = group_rows(group)
-        own = [_span(part) for part in rows]
+        own = [_as_slice(part) for part in rows]
         grams = np.stack([A[part].T @ A[part] for part in own])
         crosses = np.stack([A[part].T @ f[part] for part in own])
         if noise is None:
@@ -207,7 +207,7 @@ class GroupSums:
         return type(self)(self.rows, *(sum_by_unit(each) for each in sums))
 
 
-def _span(rows: Ints) -> slice | Ints:
+def _as_slice(rows: Ints) -> slice | Ints:
     """The same rows, without a copy of what is taken where they follow one another."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == rows.size else rows

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 from estimators.interpreted import Primitive
 
 

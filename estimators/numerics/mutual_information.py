@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.numerics.rolling import add_centre, pairs_of_blocks, sum_pair, workspace
 from estimators.numerics.small_systems import packed_index

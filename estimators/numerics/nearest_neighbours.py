@@ -5,8 +5,8 @@ The paper leaves an estimate without the Gaussian assumption to future work; thi
 
 import numpy as np
 
+from estimators.arrays import Floats, Ints
 from estimators.compiled import compiled
-from estimators.estimate import Floats, Ints
 
 
 @compiled

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 from estimators.numerics.small_systems import factor, packed_index, substitute
 
 
@@ -18,7 +18,7 @@ class Solution(NamedTuple):
 
 
 def columns_of(products: Floats) -> int:
-    """How many columns [A f] has whose packed products these are."""
+    """Number of columns of [A f], from the number of its packed products."""
     return (int(np.sqrt(8 * len(products) + 1)) - 1) // 2
 
 

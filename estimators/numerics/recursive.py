@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
 from estimators.numerics.rolling import copy_row, lanes_of, load_columns, sample_products
 from estimators.numerics.small_systems import packed_index

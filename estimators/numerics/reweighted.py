@@ -5,7 +5,7 @@ Consecutive windows share their samples, so one operation at a time is done on m
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.rolling import copy_row, load_columns, sample_products
 

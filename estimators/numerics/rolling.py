@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.estimate import Bools, Floats, Ints
+from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.small_systems import packed_index
 

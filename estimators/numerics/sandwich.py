@@ -7,7 +7,7 @@ widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.widening`).
 
 import numpy as np
 
-from estimators.estimate import Floats, Ints
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 from estimators.numerics.autocorrelation import pooled_autocorrelation, widening
 from estimators.numerics.in_order import sum_axis_in_order

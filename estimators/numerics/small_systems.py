@@ -8,7 +8,7 @@ alone. A symmetric matrix is packed: its upper triangle row by row, entry (i, j)
 
 import numpy as np
 
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 from estimators.interpreted import compiled_ahead, compiled_beside
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.

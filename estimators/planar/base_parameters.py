@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.arrays import Floats, Ints
 from estimators.errors import DataError, nearest
-from estimators.estimate import Floats, Ints
 from estimators.methods.attenuation import DOUBT, attenuation
 from estimators.numerics.autocorrelation import (
     autocovariance_loss,

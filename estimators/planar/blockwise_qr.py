@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from estimators.estimate import Bools, Floats, Ints
+from estimators.arrays import Bools, Floats, Ints
 from estimators.numerics.sandwich import meat
 
 #: Rows at a time.

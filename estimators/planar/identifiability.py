@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.arrays import Bools, Floats, Ints
 from estimators.errors import DataError
-from estimators.estimate import Bools, Floats, Ints
 
 #: (V_r V_rᵀ)_ii above 1 minus this is 1, where A is exact.
 EXACT = 1e-8
@@ -52,7 +52,7 @@ class Identifiability:
 
     def texts(self) -> list[str]:
         """The combinations as a person reads them: `mass_kg - 5 first_moment_x_kg_m`."""
-        return [_text(row, self.parameters) for row in self.combinations]
+        return [_combination_text(row, self.parameters) for row in self.combinations]
 
 
 def identify(
@@ -142,7 +142,7 @@ def _condition(R: Floats, base: Ints) -> float:
     return float(singular[0] / singular[-1])
 
 
-def _text(row: Floats, parameters: tuple[str, ...]) -> str:
+def _combination_text(row: Floats, parameters: tuple[str, ...]) -> str:
     """A linear combination, its coefficients to four digits."""
     text = ""
     for i in np.flatnonzero(row):

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.estimate import Bools, Floats
+from estimators.arrays import Bools, Floats
 
 #: The parameters of the two rows, a name a column; names as in `rigid_body.PARAMETERS`. A
 #: combination is told of its earliest: mass and inertia come before the moments they mix with.

@@ -10,7 +10,7 @@ The equations are (4) about the origin of the body frame, in body axes, with thr
 
 import numpy as np
 
-from estimators.estimate import Floats
+from estimators.arrays import Floats
 
 #: φ of (5), a name a column. Moments are about the body frame's origin; inertia_xy is I12 of the
 #: inertia matrix itself (the negative of the product of inertia).

@@ -7,7 +7,7 @@ import polars as pl
 from recordings.calibration.evidence_document import AsFound, Estimator, EvidenceDocument
 
 
-def as_found(
+def check_earlier_line(
     before: EvidenceDocument | None,
     of_before: Estimator | None,
     estimator: Estimator,

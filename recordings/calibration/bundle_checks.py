@@ -29,14 +29,14 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.chain_check import check_chain, check_counter
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, without
+from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, fault_without_name
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
     UnknownFormatError,
     document_of,
 )
 from recordings.calibration.notary_stretch import check_notary
-from recordings.calibration.recomputation import recompute
+from recordings.calibration.recomputation import compare_recomputed
 from recordings.calibration.signature_check import check_signature
 from recordings.calibration.timestamp import check_timestamp
 from recordings.signatures.keyring import Keyring
@@ -101,7 +101,7 @@ def _check_alone(
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
-        checked.add(outcome, EVIDENCE, without(EVIDENCE, fault))
+        checked.add(outcome, EVIDENCE, fault_without_name(EVIDENCE, fault))
         check_signature(checked, held, digests, None, key, keyring)
         return checked
     checked.document = document
@@ -113,7 +113,7 @@ def _check_alone(
     readings, points = _tables(checked, held, document)
     checked.readings, checked.points = readings, points
     if readings is not None:
-        findings, notes = recompute(document, readings, points, _report(held))
+        findings, notes = compare_recomputed(document, readings, points, _report(held))
         checked.findings += findings
         checked.notes += notes
     return checked
@@ -140,7 +140,7 @@ def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
         try:
             held[name] = read_file(folder, name)
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, name, without(name, fault))
+            checked.add(BundleOutcome.TAMPERED, name, fault_without_name(name, fault))
     for name in (*REQUIRED, SUMS):
         if name not in names:
             checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
@@ -149,7 +149,7 @@ def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
         try:
             _check_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, SUMS, without(SUMS, fault))
+            checked.add(BundleOutcome.TAMPERED, SUMS, fault_without_name(SUMS, fault))
     return held
 
 

@@ -33,6 +33,7 @@ REQUIRED: Final = (EVIDENCE, READINGS, POINTS, RECORDING, REPORT)
 UNLISTED: Final = (SUMS, STATEMENT, TIMESTAMP)
 
 _RUN: Final = re.compile(rf"{RUNS}/[A-Za-z0-9][A-Za-z0-9._-]{{0,80}}\.rrd")
+#: Files of a bundle; one of a campaign of many runs has some hundred.
 _MOST_FILES: Final = 4096
 #: Bytes of a file that is held in memory.
 _MOST_BYTES: Final = 32 << 20
@@ -53,7 +54,7 @@ class BundleFile:
     data: bytes | None
 
 
-def known(name: str) -> bool:
+def is_bundle_file(name: str) -> bool:
     """Whether a bundle may hold a file of that name."""
     return name in (*REQUIRED, PDF, NOTARY, *UNLISTED) or _RUN.fullmatch(name) is not None
 
@@ -82,7 +83,7 @@ def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
                 bad.append((f"{name}/", "is a folder, which no bundle has; it was not opened"))
         elif not stat.S_ISREG(mode):
             bad.append((name, "is no regular file; it was not opened"))
-        elif not known(name):
+        elif not is_bundle_file(name):
             bad.append((name, "is no file of a bundle"))
         else:
             good.append(name)
@@ -167,7 +168,7 @@ def parse_sums(data: bytes) -> dict[str, str]:
     found: dict[str, str] = {}
     for number, line in enumerate(lines[:_MOST_FILES], start=1):
         match = _SUM.fullmatch(line)
-        if match is None or not known(match[2]) or match[2] in UNLISTED:
+        if match is None or not is_bundle_file(match[2]) or match[2] in UNLISTED:
             raise EvidenceError(f"{SUMS}: line {number} is no digest of a file of a bundle")
         found[match[2]] = match[1]
     if sums_text(found).encode() != data:

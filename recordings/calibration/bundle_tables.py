@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _READER: Final = Path(__file__).with_name("parquet_process.py")
+#: Seconds that reading the tables may take.
 _PATIENCE_S: Final = 60.0
+#: Bytes of JSON that tables may become.
 _MOST_OUTPUT: Final = 256 << 20
 #: What `write_table` makes of a column, by Arrow's name: the reader's process has Arrow, not ours.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {
@@ -39,7 +41,7 @@ def write_table(frame: pl.DataFrame) -> bytes:
 
     buffer = io.BytesIO()
     pq.write_table(
-        _plain(frame),
+        _to_arrow(frame),
         buffer,
         compression="none",
         use_dictionary=False,
@@ -69,15 +71,15 @@ def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
         The frame of each; or its fault: other columns, compressed or coded, too many rows, a number
         that is not finite, or damaged.
     """
-    said = _read(tables)
+    said = _read_in_process(tables)
     if said is None and len(tables) > 1:  # one of them ended the reader: which?
         return [each for table in tables for each in read_tables([table])]
     if said is None:
         return ["is damaged so that no reader survives it"]
-    return [_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
+    return [_make_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
 
 
-def _read(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
+def _read_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
     """What the reader's process says of each; None where it ended without a word."""
     asked = [
         {
@@ -102,7 +104,7 @@ def _read(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
     return None if child.returncode or len(out) > _MOST_OUTPUT else json.loads(out)
 
 
-def _frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
+def _make_frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
     if "fault" in said:
         return str(said["fault"])
     columns: dict[str, list[Any]] = said["columns"]
@@ -112,7 +114,7 @@ def _frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
     return pl.DataFrame(columns, schema=dict(schema))
 
 
-def _plain(frame: pl.DataFrame) -> "pa.Table":
+def _to_arrow(frame: pl.DataFrame) -> "pa.Table":
     """The frame as Arrow of plain types."""
     import pyarrow as pa
 

@@ -7,9 +7,11 @@ import polars as pl
 
 from analysis.calibration.line.calibration import Calibration
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shortened
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten
 
 _BOX: Final = (52.0, 22.0, WIDTH - 10.0, 196.0)
+#: Pixels of a figure's height, points of a curve, and pixels of a row, as the report is laid
+#: out.
 _HEIGHT: Final = 232
 _GRID: Final = 41
 _ROW: Final = 18.0
@@ -106,7 +108,7 @@ def _bars(fitted: Calibration) -> Drawing:
         y = 12.0 + _ROW * number
         u_kg = fitted.u_kg if row is None else row.u_kg or 0.0
         name = "together" if row is None else row.component
-        picture.write(begin - 6, y + 10, shortened(name, begin - 8), "end")
+        picture.write(begin - 6, y + 10, shorten(name, begin - 8), "end")
         look = "left" if row is None else "bar"
         picture.bar(begin, y, max(room * u_kg / max(largest, fitted.u_kg), 0.5), 12, look)
         length = room * u_kg / max(largest, fitted.u_kg)

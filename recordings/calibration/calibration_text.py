@@ -51,16 +51,16 @@ def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.Data
         found += _without_line(document, readings, points)
     else:
         found += [
-            *_outcome(document),
+            *_outcome_lines(document),
             _about_beta(fitted),
-            *(f"{_capital(said)}." for said in fitted.says),
-            *_learnt(document),
+            *(f"{_capitalise(said)}." for said in fitted.says),
+            *_learnt_lines(document),
             *(_more_days(document) if document.kind == "calibration" else ()),
-            *(_unlike(fitted) if document.kind == "calibration" else ()),
-            *(_advice(fitted) if document.kind == "calibration" else ()),
+            *(_unlike_driving_lines(fitted) if document.kind == "calibration" else ()),
+            *(_advice_lines(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
-        found += [*_as_found(document), *_notary(document)]
+        found += [*_as_found(document), *_notary_lines(document)]
     return found
 
 
@@ -100,7 +100,7 @@ def _unseen_runs(document: EvidenceDocument) -> str:
     )
 
 
-def _notary(document: EvidenceDocument) -> list[str]:
+def _notary_lines(document: EvidenceDocument) -> list[str]:
     """Which logs of the recorder are in the campaign."""
     stretch = document.campaign.notary
     if stretch is None:
@@ -132,11 +132,11 @@ def _unseen_machine(document: EvidenceDocument) -> Iterator[str]:
         )
 
 
-def _outcome(document: EvidenceDocument) -> list[str]:
+def _outcome_lines(document: EvidenceDocument) -> list[str]:
     """Limits and drift, with their risks."""
     found: list[str] = []
     if document.limits is not None:
-        found.append(f"{_capital(document.limits.statement)}. {_NO_CONFORMITY}")
+        found.append(f"{_capitalise(document.limits.statement)}. {_NO_CONFORMITY}")
     drift = document.drift
     if drift is not None and drift.drifted is None:
         found.append(f"Whether the machine has drifted cannot be told: {drift.reason}.")
@@ -156,7 +156,7 @@ def _outcome(document: EvidenceDocument) -> list[str]:
     return found
 
 
-def _learnt(document: EvidenceDocument) -> list[str]:
+def _learnt_lines(document: EvidenceDocument) -> list[str]:
     """Which priors are the campaign's own."""
     learnt = document.learnt
     if learnt is None:
@@ -180,7 +180,7 @@ def _more_days(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _unlike(fitted: Calibration) -> list[str]:
+def _unlike_driving_lines(fitted: Calibration) -> list[str]:
     """What a log pays that is driven unlike these runs, and which runs would spare it most."""
     if not fitted.responses:
         return []
@@ -188,11 +188,11 @@ def _unlike(fitted: Calibration) -> list[str]:
     return [
         f"Logs that are driven unlike these runs pay most for the {TERMS[most.term][0]}: its "
         f"uncertainty moved these runs by {abs(most.level_kg):,.1f} kg, and moves others by "
-        f"another amount. {_capital(RUNS[most.term])} would tell it better."
+        f"another amount. {_capitalise(RUNS[most.term])} would tell it better."
     ]
 
 
-def _advice(fitted: Calibration) -> list[str]:
+def _advice_lines(fitted: Calibration) -> list[str]:
     """Which load to run next."""
     best = next_load(fitted)[0]
     return [
@@ -229,7 +229,7 @@ def _without_line(
 ) -> list[str]:
     loads = sorted({run.load_id for run in document.campaign.runs if not run.excluded})
     found = [f"There is no calibration line: {document.no_fit}."]
-    found += [_off(document, load, readings, points) for load in loads]
+    found += [_offset_text(document, load, readings, points) for load in loads]
     if len(loads) == 1:
         found.append(
             "One load shows how far the estimate is from one reference, and how it repeats. It "
@@ -241,7 +241,7 @@ def _without_line(
     return found
 
 
-def _off(
+def _offset_text(
     document: EvidenceDocument, load_id: str, readings: pl.DataFrame, points: pl.DataFrame
 ) -> str:
     """How far the estimate of one load is from its reference."""
@@ -286,5 +286,5 @@ def _as_left(fitted: Calibration) -> str:
     return f" As left: α {fitted.alpha_1:.4f}, β {fitted.beta_kg:,.1f} kg."
 
 
-def _capital(text: str) -> str:
+def _capitalise(text: str) -> str:
     return text[:1].upper() + text[1:]

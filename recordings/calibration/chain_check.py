@@ -115,10 +115,10 @@ def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding
                     f"is missing between {last.id} and {document.id}",
                 )
             )
-    return found, list(_signers(ordered))
+    return found, list(_signer_sentences(ordered))
 
 
-def _signers(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]]) -> Iterator[str]:
+def _signer_sentences(ordered: Sequence[tuple[EvidenceDocument, CheckedBundle]]) -> Iterator[str]:
     """Who signed each, and where the chain begins."""
     if not ordered:
         return

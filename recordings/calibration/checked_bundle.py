@@ -56,6 +56,6 @@ def bytes_of(held: Mapping[str, BundleFile], name: str) -> bytes:
     return data
 
 
-def without(name: str, fault: EvidenceError) -> str:
+def fault_without_name(name: str, fault: EvidenceError) -> str:
     """The fault without the name that the finding has already."""
     return str(fault).removeprefix(f"{name}: ")

@@ -21,7 +21,7 @@ def begin_of(log: EvidenceLog) -> dt.datetime | None:
         return None
 
 
-def day_faults(
+def find_day_faults(
     campaign: CalibrationCampaign, logs: Sequence[EvidenceLog], zone: ZoneInfo, made: dt.datetime
 ) -> Iterator[str]:
     """Yield what contradicts the days that a campaign gives, a sentence each.

@@ -82,12 +82,12 @@ def stretch_findings(
         if number not in listed:
             what = f"number {number} is missing, and the campaign names it"
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    for what in unaccounted(stretch, document.logs, kept.entries):
+    for what in find_unaccounted_logs(stretch, document.logs, kept.entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
     yield from _contradictions(document, stretch, kept.entries)
 
 
-def unaccounted(
+def find_unaccounted_logs(
     stretch: NotaryStretch, logs: Sequence[EvidenceLog], entries: Sequence[NotaryEntry]
 ) -> Iterator[str]:
     """Yield which logs are neither in the campaign nor left out, and which are in no line."""

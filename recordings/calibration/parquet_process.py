@@ -8,6 +8,7 @@ import json
 import sys
 from typing import Any, Final
 
+#: Bounds of a stranger's table: rows, bytes unpacked, bytes of memory, seconds of processor.
 _MOST_ROWS: Final = 100_000
 _MOST_BYTES: Final = 64 << 20
 _MOST_MEMORY: Final = 2 << 30
@@ -22,11 +23,11 @@ def main() -> None:
     found: list[dict[str, Any]] = []
     for asked in json.loads(sys.argv[1]):
         part, data = data[: asked["bytes"]], data[asked["bytes"] :]
-        found.append(_read(part, [tuple(column) for column in asked["columns"]]))
+        found.append(_read_table(part, [tuple(column) for column in asked["columns"]]))
     sys.stdout.write(json.dumps(found))
 
 
-def _read(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
+def _read_table(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 

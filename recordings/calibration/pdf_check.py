@@ -51,7 +51,7 @@ def pdf_fault(folder: Path, sha256: str, html: str) -> tuple[str, str]:
     if isinstance(wanted, str):
         return "", f"the PDF that is made here {wanted}"
     heads = table_heads(html)
-    fault = words_fault(text_of(wanted, heads), text_of(found, heads))
+    fault = first_difference(text_of(wanted, heads), text_of(found, heads))
     if fault and numbers_of(wanted, heads) == numbers_of(found, heads):
         return "", "it is laid out with other fonts or another WeasyPrint; its numbers are the same"
     return fault, ""
@@ -77,7 +77,7 @@ def numbers_of(words: Iterable[str], heads: Iterable[str]) -> Counter[str]:
     return Counter(word for word in plain if _NUMBER.fullmatch(word) and word not in in_heads)
 
 
-def words_fault(wanted: str, found: str) -> str:
+def first_difference(wanted: str, found: str) -> str:
     """The first difference of two texts, in words; "" where there is none."""
     if wanted == found:
         return ""

@@ -19,7 +19,7 @@ from recordings.calibration.as_found_line import rms_error_kg
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.calibration_report import report_html
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
-from recordings.calibration.days import CLOCK_S, day_faults, made_at
+from recordings.calibration.days import CLOCK_S, find_day_faults, made_at
 from recordings.calibration.derived_values import estimator_of, reference_loads
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.evidence_machine import machine_faults
@@ -35,7 +35,7 @@ _LONGEST: Final = 200
 Findings = Iterator[BundleFinding]
 
 
-def recompute(
+def compare_recomputed(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -142,7 +142,7 @@ def _of_files(document: EvidenceDocument) -> Findings:
     if document.kind == "calibration" and document.expires != campaign.expires:
         yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
     made, now = made_at(document), dt.datetime.now(dt.UTC)
-    for fault in day_faults(campaign, document.logs, machine.machine.zone, made):
+    for fault in find_day_faults(campaign, document.logs, machine.machine.zone, made):
         yield _irreproducible("campaign.runs", fault)
     if made > now + dt.timedelta(seconds=CLOCK_S):
         yield _irreproducible("made", f"is in the future: {document.made}, and now is {now:%F %R}")
@@ -248,10 +248,10 @@ def _of_fit(
     fitted, drift = _refit_readings(document, readings)
     stored = document.calibration
     pairs: tuple[tuple[str, Any, Any], ...] = (
-        ("calibration", _plain(stored), _plain(fitted.calibration)),
+        ("calibration", _to_json(stored), _to_json(fitted.calibration)),
         ("no_fit", document.no_fit, fitted.no_fit),
-        ("limits", _plain(document.limits), _plain(fitted.limits)),
-        ("drift", _plain(document.drift), _plain(drift)),
+        ("limits", _to_json(document.limits), _to_json(fitted.limits)),
+        ("drift", _to_json(document.drift), _to_json(drift)),
     )
     places = [each for name, kept, computed in pairs for each in differences(kept, computed, name)]
     wrong = [place for place, near in places if not near]
@@ -283,7 +283,7 @@ def _refit_readings(
     return fit_campaign(campaign, body, readings, document.options, responses), None
 
 
-def _plain(value: Any) -> Any:
+def _to_json(value: Any) -> Any:
     """A dataclass as JSON has it."""
     return None if value is None else to_jsonable_python(value)
 

@@ -130,19 +130,19 @@ def changed_defaults(
     """
     found: dict[str, Any] = {}
     for name, default in absent.items():
-        first = _first_value(name, default, kept)
+        first = _first_default(name, default, kept)
         if first != default:
             found[name] = first
     return found
 
 
-def _first_value(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
+def _first_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
     """The first default of a setting, or of a whole part of them."""
     known, first = first_default(name, kept)
     if known:
         return first
     if isinstance(default, dict):
-        return {key: _first_value(f"{name}.{key}", value, kept) for key, value in default.items()}
+        return {key: _first_default(f"{name}.{key}", value, kept) for key, value in default.items()}
     return default
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import EVIDENCE, STATEMENT, SUMS, BundleFile
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, without
+from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, fault_without_name
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.write_bundle import predicate_of
 from recordings.signatures.keyring import Keyring
@@ -16,8 +16,8 @@ from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import (
     PREDICATE_TYPE,
     STATEMENT_TYPE,
+    EnvelopeContent,
     PublicKey,
-    Signed,
     parse_envelope,
 )
 
@@ -54,7 +54,7 @@ def check_signature(
         signed = parse_envelope(bytes_of(held, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.of_text(named.public_key)
     except EvidenceError as fault:
-        checked.add(BundleOutcome.TAMPERED, STATEMENT, without(STATEMENT, fault))
+        checked.add(BundleOutcome.TAMPERED, STATEMENT, fault_without_name(STATEMENT, fault))
         return
     before = len(checked.findings)
     if document is not None:
@@ -114,7 +114,10 @@ def _identify(
 
 
 def _check_signer(
-    checked: CheckedBundle, signed: Signed, stated: PublicKey | None, document: EvidenceDocument
+    checked: CheckedBundle,
+    signed: EnvelopeContent,
+    stated: PublicKey | None,
+    document: EvidenceDocument,
 ) -> None:
     """Whether envelope and evidence name one key."""
     if stated is None or document.signer is None:
@@ -129,7 +132,7 @@ def _check_signer(
 
 def _check_statement(
     checked: CheckedBundle,
-    signed: Signed,
+    signed: EnvelopeContent,
     held: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,

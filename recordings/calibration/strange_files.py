@@ -13,6 +13,9 @@ from recordings.calibration.bundle_folder import copy_file
 
 #: Seconds that recordings of long logs may take.
 _PATIENCE_S: Final = 900.0
+#: What is started for them.
+_READER: Final = "recordings.calibration.digest_process"
+#: Bytes of JSON that a process may answer with.
 _MOST_OUTPUT: Final = 64 << 20
 _DAMAGED: Final = "is damaged so that no reader survives it"
 
@@ -46,7 +49,7 @@ def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, Record
     Returns:
         Of each its digests, or why there are none.
     """
-    said = _asked_of("recording_process", folder, sums)
+    said = _read_in_process("recording", folder, sums)
     return {
         name: each
         if isinstance(each, str)
@@ -63,14 +66,14 @@ def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, Record
 
 def pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
     """The words of a PDF in the order of its pages; or why there are none."""
-    said = _asked_of("pdf_process", folder, {name: sha256})[name]
+    said = _read_in_process("pdf", folder, {name: sha256})[name]
     return said if isinstance(said, str) else [str(word) for word in said["words"]]
 
 
-def _asked_of(
-    process: str, folder: Path, sums: Mapping[str, str]
+def _read_in_process(
+    kind: str, folder: Path, sums: Mapping[str, str]
 ) -> dict[str, dict[str, Any] | str]:
-    """What a process says of copies of files, which nobody else can change meanwhile."""
+    """What a process reads in copies of files, which nobody else can change meanwhile."""
     found: dict[str, dict[str, Any] | str] = {}
     with tempfile.TemporaryDirectory(prefix="payscope-") as place:
         copies: dict[str, Path] = {}
@@ -80,20 +83,20 @@ def _asked_of(
                 found[name] = "is not the file whose digest the bundle has"
             else:
                 copies[name] = copy
-        said = _run(process, list(copies.values()))
+        said = _run(kind, list(copies.values()))
         for number, (name, copy) in enumerate(copies.items()):
             # one of them ended the process: which?
-            each = said[number] if said is not None else (_run(process, [copy]) or [None])[0]
+            each = said[number] if said is not None else (_run(kind, [copy]) or [None])[0]
             found[name] = _DAMAGED if each is None else each.get("fault", each)
     return found
 
 
-def _run(process: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
+def _run(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
     """What it says of each; None where it ended without a word."""
     if not copies:
         return []
     child = subprocess.Popen(
-        [sys.executable, "-P", "-m", f"recordings.calibration.{process}", *map(str, copies)],
+        [sys.executable, "-P", "-m", _READER, kind, *map(str, copies)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

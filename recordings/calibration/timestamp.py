@@ -27,7 +27,9 @@ _HASHES: Final = {
     "2.16.840.1.101.3.4.2.2": hashlib.sha384,
     "2.16.840.1.101.3.4.2.3": hashlib.sha512,
 }
+#: Bytes of a response that are read; one has some thousand.
 _MOST_BYTES: Final = 1 << 20
+#: Characters of a library's fault that are passed on.
 _LONGEST: Final = 200
 
 

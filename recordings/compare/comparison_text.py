@@ -6,6 +6,7 @@ from typing import Final
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from recordings.report.number_text import number, plus_minus, table
 
+#: Changes that are listed; more are counted.
 _MOST: Final = 12
 
 
@@ -28,7 +29,7 @@ def comparison_text(found: Comparison, a: str, b: str) -> str:
         ("Losses, notes and stamps", found.provenance),
     ):
         if changes:
-            parts.append(f"## {title}\n\n{_values(changes)}")
+            parts.append(f"## {title}\n\n{_values_table(changes)}")
     for title, moved in (
         ("Estimates that moved most", found.estimates),
         ("Manoeuvres that moved most", found.manoeuvres),
@@ -41,7 +42,7 @@ def comparison_text(found: Comparison, a: str, b: str) -> str:
     return "\n\n".join(parts)
 
 
-def _values(changes: Iterable[ValueChange]) -> str:
+def _values_table(changes: Iterable[ValueChange]) -> str:
     return table(
         ("", "A", "B"), [(c.name, _format_value(c.a), _format_value(c.b)) for c in changes]
     )

@@ -14,7 +14,7 @@ from analysis.compare.run_alignment import difference, in_time_of
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.rrd.blueprint import Page, Panel, laid_out, unix_span_ns
-from recordings.rrd.display_frames import ROOT, Drawn, axis_range, display_frames, drawn_of
+from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, display_frames, drawn_of
 from recordings.rrd.recording_table import TABS, Kind, View
 from recordings.rrd.writer import Scene, write_scene
 
@@ -34,10 +34,10 @@ class _Side:
     run: Run
     shown: Mapping[str, pl.DataFrame]
 
-    def drawn(self, view: View) -> tuple[Drawn, ...]:
+    def columns_of_view(self, view: View) -> tuple[DisplayColumn, ...]:
         return drawn_of(view, self.run, self.shown)
 
-    def placed(self) -> dict[str, pl.DataFrame]:
+    def frames_by_place(self) -> dict[str, pl.DataFrame]:
         return {_under(self.name, frame): rows for frame, rows in self.shown.items()}
 
 
@@ -71,7 +71,7 @@ def write_overlay(
         ]
         return Scene(
             name="A and B",
-            shown={name: rows for side in sides for name, rows in side.placed().items()},
+            shown={name: rows for side in sides for name, rows in side.frames_by_place().items()},
             layout=laid_out(_pages(*sides), unix_span_ns(a)),
             texts={COMPARED: text},
         )
@@ -116,13 +116,13 @@ def _pages(a: _Side, b: _Side, less: _Side) -> list[Page]:
 
 def _alone(view: View, a: _Side) -> Panel | None:
     """A view in which both are alike."""
-    drawn = tuple(replace(each, frame=_under(_A, each.frame)) for each in a.drawn(view))
+    drawn = tuple(replace(each, frame=_under(_A, each.frame)) for each in a.columns_of_view(view))
     return Panel(view.title, view.kind, drawn, axis_range(view, a.run)) if drawn else None
 
 
 def _differs(view: View, a: _Side, b: _Side) -> bool:
     """Whether anything that a view draws is otherwise in B."""
-    mine, theirs = a.drawn(view), b.drawn(view)
+    mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
         return True
     return any(
@@ -134,12 +134,12 @@ def _differs(view: View, a: _Side, b: _Side) -> bool:
 
 def _over(view: View, a: _Side, b: _Side) -> Panel | None:
     """Both over each other; lanes of states one below the other."""
-    mine, theirs = a.drawn(view), b.drawn(view)
+    mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
     if not (mine or theirs):
         return None
     lone = max(_select_named_lines(mine), _select_named_lines(theirs)) == 1
     alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
-    drawn = [*_looks(mine, _A, alike, lone=lone), *_looks(theirs, _B, alike, lone=lone)]
+    drawn = [*_style_lines(mine, _A, alike, lone=lone), *_style_lines(theirs, _B, alike, lone=lone)]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
     if view.kind is Kind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
@@ -149,7 +149,7 @@ def _over(view: View, a: _Side, b: _Side) -> Panel | None:
 
 
 def _shorten_shared_names(
-    mine: Sequence[Drawn], theirs: Sequence[Drawn], *, lone: bool
+    mine: Sequence[DisplayColumn], theirs: Sequence[DisplayColumn], *, lone: bool
 ) -> set[str]:
     """Names that A and B share in a legend, which would have too many otherwise."""
     both = {each.label for each in mine} & {each.label for each in theirs}
@@ -163,7 +163,9 @@ def _difference(view: View, less: _Side, over: Panel | None) -> Panel | None:
     plain = replace(
         view, series=tuple(replace(each, std=None) for each in view.series), threshold=None
     )
-    drawn = [each for each in less.drawn(plain) if _moves(less.shown[each.frame][each.column])]
+    drawn = [
+        each for each in less.columns_of_view(plain) if _moves(less.shown[each.frame][each.column])
+    ]
     if not drawn:
         return None
     named = tuple(replace(each, frame=_under(_LESS, each.frame)) for each in drawn)
@@ -181,19 +183,21 @@ def _moves(numbers: pl.Series) -> bool:
     return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
-def _select_named_lines(drawn: Sequence[Drawn]) -> int:
+def _select_named_lines(drawn: Sequence[DisplayColumn]) -> int:
     """Lines with a name of their own: neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 
 
-def _looks(drawn: Sequence[Drawn], side: str, alike: set[str], *, lone: bool) -> list[Drawn]:
+def _style_lines(
+    drawn: Sequence[DisplayColumn], side: str, alike: set[str], *, lone: bool
+) -> list[DisplayColumn]:
     """A in the usual colours and wide, so that it shows under B; B in another colour, or paler."""
-    found: list[Drawn] = []
+    found: list[DisplayColumn] = []
     for each in drawn:
         colour = each.colour
         if side == _B and colour:
             other = lone and each.column != "threshold"
-            colour = colours.line(1) if other else colours.paler(colour)
+            colour = colours.line(1) if other else colours.lighten(colour)
         found.append(
             replace(
                 each,

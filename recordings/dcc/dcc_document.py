@@ -74,7 +74,9 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
     except (etree.XMLSyntaxError, ValueError) as fault:
         raise EvidenceError(f"{what}: is no XML ({str(fault)[:120]})") from None
     if root.getroottree().docinfo.internalDTD is not None:
-        raise EvidenceError(f"{what}: has a DTD, and entities of a certificate are not read")
+        raise EvidenceError(
+            f"{what}: has a DTD; ask for a copy without, as XML entities are refused"
+        )
     if root.tag != f"{{{DCC}}}digitalCalibrationCertificate":
         raise EvidenceError(
             f"{what}: is no digital calibration certificate: its root is {str(root.tag)[:80]}"

@@ -70,7 +70,7 @@ class DsiValue:
     def number(self, inside: "_Element", name: str, what: str) -> float:
         """The entry's own number. All numbers of a list have to be numbers."""
         texts = self.texts(inside, name, what)
-        numbers = [_number(text, self.element_name(name), what) for text in texts]
+        numbers = [_parse_number(text, self.element_name(name), what) for text in texts]
         return numbers[self.place if len(numbers) > 1 else 0]
 
 
@@ -112,7 +112,7 @@ def value_and_u_kg(quantity: "_Element", place: int | None, what: str) -> tuple[
     strange = next((unit for unit in units if unit not in _UNITS_KG), None)
     if strange is not None:
         raise EvidenceError(
-            f"{what}: its mass has the unit '{strange[:40]}'; of mass are {', '.join(_UNITS_KG)}"
+            f"{what}: its mass has the unit '{strange[:40]}'; use one of {', '.join(_UNITS_KG)}"
         )
     unit_kg = _UNITS_KG[units[value.place if len(units) > 1 else 0]]
     value_kg = value.number(element, "value", what) * unit_kg
@@ -168,7 +168,7 @@ def list_texts(inside: "_Element", name: str, what: str) -> list[str]:
     return one_text(inside, name, what).split()
 
 
-def _number(text: str, name: str, what: str) -> float:
+def _parse_number(text: str, name: str, what: str) -> float:
     if len(text) > _MOST_DIGITS or not _NUMBER.fullmatch(text):
         raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is no decimal number")
     value = float(text)

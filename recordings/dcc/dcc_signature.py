@@ -27,6 +27,7 @@ _TRANSFORMS: Final = (
     "http://www.w3.org/TR/2001/REC-xml-c14n-20010315",
     "http://www.w3.org/2006/12/xml-c14n11",
 )
+#: Bits below which an RSA key is weak (NIST SP 800-131A).
 _RSA_BITS_MIN: Final = 2048
 
 
@@ -79,7 +80,7 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
         raise EvidenceError(f"{what}: its signature is not a child of the certificate itself")
     references = list(found[0].iter(f"{{{DS}}}Reference"))
     if len(references) != 1 or references[0].get("URI") != "":
-        raise EvidenceError(f"{what}: its signature is not of the whole certificate")
+        raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
     strange = [
         str(each.get("Algorithm"))
         for each in references[0].iter(f"{{{DS}}}Transform")
@@ -89,7 +90,7 @@ def check_signature(root: "_Element", what: str) -> SignedDcc:
         raise EvidenceError(f"{what}: its signature has a transform that is not read: {strange[0]}")
     signed, pem = _verify_signed_info(root, found[0], what)
     if len(list(signed.iter(f"{{{DS}}}Signature"))) or signed.tag != root.tag:
-        raise EvidenceError(f"{what}: its signature is not of the whole certificate")
+        raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
     return SignedDcc(signed, _key_id(pem, what))
 
 
@@ -127,7 +128,7 @@ def _verify_signed_info(
             f"{what}: its signature does not hold ({type(fault).__name__})"
         ) from None
     if isinstance(result, list) or result.signed_xml is None:
-        raise EvidenceError(f"{what}: its signature is not of the whole certificate")
+        raise EvidenceError(f"{what}: its signature does not cover the whole certificate")
     return result.signed_xml, pem or result.signature_key
 
 

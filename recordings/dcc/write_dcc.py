@@ -64,8 +64,8 @@ def dcc_of(document: EvidenceDocument, sums_sha256: str) -> "_Element":
         {"schemaVersion": VERSION},
         nsmap={"dcc": DCC, "si": SI},
     )
-    _administrative(_add(root, "administrativeData"), document, sums_sha256)
-    _results(_add(root, "measurementResults"), document)
+    _add_administrative_data(_add(root, "administrativeData"), document, sums_sha256)
+    _add_results(_add(root, "measurementResults"), document)
     return root
 
 
@@ -78,23 +78,23 @@ def _add(parent: "_Element", name: str, text: str | None = None, **attributes: s
     return made
 
 
-def _text(parent: "_Element", name: str, text: str, **attributes: str) -> "_Element":
+def _add_text(parent: "_Element", name: str, text: str, **attributes: str) -> "_Element":
     made = _add(parent, name, **attributes)
     _add(made, "content", text, lang="en")
     return made
 
 
-def _decimal(value: float) -> str:
+def _decimal_text(value: float) -> str:
     """A number as D-SI has it, every digit kept."""
     return repr(float(value))
 
 
-def _factor(value: float) -> str:
+def _factor_text(value: float) -> str:
     """A coverage factor or probability, which D-SI has without an exponent."""
     return f"{value:.12f}".rstrip("0").ljust(3, "0")
 
 
-def _real(
+def _add_real(
     parent: "_Element",
     value: float,
     unit: str,
@@ -110,33 +110,33 @@ def _real(
         return made
 
     real = add(parent, "real")
-    add(real, "value", _decimal(value))
+    add(real, "value", _decimal_text(value))
     add(real, "unit", unit)
     if expanded is not None:
         u, k, p = expanded
         said = add(real, "expandedUnc")
-        add(said, "uncertainty", _decimal(u))
-        add(said, "coverageFactor", _factor(k))
-        add(said, "coverageProbability", _factor(p))
+        add(said, "uncertainty", _decimal_text(u))
+        add(said, "coverageFactor", _factor_text(k))
+        add(said, "coverageProbability", _factor_text(p))
     if interval is not None:
         u, low, high, p = interval
         said = add(real, "coverageInterval")
-        add(said, "standardUnc", _decimal(u))
-        add(said, "intervalMin", _decimal(low))
-        add(said, "intervalMax", _decimal(high))
-        add(said, "coverageProbability", _factor(p))
+        add(said, "standardUnc", _decimal_text(u))
+        add(said, "intervalMin", _decimal_text(low))
+        add(said, "intervalMax", _decimal_text(high))
+        add(said, "coverageProbability", _factor_text(p))
 
 
-def _identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:
+def _add_identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:
     made = _add(parent, "identification", refType=ref)
     _add(made, "issuer", issuer)
     _add(made, "value", value)
-    _text(made, "name", name)
+    _add_text(made, "name", name)
 
 
-def _contact(parent: "_Element", name: str, said: Organisation) -> None:
+def _add_contact(parent: "_Element", name: str, said: Organisation) -> None:
     made = _add(parent, name)
-    _text(made, "name", said.name)
+    _add_text(made, "name", said.name)
     if said.email:
         _add(made, "eMail", said.email)
     place = _add(made, "location")
@@ -145,23 +145,23 @@ def _contact(parent: "_Element", name: str, said: Organisation) -> None:
     _add(place, "street", said.address)
 
 
-def _hash(parent: "_Element", name: str, about: tuple[str, str, str]) -> None:
+def _add_hash(parent: "_Element", name: str, about: tuple[str, str, str]) -> None:
     referral, referral_id, digest = about
     made = _add(parent, name)
-    _text(made, "referral", referral)
+    _add_text(made, "referral", referral)
     _add(made, "referralID", referral_id)
     _add(made, "procedure", _SHA256)
     _add(made, "value", digest)
 
 
-def _software(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_software(parent: "_Element", document: EvidenceDocument) -> None:
     made = _add(parent, "software")
-    _text(made, "name", "payscope")
+    _add_text(made, "name", "payscope")
     _add(made, "release", f"v{document.software.payscope}")
     _add(made, "type", "application")
 
 
-def _ref_types(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_ref_types(parent: "_Element", document: EvidenceDocument) -> None:
     """Where the words of the attributes refType stand."""
     for namespace, name, link, release in (
         ("basic", "Terms for every certificate", "https://dccwiki.ptb.de", ""),
@@ -173,26 +173,28 @@ def _ref_types(parent: "_Element", document: EvidenceDocument) -> None:
         ),
     ):
         made = _add(parent, "refTypeDefinition")
-        _text(made, "name", name)
+        _add_text(made, "name", name)
         _add(made, "namespace", namespace)
         _add(made, "link", link)
         if release:
             _add(made, "release", release)
 
 
-def _administrative(admin: "_Element", document: EvidenceDocument, sums_sha256: str) -> None:
+def _add_administrative_data(
+    admin: "_Element", document: EvidenceDocument, sums_sha256: str
+) -> None:
     campaign = document.campaign
     about, machine, laboratory = campaign.campaign, campaign.machine, campaign.laboratory
     assert laboratory is not None
     assert campaign.customer is not None
-    _software(_add(admin, "dccSoftware"), document)
-    _ref_types(_add(admin, "refTypeDefinitions"), document)
+    _add_software(_add(admin, "dccSoftware"), document)
+    _add_ref_types(_add(admin, "refTypeDefinitions"), document)
     core = _add(admin, "coreData")
     _add(core, "countryCodeISO3166_1", laboratory.country)
     _add(core, "usedLangCodeISO639_1", "en")
     _add(core, "mandatoryLangCodeISO639_1", "en")
     _add(core, "uniqueIdentifier", document.id)
-    _identification(
+    _add_identification(
         _add(core, "identifications"),
         "calibrationLaboratory",
         sums_sha256,
@@ -213,33 +215,35 @@ def _administrative(admin: "_Element", document: EvidenceDocument, sums_sha256: 
     before = document.chain.previous
     if before is not None:
         what = "SHA256SUMS of the evidence of this machine before this one"
-        _hash(core, "previousReport", (what, before.id, before.sums_sha256))
+        _add_hash(core, "previousReport", (what, before.id, before.sums_sha256))
     item = _add(_add(admin, "items"), "item", id="machine")
-    _text(item, "name", document.machine.machine.name)
-    _text(item, "description", f"Condition: {machine.condition}")
-    _text(_add(item, "manufacturer"), "name", machine.make)
+    _add_text(item, "name", document.machine.machine.name)
+    _add_text(item, "description", f"Condition: {machine.condition}")
+    _add_text(_add(item, "manufacturer"), "name", machine.make)
     _add(item, "model", machine.model)
     identified = _add(item, "identifications")
-    _identification(identified, "manufacturer", machine.id, "Serial number", "basic_serialNumber")
+    _add_identification(
+        identified, "manufacturer", machine.id, "Serial number", "basic_serialNumber"
+    )
     for part, value in machine.parts.items():
         if part.strip() and value.strip():
-            _identification(identified, "other", value, part, "payscope_partIdentification")
-    _contact(_add(admin, "calibrationLaboratory"), "contact", laboratory)
+            _add_identification(identified, "other", value, part, "payscope_partIdentification")
+    _add_contact(_add(admin, "calibrationLaboratory"), "contact", laboratory)
     people = _add(admin, "respPersons")
     for name, role, signs in (
         (about.authoriser, about.authoriser_function, "true"),
         (about.author, about.author_function, "false"),
     ):
         person = _add(people, "respPerson")
-        _text(_add(person, "person"), "name", name)
+        _add_text(_add(person, "person"), "name", name)
         if role:
             _add(person, "role", role)
         _add(person, "mainSigner", signs)
-    _contact(admin, "customer", campaign.customer)
-    _statements(_add(admin, "statements"), document)
+    _add_contact(admin, "customer", campaign.customer)
+    _add_statements(_add(admin, "statements"), document)
 
 
-def _statements(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_statements(parent: "_Element", document: EvidenceDocument) -> None:
     about, limits = document.campaign.campaign, document.limits
     said = [("Scope", document.notice), ("Intended use", about.intended_use)]
     said += [("Place of the work", about.place), ("Deviations from the method", about.deviations)]
@@ -249,23 +253,23 @@ def _statements(parent: "_Element", document: EvidenceDocument) -> None:
         said.append(("Reason of the replacement", about.replaces_reason))
     for name, text in said:
         made = _add(parent, "statement")
-        _text(made, "name", name)
-        _text(made, "declaration", text)
+        _add_text(made, "name", name)
+        _add_text(made, "declaration", text)
     if limits is not None:
         made = _add(parent, "statement", refType="basic_conformity")
-        _text(made, "name", "Error limits")
+        _add_text(made, "name", "Error limits")
         _add(made, "reference", limits.rule.accuracy_class)
-        _text(made, "declaration", limits.statement)
+        _add_text(made, "declaration", limits.statement)
         if limits.verdict in (WITHIN, OUTSIDE):
             _add(made, "conformity", "pass" if limits.verdict == WITHIN else "fail")
 
 
-def _results(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
     fitted = document.calibration
     assert fitted is not None
     result = _add(parent, "measurementResult", refId="machine")
-    _text(result, "name", "Calibration of the mass that the machine's logs give")
-    _text(
+    _add_text(result, "name", "Calibration of the mass that the machine's logs give")
+    _add_text(
         result,
         "description",
         f"{ESTIMATORS.get(document.estimator.name, document.estimator.name)}; its definition has "
@@ -274,36 +278,36 @@ def _results(parent: "_Element", document: EvidenceDocument) -> None:
     methods = _add(result, "usedMethods")
     for name, norm, ref in _METHODS:
         method = _add(methods, "usedMethod", refType=ref)
-        _text(method, "name", name)
+        _add_text(method, "name", name)
         _add(method, "norm", norm)
-    _software(_add(result, "usedSoftware"), document)
-    _equipment(_add(result, "measuringEquipments"), document)
-    _conditions(_add(result, "influenceConditions"), document)
+    _add_software(_add(result, "usedSoftware"), document)
+    _add_equipment(_add(result, "measuringEquipments"), document)
+    _add_conditions(_add(result, "influenceConditions"), document)
     found = _add(result, "results")
     line_result = _add(found, "result", refType="payscope_calibrationFunction")
-    _text(line_result, "name", "Line: calibrated mass = alpha times estimate plus beta")
+    _add_text(line_result, "name", "Line: calibrated mass = alpha times estimate plus beta")
     data = _add(line_result, "data")
     for name, value, unit, interval in (
         ("alpha", fitted.alpha_1, r"\one", fitted.alpha_interval_1),
         ("beta", fitted.beta_kg, r"\kilogram", fitted.beta_interval_kg),
     ):
         quantity = _add(data, "quantity", refType="basic_measuredValue")
-        _text(quantity, "name", name)
+        _add_text(quantity, "name", name)
         low, high = interval
         if low is None or high is None or not low < value < high:
-            _real(quantity, value, unit)
+            _add_real(quantity, value, unit)
         else:
             # D-SI wants a standard uncertainty beside the interval: that of the same half width
             u = (high - low) / 2.0 / fitted.coverage_k_1
-            _real(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
+            _add_real(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
     at_kg, readings = fitted.budget_at
     quantity = _add(data, "quantity", refType="basic_measuredValue")
-    _text(quantity, "name", f"Later mass, mean of {readings} readings")
-    _mass(quantity, document, at_kg)
-    _errors(_add(found, "result", refType="basic_measurementError"), document)
+    _add_text(quantity, "name", f"Later mass, mean of {readings} readings")
+    _add_mass(quantity, document, at_kg)
+    _add_errors(_add(found, "result", refType="basic_measurementError"), document)
 
 
-def _mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
+def _add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
     """A mass with its expanded uncertainty."""
     fitted = document.calibration
     assert fitted is not None
@@ -312,53 +316,53 @@ def _mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> N
     u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
-    _real(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
+    _add_real(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
 
 
-def _errors(result: "_Element", document: EvidenceDocument) -> None:
+def _add_errors(result: "_Element", document: EvidenceDocument) -> None:
     """Reference, calibrated mass and error of each run."""
     fitted = document.calibration
     assert fitted is not None
     references = {each.load_id: each for each in document.references}
-    _text(result, "name", "Errors of the runs")
+    _add_text(result, "name", "Errors of the runs")
     data = _add(result, "data")
     for point in fitted.points:
         if point.error_kg is None:
             continue
         reference = references[point.load_id]
         row = _add(data, "list")
-        _text(row, "name", f"{point.run_id}: {point.load_id}")
+        _add_text(row, "name", f"{point.run_id}: {point.load_id}")
         quantity = _add(row, "quantity", refType="basic_referenceValue")
-        _real(
+        _add_real(
             quantity,
             reference.reference_kg,
             r"\kilogram",
             expanded=(2.0 * reference.u_kg, 2.0, 0.954),
         )
         quantity = _add(row, "quantity", refType="basic_measuredValue")
-        _mass(quantity, document, reference.reference_kg + point.error_kg)
+        _add_mass(quantity, document, reference.reference_kg + point.error_kg)
         quantity = _add(row, "quantity", refType="basic_measurementError")
-        _real(quantity, point.error_kg, r"\kilogram")
+        _add_real(quantity, point.error_kg, r"\kilogram")
 
 
-def _equipment(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
     """The reference masses; certificates by hash where the evidence has that."""
     campaign = document.campaign
     machine = document.machine.machine
     for mass in campaign.masses:
         made = _add(parent, "measuringEquipment", refType="basic_measurementStandard")
-        _text(made, "name", f"Reference mass {mass.id}")
+        _add_text(made, "name", f"Reference mass {mass.id}")
         if mass.stated_by:
-            _text(made, "description", f"Stated by the {mass.stated_by}")
+            _add_text(made, "description", f"Stated by the {mass.stated_by}")
         elif mass.certificate_sha256:
             about = ("Certificate of the mass", mass.certificate, mass.certificate_sha256)
-            _hash(made, "certificate", about)
+            _add_hash(made, "certificate", about)
         identified = _add(made, "identifications")
-        _identification(
+        _add_identification(
             identified, "calibrationLaboratory", mass.id, "Id", "payscope_equipmentIdentification"
         )
         if mass.certificate:
-            _identification(
+            _add_identification(
                 identified,
                 "other",
                 mass.certificate,
@@ -368,9 +372,9 @@ def _equipment(parent: "_Element", document: EvidenceDocument) -> None:
         _add_known_mass(made, "Mass", mass.value_kg, mass.u_kg)
     if campaign.method.estimator != "joint_payload" and machine.empty_mass_kg is not None:
         made = _add(parent, "measuringEquipment", refType="basic_measurementStandard")
-        _text(made, "name", "The machine without load")
+        _add_text(made, "name", "The machine without load")
         if campaign.machine.empty_certificate:
-            _identification(
+            _add_identification(
                 _add(made, "identifications"),
                 "other",
                 campaign.machine.empty_certificate,
@@ -386,20 +390,20 @@ def _add_known_mass(equipment: "_Element", name: str, value_kg: float, u_kg: flo
         "measuringEquipmentQuantity",
         refType="basic_referenceValue",
     )
-    _text(quantity, "name", name)
-    _real(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
+    _add_text(quantity, "name", name)
+    _add_real(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
 
 
-def _conditions(parent: "_Element", document: EvidenceDocument) -> None:
+def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
     campaign = document.campaign
     runs = [campaign.conditions_of(run) for run in campaign.runs]
     for key, ref, unit, name in _CONDITIONS:
         for value in dict.fromkeys(each[key] for each in runs):
             made = _add(parent, "influenceCondition", refType=ref)
-            _text(made, "name", name)
+            _add_text(made, "name", name)
             data = _add(made, "data")
             if unit:
                 quantity = _add(data, "quantity", refType="basic_measuredValue")
-                _real(quantity, value, unit)
+                _add_real(quantity, value, unit)
             else:
-                _text(data, "text", value)
+                _add_text(data, "text", value)

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 
 from analysis.explain import Explanation
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
 from recordings.explain.explanation_text import verdict_sentence
 from recordings.plots.convergence_plot import draw_convergence
@@ -21,12 +22,12 @@ from recordings.rrd.recording_table import MOMENT
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Inches of the picture, characters of a line in it, and findings that have room.
 _SIZE_IN: Final = (12.0, 11.0)
 _LINE: Final = 165
 _FINDINGS: Final = 3
 #: What is drawn around the moment, in s either way.
 _AROUND_S: Final = 15.0
-_NS: Final = 1e9
 
 
 def plot_explanation(run: Run, explained: Explanation, path: Path, *, force: bool = False) -> Path:
@@ -49,7 +50,7 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     from matplotlib.figure import Figure
 
     at_s = explained.at_s if explained.at_s is not None else _worst_s(explained, run)
-    near = run if at_s is None else _around(run, at_s)
+    near = run if at_s is None else _cut_around(run, at_s)
     lines = wrap(verdict_sentence(explained), _LINE)
     for each in (explained.findings or ())[:_FINDINGS]:
         lines += wrap(f"{each.rank}. {finding_line(each)}", _LINE, subsequent_indent="   ")
@@ -81,7 +82,7 @@ def _worst_s(explained: Explanation, run: Run) -> float | None:
     None, for all of it, where the run is not much longer than what would be drawn.
     """
     span = span_ns(run)
-    if span is None or span[1] - span[0] < 4 * _AROUND_S * _NS:
+    if span is None or span[1] - span[0] < 4 * _AROUND_S * NS_PER_S:
         return None
     for each in explained.findings or ():
         if each.start_s is not None and each.end_s is not None:
@@ -91,9 +92,9 @@ def _worst_s(explained: Explanation, run: Run) -> float | None:
     return None
 
 
-def _around(run: Run, at_s: float) -> Run:
+def _cut_around(run: Run, at_s: float) -> Run:
     """The samples around a moment; frames without samples whole."""
-    begin, end = (round((at_s + way * _AROUND_S) * _NS) for way in (-1, 1))
+    begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
         name: _between(frame, begin, end) if "t_ns" in frame.columns else frame
         for name, frame in run.frames.items()
@@ -113,7 +114,7 @@ def _load_at(run: Run, at_s: float | None) -> Run:
     loads = run.frames.get("loads")
     if at_s is None or loads is None:
         return run
-    at = pl.lit(round(at_s * _NS))
+    at = pl.lit(round(at_s * NS_PER_S))
     here = loads.filter(at.is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
     if not here.height:
         return run

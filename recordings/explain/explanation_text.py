@@ -10,10 +10,10 @@ from recordings.report.finding_text import (
     LEADS_TO,
     affects_mass,
     change_of,
+    indistinguishable_causes,
     name_of,
     proposal_of,
     span_of,
-    untold,
 )
 from recordings.report.number_text import number, plus_minus
 from recordings.rrd.recording_texts import headline
@@ -61,12 +61,13 @@ def _moment(explained: Explanation) -> str:
     )
     if stretch is None:
         return "there is no window"
+    decided = _deciding_value(stretch)
     if stretch.reason == "accepted":
-        return f"the window is accepted{_number(stretch)}"
-    return f"the gate refuses the window for '{stretch.reason.replace('_', ' ')}'{_number(stretch)}"
+        return f"the window is accepted{decided}"
+    return f"the gate refuses the window for '{stretch.reason.replace('_', ' ')}'{decided}"
 
 
-def _number(stretch: GateStretch) -> str:
+def _deciding_value(stretch: GateStretch) -> str:
     if stretch.column is None or stretch.value is None:
         return ""
     name, unit = _DECIDES[stretch.column]
@@ -84,7 +85,7 @@ def finding_lines(explained: Explanation) -> Iterator[str]:
             each.evidence,
             change_of(each),
             proposal_of(each),
-            untold(each),
+            indistinguishable_causes(each),
             LEADS_TO[each.severity],
         ):
             if line:
@@ -96,7 +97,7 @@ def gate_lines(explained: Explanation) -> Iterator[str]:
     if explained.at_s is not None:
         for each in explained.gate:
             reason = each.reason.replace("_", " ")
-            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_number(each)}"
+            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_deciding_value(each)}"
         return
     shares = [(name, share) for name, share in explained.shares.items() if share >= 0.005]
     if shares:

@@ -6,16 +6,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+import numpy as np
 import polars as pl
 
 from analysis.fleet.calibration_steps import FleetCalibration, LineChange
-from analysis.fleet.daily_figures import sums, whole
+from analysis.fleet.daily_figures import sum_machines, sums
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
-from recordings.fleet.fleet_plots import drift, tonnes
 from recordings.report.number_text import SCALE_NOT_KNOWN
 from recordings.report.render_page import page_html
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing
 
+_BOX: Final = (52.0, 22.0, WIDTH - 8.0, 170.0)
+#: Pixels of a figure's height.
+_HEIGHT: Final = 206
+#: Kilograms of a tonne.
+_TONNE: Final = 1e3
+#: Days of a week.
+_WEEK: Final = 7
+#: Limits of a week's mean, in its standard deviations.
+_LIMIT: Final = 3.0
+#: Days, at least, that limits are drawn about; the chart itself needs none.
+_BASELINE: Final = 14
 _TEMPLATE: Final = "fleet.html.j2"
 #: Of an interval with a confidence of 95 %.
 K: Final = 2.0
@@ -42,6 +54,7 @@ class FleetPage:
         looks: of `needs_a_look`, with column `command`.
         failed: recordings without a result, and why.
         today: the last day of the fleet, by which calibrations are due.
+        friction: when each machine's friction reaches a limit, in sentences, where it was asked.
     """
 
     name: str
@@ -54,12 +67,13 @@ class FleetPage:
     looks: pl.DataFrame
     failed: Mapping[str, str]
     today: dt.date | None
+    friction: Sequence[str] = ()
 
 
 def fleet_html(page: FleetPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
     machines = sums(page.results, ["machine"])
-    total = whole(machines)
+    total = sum_machines(machines)
     flagged = sorted(
         (chart for chart in page.charts if chart.chart.flagged is not None), key=_by_size
     )
@@ -78,6 +92,7 @@ def fleet_html(page: FleetPage) -> str:
         pictures=[picture for picture in drawn if picture is not None],
         drifts=[_drift(chart) for chart in flagged],
         drift_pictures=[drift(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
+        friction=list(page.friction),
         undrawn=max(len(flagged) - _MOST_FIGURES, 0),
         looks=[_look(n, row) for n, row in enumerate(_first_looks(page), start=1)],
         more_looks=max(page.looks.height - MOST_LOOKS, 0),
@@ -267,3 +282,82 @@ def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
         for row in table.sort("machine").iter_rows(named=True)
     ]
     return {"heads": names, "rows": rows}
+
+
+def tonnes(weeks: pl.DataFrame) -> Drawing | None:
+    """Tonnes of all machines by week; None where there are none.
+
+    Args:
+        weeks: week (Date), payload_kg, payload_u_kg, in time.
+    """
+    if weeks.is_empty():
+        return None
+    t, u = weeks["payload_kg"].to_numpy() / _TONNE, weeks["payload_u_kg"].to_numpy() / _TONNE
+    picture = Drawing(
+        "tonnes",
+        "Tonnes by week",
+        f"Tonnes of all machines in {weeks.height} weeks, from {t.min():,.0f} to {t.max():,.0f}; "
+        "lines reach two standard uncertainties either way.",
+        _HEIGHT,
+    )
+    first = weeks["week"][0]
+    at = [(week - first).days / _WEEK for week in weeks["week"]]
+    axes = Axes.around([-0.5, at[-1] + 0.5], [0.0, float((t + 2.0 * u).max())], _BOX, 0.02)
+    axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
+    axes.draw(picture, f"weeks since {first}", "tonnes")
+    for x, value, half in zip(at, t, 2.0 * u, strict=True):
+        left, top = axes.place(x - 0.4, float(value))
+        right, bottom = axes.place(x + 0.4, 0.0)
+        picture.bar(left, top, right - left, bottom - top, "bar")
+        middle, low = axes.place(x, float(value - half))
+        _, high = axes.place(x, float(value + half))
+        picture.line(middle, low, middle, high, "ideal")
+    return picture
+
+
+def drift(number: int, shown: MachineChart) -> Drawing:
+    """A machine's signal by week, against the limits of its baseline."""
+    flagged, since = shown.chart.flagged, shown.chart.since
+    assert flagged is not None
+    assert since is not None
+    values = np.array(shown.values)
+    count = min(max(since, _BASELINE), values.size)
+    base = values[:count]
+    centre, deviation = float(base.mean()), float(base.std(ddof=1))
+    points = _weeks(shown.days, values)
+    half = _LIMIT * deviation / np.sqrt(float(np.median([n for _, _, n in points])))
+    signal = shown.signal
+    unit = {"zero": "kg", "scale": "kg", "friction": "N·s/m"}[signal.name]
+    picture = Drawing(
+        f"drift-{number}",
+        f"{shown.machine}: {signal.name}",
+        f"Weekly means of the {signal.means}, in {unit}, with the limits of a week's mean about "
+        f"its first {count} days; dashed: {shown.days[flagged]}, when the "
+        "chart flagged it.",
+        _HEIGHT,
+    )
+    means = [mean for _, mean, _ in points]
+    axes = Axes.around(
+        [at for at, _, _ in points], [*means, centre - half, centre + half], _BOX, 0.04
+    )
+    left, top = axes.place(axes.x[0], centre + half)
+    right, bottom = axes.place(axes.x[1], centre - half)
+    picture.bar(left, top, right - left, bottom - top, "band")
+    axes.draw(picture, f"weeks since {shown.days[0]}", unit)
+    x, _ = axes.place((shown.days[flagged] - shown.days[0]).days / _WEEK, centre)
+    picture.line(x, _BOX[1], x, _BOX[3], "ideal")
+    for at, mean, count in points:
+        outside = abs(mean - centre) > half
+        week = shown.days[0] + dt.timedelta(days=_WEEK * at)
+        tip = f"week of {week}: {mean:,.1f} {unit}, {count} days"
+        picture.dot(*axes.place(at, mean), "left" if outside else "point", tip)
+    return picture
+
+
+def _weeks(days: Sequence[dt.date], values: np.ndarray) -> list[tuple[float, float, int]]:
+    """Of every week with values: its number since the first day, their mean and count."""
+    number = np.array([(day - days[0]).days // _WEEK for day in days])
+    return [
+        (float(n), float(values[number == n].mean()), int((number == n).sum()))
+        for n in np.unique(number)
+    ]

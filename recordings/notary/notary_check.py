@@ -21,6 +21,7 @@ from recordings.signatures.signing import PublicKey
 CLOCK_S: Final = 300
 #: A log that is listed so long after its end may have been changed in between.
 LATE: Final = dt.timedelta(days=1)
+#: Faults that are listed, and entries that a fault names.
 _MOST_FAULTS: Final = 20
 _MOST_NAMED: Final = 8
 
@@ -223,15 +224,16 @@ def _notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
         if first is not entry:
             yield f"number {entry.counter}: '{entry.log}' is the same log as number {first.counter}"
     if undated:
-        yield f"{_numbers(undated)}: without an absolute time, or not readable"
+        yield f"{_line_numbers_text(undated)}: without an absolute time, or not readable"
     if late:
+        named, days = _line_numbers_text(list(late)), max(late.values())
         yield (
-            f"{_numbers(list(late))}: listed up to {max(late.values()):.0f} days after the log "
-            "ended; what was done to it in between, the list does not show"
+            f"{named}: listed up to {days:.0f} days after the log ended; what was done to it in "
+            "between, the list does not show"
         )
 
 
-def _numbers(counters: Sequence[int]) -> str:
+def _line_numbers_text(counters: Sequence[int]) -> str:
     """Which lines, the first of them by number."""
     named = ", ".join(map(str, counters[:_MOST_NAMED]))
     more = f" and {len(counters) - _MOST_NAMED} more" if len(counters) > _MOST_NAMED else ""

@@ -9,7 +9,7 @@ from analysis.paper import printed_numbers
 from analysis.paper.claims import Claims, ls_buffer_bytes, rls_state_bytes
 from analysis.paper.excitation_figures import WINDOW_S
 from analysis.paper.simulated_sources import CRUISE_S
-from recordings.paper.paper_wording import NAMES, Said, percent
+from recordings.paper.paper_wording import NAMES, ItemSentences, percent
 
 _CLAIMS: Final = {
     "buffer": "RLS as accurate as OLS without a large buffer",
@@ -29,7 +29,7 @@ _SHORT_STARTS: Final = {
 }
 
 
-def labelled(found: Claims) -> pl.DataFrame:
+def label_claims(found: Claims) -> pl.DataFrame:
     """The findings with claim, case and printed number in words."""
     rows = list(found.frame.iter_rows(named=True))
     words = pl.DataFrame(
@@ -80,9 +80,9 @@ def _format_printed_number(row: Mapping[str, Any]) -> str:
     return f"{mean:g} ± {spread:g} %"
 
 
-def said(found: Claims) -> Said:
+def word_claims(found: Claims) -> ItemSentences:
     """Say what was found of each claim."""
-    return Said(
+    return ItemSentences(
         (
             "Campaigns as in Tables 3 and 4, at 320 samples and 0.7 nat. The paper does not say "
             "whether its averages are of errors or of their sizes, nor what its ± covers.",
@@ -92,7 +92,13 @@ def said(found: Claims) -> Said:
             "RLS without the criterion is fed every sample, or every sample but braking; the "
             f"claim's constant speed is a cruise of {CRUISE_S:g} s after a start of 3 s.",
         ),
-        (_buffer(found), _rms(found), _simulation(found), _experiment(found), _reduction(found)),
+        (
+            _buffer(found),
+            _rms_sentence(found),
+            _simulation(found),
+            _experiment(found),
+            _reduction(found),
+        ),
     )
 
 
@@ -120,7 +126,7 @@ def _buffer(found: Claims) -> str:
     )
 
 
-def _rms(found: Claims) -> str:
+def _rms_sentence(found: Claims) -> str:
     low, high = found.rms_kg
     holds = "holds in simulation for every method"
     return (

@@ -6,16 +6,16 @@ from typing import Final
 from analysis.paper import printed_numbers
 from analysis.paper.campaign_figures import Figure5, Figure6, Figure7, Figure8
 from analysis.paper.excitation_figures import EARLY_S, WINDOW_S, Figure2, Figure3, Figure4
-from recordings.paper.paper_wording import NAMES, NO_NUMBERS, Said, listed, percent
+from recordings.paper.paper_wording import NAMES, NO_NUMBERS, ItemSentences, join_words, percent
 
 _NO_GATE: Final = "Every complete window is used: the paper does not say that it gates here."
 #: Errors whose ratio is between these are called alike.
 _ALIKE: Final = (0.8, 1.25)
 
 
-def figure_2(found: Figure2) -> Said:
+def figure_2(found: Figure2) -> ItemSentences:
     """Say what Figure 2 shows."""
-    return Said(
+    return ItemSentences(
         (
             "0 to 6 kN with a period of 15 s, from standing, with the noise of Table 1 and the "
             "moving mean.",
@@ -31,9 +31,9 @@ def figure_2(found: Figure2) -> Said:
     )
 
 
-def figure_3(found: Figure3) -> Said:
+def figure_3(found: Figure3) -> ItemSentences:
     """Say what Figure 3 shows."""
-    return Said(
+    return ItemSentences(
         (_NO_GATE,),
         (
             _about_the_truth(found.rms_kg, found.true_mass_kg, "kg"),
@@ -43,10 +43,10 @@ def figure_3(found: Figure3) -> Said:
     )
 
 
-def figure_4(found: Figure4) -> Said:
+def figure_4(found: Figure4) -> ItemSentences:
     """Say what Figure 4 shows."""
     bias = found.bias_kg_m2
-    return Said(
+    return ItemSentences(
         (
             _NO_GATE,
             "The paper gives neither inertia nor torque: "
@@ -66,7 +66,7 @@ def figure_4(found: Figure4) -> Said:
 
 
 def _about_the_truth(rms: Mapping[str, float], true: float, unit: str) -> str:
-    each = listed(f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.items())
+    each = join_words(f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.items())
     return f"R.m.s. over the figure about the true {true:g} {unit}: {each}."
 
 
@@ -89,10 +89,10 @@ def _converging(found: Figure3) -> str:
     )
 
 
-def figure_5(found: Figure5) -> Said:
+def figure_5(found: Figure5) -> ItemSentences:
     """Say what Figure 5 shows."""
-    highest = listed(f"{nat:.1f} nat while {phase}" for phase, nat in found.highest_nat.items())
-    return Said(
+    highest = join_words(f"{nat:.1f} nat while {phase}" for phase, nat in found.highest_nat.items())
+    return ItemSentences(
         ("The first run of a simulated campaign, without load; the window is 320 samples.",),
         (
             f"The index reaches {highest}. The paper, too, sees it large while decelerating; but "
@@ -103,10 +103,10 @@ def figure_5(found: Figure5) -> Said:
     )
 
 
-def figure_6(found: Figure6) -> Said:
+def figure_6(found: Figure6) -> ItemSentences:
     """Say what Figure 6 shows."""
     first_kg, last_kg = found.implied_kg
-    return Said(
+    return ItemSentences(
         (
             "Means of nine runs over the campaigns, ± the standard deviation of one run; the "
             "dashed lines are what Table 2 implies that the paper measured.",
@@ -121,18 +121,20 @@ def figure_6(found: Figure6) -> Said:
     )
 
 
-def figure_7(found: Figure7) -> Said:
+def figure_7(found: Figure7) -> ItemSentences:
     """Say what Figure 7 shows."""
-    scatter = listed(f"{NAMES[method]} {std:.1f} kg" for method, std in found.scatter_kg.items())
-    return Said(
+    scatter = join_words(
+        f"{NAMES[method]} {std:.1f} kg" for method, std in found.scatter_kg.items()
+    )
+    return ItemSentences(
         ("Means of nine runs over the campaigns, ± the standard deviation of one run.",),
         (f"One run's calibrated mass scatters by {scatter}.", NO_NUMBERS),
     )
 
 
-def figure_8(found: Figure8) -> Said:
+def figure_8(found: Figure8) -> ItemSentences:
     """Say what Figure 8 shows."""
-    return Said(
+    return ItemSentences(
         (
             "R.m.s. over a load's nine runs, mean over the campaigns with its 95 % interval; solid "
             "bars have the load in the fit, as in the paper, hatched ones do not.",

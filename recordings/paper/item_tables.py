@@ -28,7 +28,9 @@ def table_1(frame: pl.DataFrame) -> list[RenderedItem]:
     errors = _beside_the_paper(
         frame, "window_s", "window, s", lambda row: _interval(row, "rmse_kg"), "bound_kg"
     )
-    ratios = _by_method(frame, "window_s", "window, s", lambda row: _number(row["over_bound_1"], 2))
+    ratios = _by_method(
+        frame, "window_s", "window, s", lambda row: _number_text(row["over_bound_1"], 2)
+    )
     trials = frame["trials"].max()
     return [
         RenderedItem(
@@ -50,7 +52,7 @@ def table_2(frame: pl.DataFrame) -> list[RenderedItem]:
         for name, digits in (("alpha_1", 3), ("beta_kg", 1)):
             ideal, front = of["ideal", method], of["front_axle", method]
             cells += [
-                _number(ideal[f"paper_{name}"], digits),
+                _number_text(ideal[f"paper_{name}"], digits),
                 _interval(ideal, name, digits),
                 _interval(front, name, digits),
             ]
@@ -98,7 +100,7 @@ def figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
         frame,
         "load_kg",
         "load, kg",
-        lambda row: f"{_number(row['rms_kg'])} / {_number(row['rms_left_out_kg'])}",
+        lambda row: f"{_number_text(row['rms_kg'])} / {_number_text(row['rms_left_out_kg'])}",
     )
     return [RenderedItem("RMS error in kg: load in the fit / left out", header, rows)]
 
@@ -128,7 +130,7 @@ def _by_method(
     """Header and rows: a row a value of `key`, a column a method."""
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
-        [_key(at), *(cell(by[m]) if m in by else "–" for m in methods)]
+        [_parameter_text(at), *(cell(by[m]) if m in by else "–" for m in methods)]
         for at, by in _groups(frame, key)
     ]
     return [title, *(NAMES[m] for m in methods)], rows
@@ -144,11 +146,11 @@ def _beside_the_paper(
         header += [NAMES[method], *(["paper"] if method in printed_numbers.METHODS else [])]
     rows: list[list[str]] = []
     for at, by in _groups(frame, key):
-        cells = [_key(at), _number(next(iter(by.values()))[bound])]
+        cells = [_parameter_text(at), _number_text(next(iter(by.values()))[bound])]
         for method in methods:
             cells.append(cell(by[method]))
             if method in printed_numbers.METHODS:
-                cells.append(_number(by[method]["paper_kg"], 2))
+                cells.append(_number_text(by[method]["paper_kg"], 2))
         rows.append(cells)
     return header, rows
 
@@ -160,18 +162,18 @@ def _groups(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]
     return list(groups.items())
 
 
-def _key(value: float) -> str:
+def _parameter_text(value: float) -> str:
     return f"{value:g}"
 
 
-def _number(value: float | None, digits: int = 1) -> str:
+def _number_text(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:,.{digits}f}"
 
 
 def _interval(row: _Row, name: str, digits: int = 1) -> str:
     """A number with its interval, as far as there is one."""
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
-    text = _number(value, digits)
+    text = _number_text(value, digits)
     if low is None or high is None:
         return text
-    return f"{text} [{_number(low, digits)}, {_number(high, digits)}]"
+    return f"{text} [{_number_text(low, digits)}, {_number_text(high, digits)}]"

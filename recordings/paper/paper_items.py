@@ -21,7 +21,7 @@ from recordings.paper import (
 )
 from recordings.paper.item_tables import RenderedItem
 from recordings.paper.paper_pictures import Picture
-from recordings.paper.paper_wording import Said
+from recordings.paper.paper_wording import ItemSentences
 
 
 class Numbers(Protocol):
@@ -63,7 +63,7 @@ class Item(Generic[N]):
     title: str
     needs: tuple[Extract[Any, Any], ...]
     numbers: Callable[[Extracts], N]
-    said: Callable[[N], Said]
+    said: Callable[[N], ItemSentences]
     frame: Callable[[N], pl.DataFrame] = _own_frame
     tables: Callable[[pl.DataFrame], list[RenderedItem]] = _no_tables
     picture: Picture | None = None
@@ -75,7 +75,7 @@ class Found:
 
     item: Item[Any]
     frame: pl.DataFrame
-    said: Said
+    said: ItemSentences
 
 
 def find(item: Item[N], extracts: Extracts) -> Found:
@@ -190,8 +190,8 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
             campaign_tables.OVER_WINDOWS,
         ),
         claims.claims,
-        claims_sentences.said,
-        frame=claims_sentences.labelled,
+        claims_sentences.word_claims,
+        frame=claims_sentences.label_claims,
         tables=item_tables.claims,
     ),
 )

@@ -63,7 +63,7 @@ def write_reproduction(
         else:
             for each in found:
                 each.frame.write_csv(stage / f"{each.item.name}.csv")
-            _sentences(found, about).write_csv(stage / SENTENCES)
+            _sentence_rows(found, about).write_csv(stage / SENTENCES)
     return targets
 
 
@@ -96,7 +96,7 @@ def _page(found: Sequence[Found], about: str) -> str:
     return environment.from_string(source).render(about=about, sections=sections)
 
 
-def _sentences(found: Sequence[Found], about: str) -> pl.DataFrame:
+def _sentence_rows(found: Sequence[Found], about: str) -> pl.DataFrame:
     rows = [("", "about", about)]
     for each in found:
         rows += [(each.item.name, "finding", sentence) for sentence in each.said.findings]

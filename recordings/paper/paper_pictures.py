@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Inches of a picture's width and of a panel's height, and its dots an inch.
 _WIDTH_IN: Final = 8.0
 _PANEL_IN: Final = 1.6
 _DPI: Final = 110

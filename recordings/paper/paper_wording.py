@@ -14,7 +14,7 @@ NAMES: Final = {
 NO_NUMBERS: Final = "The paper prints no numbers with this figure."
 
 
-class Said(NamedTuple):
+class ItemSentences(NamedTuple):
     """The sentences of one item.
 
     Attributes:
@@ -26,7 +26,7 @@ class Said(NamedTuple):
     findings: tuple[str, ...]
 
 
-def listed(words: Iterable[str]) -> str:
+def join_words(words: Iterable[str]) -> str:
     """Words as a sentence lists them."""
     *first, last = words
     return f"{', '.join(first)} and {last}" if first else last

@@ -7,7 +7,7 @@ from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import Extremes, SweptTable, Table2
 from analysis.paper.simulated_sources import THRESHOLD_NAT, WINDOW_SAMPLES
 from analysis.paper.table1 import LONG_S, RARE, Table1
-from recordings.paper.paper_wording import NAMES, Said, listed, percent
+from recordings.paper.paper_wording import NAMES, ItemSentences, join_words, percent
 
 _TABLE_1_CHOICES: Final = (
     "Noise of single samples, which the paper does not give, is that which comes nearest to its "
@@ -34,9 +34,9 @@ _ERRORS_CHOSEN: Final = (
 )
 
 
-def table_1(found: Table1) -> Said:
+def table_1(found: Table1) -> ItemSentences:
     """Say what Table 1 shows."""
-    return Said(
+    return ItemSentences(
         _TABLE_1_CHOICES,
         (
             _one_trial(found),
@@ -60,8 +60,8 @@ def _one_trial(found: Table1) -> str:
 
 def _best_length(found: Table1) -> str:
     printed, ours = found.best_printed_s, found.best_s
-    theirs = listed(f"{NAMES[m]} at {at:g} s" for m, at in printed.items())
-    mine = listed(f"{NAMES[m]} at {ours[m]:g} s" for m in printed if m in ours)
+    theirs = join_words(f"{NAMES[m]} at {at:g} s" for m, at in printed.items())
+    mine = join_words(f"{NAMES[m]} at {ours[m]:g} s" for m in printed if m in ours)
     return (
         "The text calls 10 s optimal for all methods. Its own table is smallest for "
         f"{theirs}; ours for {mine}. The longest window that the manoeuvre allows is best, until "
@@ -108,11 +108,11 @@ def _raw_units(found: Table1) -> str:
     )
 
 
-def table_2(found: Table2) -> Said:
+def table_2(found: Table2) -> ItemSentences:
     """Say what Table 2 shows."""
     chain, (alpha_1, beta_kg) = found.chain, found.printed
     ideal, through = found.ideal, found.chained
-    return Said(
+    return ItemSentences(
         (
             _CAMPAIGN,
             "The fit is that of `payscope calibrate`, on the means of each load's nine runs: the "
@@ -140,9 +140,9 @@ def table_2(found: Table2) -> Said:
     )
 
 
-def table_3(found: SweptTable) -> Said:
+def table_3(found: SweptTable) -> ItemSentences:
     """Say what Table 3 shows."""
-    return Said(
+    return ItemSentences(
         (
             _CAMPAIGN,
             f"The window is held at {WINDOW_SAMPLES} samples, section 4.3's; the paper does not "
@@ -151,7 +151,7 @@ def table_3(found: SweptTable) -> Said:
         ),
         (
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
-            f"it at {_at(found.best_printed, 'nat')}.",
+            f"it at {_best_settings(found.best_printed, 'nat')}.",
             _extremes(found.extremes, "nat"),
             _nearest_bound(found.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
@@ -161,9 +161,9 @@ def table_3(found: SweptTable) -> Said:
     )
 
 
-def table_4(found: SweptTable) -> Said:
+def table_4(found: SweptTable) -> ItemSentences:
     """Say what Table 4 shows."""
-    return Said(
+    return ItemSentences(
         (
             _CAMPAIGN,
             f"The threshold is held at {THRESHOLD_NAT} nat, section 4.3's; the paper does not say "
@@ -173,7 +173,7 @@ def table_4(found: SweptTable) -> Said:
         ),
         (
             "The text says that 400 samples are best. Its table has the smallest error at "
-            f"{_at(found.best_printed, 'samples')}.",
+            f"{_best_settings(found.best_printed, 'samples')}.",
             _extremes(found.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
@@ -182,8 +182,8 @@ def table_4(found: SweptTable) -> Said:
     )
 
 
-def _at(best: Mapping[str, Sequence[float]], unit: str) -> str:
-    return listed(
+def _best_settings(best: Mapping[str, Sequence[float]], unit: str) -> str:
+    return join_words(
         f"{' or '.join(f'{at:g}' for at in values)} {unit} for {NAMES[method]}"
         for method, values in best.items()
     )
@@ -194,7 +194,7 @@ def _extremes(methods: Sequence[Extremes], unit: str) -> str:
     sentences: list[str] = []
     for each in methods:
         chance = (
-            f"alike within the interval of the best: {listed(f'{at:g}' for at in each.alike)}"
+            f"alike within the interval of the best: {join_words(f'{at:g}' for at in each.alike)}"
             if len(each.alike) < each.values
             else "all within the interval of the best"
         )

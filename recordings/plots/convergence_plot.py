@@ -6,7 +6,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
+from recordings.plots.time_panels import series_numbers
 from recordings.report import colours
 from recordings.report.picture import legend_above
 from recordings.rrd.display_frames import span_ns
@@ -16,12 +18,15 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.float64]
 
-_NS: Final = 1e9
+#: Points of a line: more than a page has pixels.
 _POINTS: Final = 3000
+#: Points of small type.
 _SMALL: Final = 8
 #: Estimators whose estimate at a time is from everything before it.
 _RECURSIVE: Final = ("rls", "rtls")
+#: Loads up to which the recursions are drawn: more lines hide each other.
 _LOADS: Final = 12
+#: Margin above and below, as a share of the range.
 _ROOM: Final = 0.25
 
 
@@ -34,21 +39,21 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
         at_s: the moment that is meant.
     """
     bounds: list[float] = []
-    starts = _starts(run)
+    starts = _load_starts(run)
     # of many loads what is left of the beginnings covers all else
     for method in _RECURSIVE if len(starts) <= _LOADS else ():
         frame = run.frames.get(f"estimates/{method}")
         if frame is not None and frame.height and "mass_kg" in frame.columns:
-            bounds += _recursion(axes, frame, method, starts, _period_ns(run))
-    means = _running_means(axes, run)
-    answers = _answers(axes, run)
+            bounds += _draw_recursion(axes, frame, method, starts, _period_ns(run))
+    means = _draw_running_means(axes, run)
+    answers = _draw_answers(axes, run)
     bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
     span = span_ns(run)
     if span is not None and span[0] < span[1]:
         # a load reaches beyond a stretch
-        axes.set_xlim(span[0] / _NS, span[1] / _NS)
+        axes.set_xlim(span[0] / NS_PER_S, span[1] / NS_PER_S)
     axes.set_ylabel("mass (kg)", fontsize=_SMALL)
     axes.set_xlabel("s since the start", fontsize=_SMALL)
     axes.tick_params(labelsize=_SMALL)
@@ -70,16 +75,16 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     legend_above(axes, 7)
 
 
-def _starts(run: Run) -> list[int]:
+def _load_starts(run: Run) -> list[int]:
     loads = run.frames.get("loads")
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
 
 
 def _period_ns(run: Run) -> float:
-    return _NS / run.provenance.settings.align.rate_hz
+    return NS_PER_S / run.provenance.settings.align.rate_hz
 
 
-def _recursion(
+def _draw_recursion(
     axes: "Axes", frame: pl.DataFrame, method: str, starts: list[int], period_ns: float
 ) -> list[float]:
     rows = frame.filter(pl.col("mass_kg").is_not_null()).select("t_ns", "mass_kg", "mass_std_kg")
@@ -89,19 +94,19 @@ def _recursion(
     # the last of each few: what it had settled to
     rows = rows.gather_every(step, offset=min(step, rows.height) - 1)
     t = rows["t_ns"].to_numpy()
-    mass, std = (_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
+    mass, std = (series_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
     # no line from one load to the next, nor where nothing was accepted
     gaps = 1 + np.flatnonzero(np.diff(t) > 1.5 * step * period_ns)
     begins = np.union1d(np.searchsorted(t, starts[1:]), gaps)
     mass = np.insert(mass, begins, np.nan)
-    std, t_s = np.insert(std, begins, np.nan), np.insert(t / _NS, begins, np.nan)
+    std, t_s = np.insert(std, begins, np.nan), np.insert(t / NS_PER_S, begins, np.nan)
     colour = colours.method(method)
     axes.plot(t_s, mass, color=colour, lw=1.0, label=f"{method} ± 2σ")
     axes.fill_between(t_s, mass - 2 * std, mass + 2 * std, color=colour, alpha=0.2, lw=0)
     return [*mass, *(mass - 2 * std)[mass.size // 4 :], *(mass + 2 * std)[mass.size // 4 :]]
 
 
-def _running_means(axes: "Axes", run: Run) -> list[float]:
+def _draw_running_means(axes: "Axes", run: Run) -> list[float]:
     """Of the manoeuvres of each load, weighted by their variances, after each of them."""
     frame = run.frames.get("manoeuvres")
     if frame is None:
@@ -109,10 +114,10 @@ def _running_means(axes: "Axes", run: Run) -> list[float]:
     known = frame.filter(pl.col("mass_kg").is_not_null() & (pl.col("mass_std_kg") > 0.0))
     parts: list[Rows] = []
     for _, rows in known.group_by("load_id", maintain_order=True):
-        mass, std = (_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
+        mass, std = (series_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
         weight = np.cumsum(std**-2.0)
         mean = np.cumsum(mass * std**-2.0) / weight
-        at_s = rows["end_t_ns"].to_numpy() / _NS
+        at_s = rows["end_t_ns"].to_numpy() / NS_PER_S
         # no line from one load to the next
         parts += [np.array([at_s, mean, 2.0 / np.sqrt(weight)]), np.full((3, 1), np.nan)]
     if not parts:
@@ -131,7 +136,7 @@ def _running_means(axes: "Axes", run: Run) -> list[float]:
     return [*(mean - bars), *(mean + bars)]
 
 
-def _answers(axes: "Axes", run: Run) -> list[float]:
+def _draw_answers(axes: "Axes", run: Run) -> list[float]:
     loads = run.frames.get("loads")
     if loads is None:
         return []
@@ -139,11 +144,11 @@ def _answers(axes: "Axes", run: Run) -> list[float]:
     if not known.height:
         return []
     starts, ends, mass, u = (
-        _numbers(known[name]) for name in ("start_t_ns", "end_t_ns", "mass_kg", "u_kg")
+        series_numbers(known[name]) for name in ("start_t_ns", "end_t_ns", "mass_kg", "u_kg")
     )
     nothing = np.full(mass.size, np.nan)
     # one artist for all loads: a shift has hundreds
-    t_s = np.column_stack([starts / _NS, ends / _NS, nothing]).ravel()
+    t_s = np.column_stack([starts / NS_PER_S, ends / NS_PER_S, nothing]).ravel()
     low, middle, high = (
         np.column_stack([each, each, nothing]).ravel()
         for each in (mass - 2.0 * u, mass, mass + 2.0 * u)
@@ -151,7 +156,3 @@ def _answers(axes: "Axes", run: Run) -> list[float]:
     axes.fill_between(t_s, low, high, color="black", alpha=0.12, lw=0)
     axes.plot(t_s, middle, color="black", lw=1.2, label="the answer ± 2u")
     return [*low, *high]
-
-
-def _numbers(series: pl.Series) -> Rows:
-    return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()

@@ -36,13 +36,13 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
         run: the run, or a stretch of it.
         at_s: the moment that is meant; its window is ringed.
     """
-    points = _points(run)
+    points = _select_points(run)
     if points is None or not points.height:
         axes.text(0.5, 0.5, "no force and acceleration", ha="center", transform=axes.transAxes)
         return
-    loads = _lines(run, at_s)
+    loads = _fitted_lines(run, at_s)
     friction = next((row["friction_x_N_s_m"] for row in loads), None)
-    coulomb = _coulomb(run) if friction is not None else 0.0
+    coulomb = _coulomb_force(run) if friction is not None else 0.0
     y = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
     # a shift has millions of rows: no more columns than are drawn
     points = points.select(
@@ -66,11 +66,11 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
     groups.append(("accepted", drawn.filter(points["used"]), _ACCEPTED))
     for label, group, colour in groups:
         if group.height:
-            _cloud(axes, group, colour, f"{label} ({group.height / points.height:.0%})")
-    _ring(axes, run, points, at_s)
+            _draw_cloud(axes, group, colour, f"{label} ({group.height / points.height:.0%})")
+    _draw_ring(axes, run, points, at_s)
     for number, row in enumerate(loads):
         name = ("lightest load", "heaviest load")[number] if len(loads) > 1 else "mass"
-        _line(axes, row, name, "-" if number else "--" if len(loads) > 1 else "-")
+        _draw_line(axes, row, name, "-" if number else "--" if len(loads) > 1 else "-")
     axes.set_xlabel("acceleration that multiplies the mass (m/s²)", fontsize=_SMALL)
     less = "less friction " if friction is not None else ""
     axes.set_ylabel(f"force {less}(N)", fontsize=_SMALL)
@@ -81,7 +81,7 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
     )
 
 
-def _points(run: Run) -> pl.DataFrame | None:
+def _select_points(run: Run) -> pl.DataFrame | None:
     """Samples with force and acceleration, whether a window used them, and the gate's reason."""
     excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
     if excitation is None or any(name not in excitation.columns for name in _NEEDED):
@@ -99,7 +99,7 @@ def _points(run: Run) -> pl.DataFrame | None:
     return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
 
 
-def _lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
+def _fitted_lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
     """The loads whose masses are drawn as lines."""
     loads = run.frames.get("loads")
     if loads is None:
@@ -115,7 +115,7 @@ def _lines(run: Run, at_s: float | None) -> list[dict[str, Any]]:
     return known.to_dicts()
 
 
-def _coulomb(run: Run) -> float:
+def _coulomb_force(run: Run) -> float:
     """Coulomb friction of the answer."""
     terms = run.frames.get("nuisances")
     if terms is None:
@@ -124,7 +124,7 @@ def _coulomb(run: Run) -> float:
     return float(found[0] or 0.0) if found else 0.0
 
 
-def _cloud(axes: "Axes", group: pl.DataFrame, colour: str, label: str) -> None:
+def _draw_cloud(axes: "Axes", group: pl.DataFrame, colour: str, label: str) -> None:
     x, y = group[_X].to_numpy(), group["y"].to_numpy()
     if group.height <= _POINTS:
         axes.plot(x, y, ".", ms=4, color=colour, alpha=0.5, mew=0, label=label)
@@ -144,7 +144,7 @@ def _cloud(axes: "Axes", group: pl.DataFrame, colour: str, label: str) -> None:
     axes.autoscale(enable=True)
 
 
-def _ring(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None) -> None:
+def _draw_ring(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None) -> None:
     """The window that ends at the moment."""
     if at_s is None:
         return
@@ -164,7 +164,7 @@ def _ring(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None) -> N
         )
 
 
-def _line(axes: "Axes", row: dict[str, Any], name: str, dashes: str) -> None:
+def _draw_line(axes: "Axes", row: dict[str, Any], name: str, dashes: str) -> None:
     ends: NDArray[np.float64] = np.array(axes.get_xlim())
     mass, u = row["mass_kg"], row["u_kg"] or 0.0
     label = f"{name} {plus_minus(mass, 2 * u)} kg (k = 2)"

@@ -21,6 +21,7 @@ from recordings.rrd.recording_texts import summary
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
+#: Inches of the page's width, of a panel's height and of a line of text.
 _WIDTH_IN: Final = 10.0
 _PANEL_IN: Final = 1.5
 _LINE_IN: Final = 0.15

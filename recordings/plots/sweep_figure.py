@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: Inches of the figure's width and of a panel's height.
 _WIDTH_IN: Final = 8.0
 _PANEL_IN: Final = 2.0
 _JOINT: Final = "joint"
@@ -75,17 +76,17 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     count = 2 + len(titles) + loads
     figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * count + 0.6), layout="constrained")
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
-    at = _places(rows, panels[-1])
+    at = _place_rows(rows, panels[-1])
     for axes in panels:
         axes.grid(alpha=0.25, lw=0.5)
     mass = panels.pop(0)
-    _masses(mass, rows, at)
+    _draw_masses(mass, rows, at)
     if reference_kg is not None:
         mass.axhline(reference_kg, color="black", lw=0.8, ls=":", label="reference")
     mass.set_ylabel("mass (kg)")
     legend_beside(mass)
     if loads:
-        _payloads(panels.pop(0), rows, at)
+        _draw_payloads(panels.pop(0), rows, at)
     for title in titles:
         axes = panels.pop(0)
         _by_method(axes, at, [row.errors.get(title, {}) for row in rows])
@@ -95,7 +96,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     return figure
 
 
-def _places(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
+def _place_rows(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
     """Where each combination stands, with the axis labelled for it."""
     names = list(rows[0].over)
     if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
@@ -123,25 +124,25 @@ def _format_value(value: object) -> str:
     return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
-def _methods(parts: Sequence[Mapping[str, float | None]]) -> list[str]:
+def _order_methods(parts: Sequence[Mapping[str, float | None]]) -> list[str]:
     """The methods, the paper's first, so that the answer lies over them."""
     found = dict.fromkeys(method for part in parts for method in part)
     return sorted(found, key=lambda method: method == _JOINT)
 
 
-def _looks(method: str) -> dict[str, Any]:
+def _line_style(method: str) -> dict[str, Any]:
     if method == _JOINT:
         return {"color": "black", "lw": 1.8, "zorder": 5}
     return {"color": colours.method(method), "lw": 1.0}
 
 
-def _numbers(parts: Sequence[Mapping[str, float | None]], method: str) -> NDArray[np.float64]:
+def _method_values(parts: Sequence[Mapping[str, float | None]], method: str) -> NDArray[np.float64]:
     return np.array([np.nan if (v := part.get(method)) is None else v for part in parts])
 
 
-def _masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
     masses, stds = [row.mass_kg for row in rows], [row.mass_std_kg for row in rows]
-    methods = _methods(masses)
+    methods = _order_methods(masses)
     steps = np.diff(np.unique(at))
     # beside each other, or bars at one place would hide each other, but near their value
     apart = (float(steps.min()) if steps.size else 1.0) * _APART
@@ -150,10 +151,12 @@ def _masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> 
     answer = [method for method in methods if method == _JOINT]
     places = {method: n - half for n, method in enumerate([*paper[:half], *answer, *paper[half:]])}
     for method in methods:
-        values, std = _numbers(masses, method), _numbers(stds, method)
+        values, std = _method_values(masses, method), _method_values(stds, method)
         if np.isfinite(values).any():
             shifted = at + apart * places[method]
-            axes.errorbar(shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_looks(method))
+            axes.errorbar(
+                shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_line_style(method)
+            )
     _say_if_empty(axes)
 
 
@@ -163,19 +166,19 @@ def _say_if_empty(axes: "Axes") -> None:
         axes.set_yticks([])
 
 
-def _payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
+def _draw_payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
     pairs = np.array([row.payload_kg or (np.nan, np.nan) for row in rows])
-    axes.errorbar(at, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_looks(_JOINT))
+    axes.errorbar(at, pairs[:, 0], yerr=pairs[:, 1], fmt="o-", ms=3, **_line_style(_JOINT))
     axes.set_ylabel("largest payload (kg)")
 
 
 def _by_method(
     axes: "Axes", at: NDArray[np.float64], parts: Sequence[Mapping[str, float | None]]
 ) -> None:
-    for method in _methods(parts):
-        values = _numbers(parts, method)
+    for method in _order_methods(parts):
+        values = _method_values(parts, method)
         if np.isfinite(values).any():
-            axes.plot(at, values, "o-", ms=3, label=method, **_looks(method))
+            axes.plot(at, values, "o-", ms=3, label=method, **_line_style(method))
     _say_if_empty(axes)
 
 

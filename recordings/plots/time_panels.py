@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import polars as pl
 
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
+from estimators.arrays import Floats
 from recordings.report import colours
 from recordings.report.picture import legend_above
 from recordings.rrd.display_frames import (
     LANES,
-    Drawn,
+    DisplayColumn,
     axis_range,
-    binned,
+    bin_rows,
     drawn_of,
     span_ns,
     stands_alone,
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
-NS: Final = 1e9
 #: A stretch may have one sample.
 _SHORTEST_NS: Final = 10_000_000
 #: More points than this are drawn by bins, more changes of state as shares of time.
@@ -77,11 +78,11 @@ def draw_over_time(
             axes.set_ylim(axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
-    rows[-1].set_xlim(span[0] / NS, max(span[1], span[0] + _SHORTEST_NS) / NS)
+    rows[-1].set_xlim(span[0] / NS_PER_S, max(span[1], span[0] + _SHORTEST_NS) / NS_PER_S)
     rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=_SMALL)
 
 
-def panel_height(view: View, drawn: Sequence[Drawn]) -> float:
+def panel_height(view: View, drawn: Sequence[DisplayColumn]) -> float:
     """The height of a panel, where that of a plot is 1."""
     return 0.35 * len(drawn) + 0.1 if view.kind is Kind.STATES else 1.0
 
@@ -89,62 +90,65 @@ def panel_height(view: View, drawn: Sequence[Drawn]) -> float:
 def _draw_lines(
     axes: "Axes",
     view: View,
-    drawn: Sequence[Drawn],
+    drawn: Sequence[DisplayColumn],
     shown: Mapping[str, pl.DataFrame],
     span: tuple[int, int],
 ) -> None:
     for each in drawn:
         _draw(axes, each, shown[each.frame], span)
     lane = "gate" if view.threshold else "phase"
-    _shade(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
+    _shade_states(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
     unit = view.title.removeprefix(view.name).strip()
     words = [*wrap(view.name, _LABEL), *([unit] if unit else [])]
     axes.set_ylabel("\n".join(words), fontsize=_SMALL)
     legend_above(axes)
 
 
-def _draw(axes: "Axes", drawn: Drawn, frame: pl.DataFrame, span: tuple[int, int]) -> None:
+def _draw(axes: "Axes", drawn: DisplayColumn, frame: pl.DataFrame, span: tuple[int, int]) -> None:
     value = pl.col(drawn.column)
     if frame.height > _POINTS:
         # bins over the whole span: one without rows stays empty, so that no line crosses a gap
         width_ns = max((span[1] - span[0]) // _BINS, 1)
         if drawn.variance:
             # of an estimate the median: a few may be wild
-            frame = binned(frame, [value.median(), pl.col(drawn.variance).median()], span, width_ns)
+            frame = bin_rows(
+                frame, [value.median(), pl.col(drawn.variance).median()], span, width_ns
+            )
         else:
             ends = [value.min().alias("low"), value.max().alias("high")]
-            frame = binned(frame, [value.mean(), *ends], span, width_ns)
-            low, high = (_numbers(frame[end]) for end in ("low", "high"))
-            t_s = frame["t_ns"].to_numpy() / NS
+            frame = bin_rows(frame, [value.mean(), *ends], span, width_ns)
+            low, high = (series_numbers(frame[end]) for end in ("low", "high"))
+            t_s = frame["t_ns"].to_numpy() / NS_PER_S
             axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.3, lw=0)
-    t_s = frame["t_ns"].to_numpy() / NS
-    numbers = _numbers(frame[drawn.column])
+    t_s = frame["t_ns"].to_numpy() / NS_PER_S
+    numbers = series_numbers(frame[drawn.column])
     dots = "." if stands_alone(frame[drawn.column]) else ""
     axes.plot(t_s, numbers, dots + "-", color=drawn.colour, lw=0.8, ms=3, label=drawn.label)
     if drawn.variance:
-        std = np.sqrt(_numbers(frame[drawn.variance]))
+        std = np.sqrt(series_numbers(frame[drawn.variance]))
         axes.fill_between(t_s, numbers - std, numbers + std, color=drawn.colour, alpha=0.2, lw=0)
 
 
-def _numbers(series: pl.Series) -> np.ndarray:
+def series_numbers(series: pl.Series) -> Floats:
+    """A column as floats, NaN where it has no value."""
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
-def _spans(states: pl.DataFrame) -> pl.DataFrame:
+def _state_spans(states: pl.DataFrame) -> pl.DataFrame:
     """Stretches of one state: t_ns, until, the state."""
     return states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
 
 
 def _draw_lanes(
     axes: "Axes",
-    drawn: Sequence[Drawn],
+    drawn: Sequence[DisplayColumn],
     shown: Mapping[str, pl.DataFrame],
     span: tuple[int, int],
 ) -> None:
     """A lane a series, from top to bottom; of many changes the share of time of each state."""
     seconds: dict[str, float] = {}
     for number, each in enumerate(drawn):
-        spans = _spans(shown[each.frame])
+        spans = _state_spans(shown[each.frame])
         bottom = float(len(drawn) - 1 - number)
         totals = spans.group_by(STATE).agg((pl.col("until") - pl.col("t_ns")).sum())
         for state, total in totals.rows():
@@ -157,20 +161,20 @@ def _draw_lanes(
     labels = [each.label.replace("_", " ") for each in drawn]
     axes.set_yticks([len(drawn) - 0.5 - n for n in range(len(drawn))], labels, fontsize=_SMALL)
     for state in sorted(seconds, key=lambda state: -seconds[state])[:_NAMED]:
-        axes.plot([], [], "s", color=_colour(state), ms=5, label=state.replace("_", " "))
+        axes.plot([], [], "s", color=_state_colour(state), ms=5, label=state.replace("_", " "))
     legend_above(axes)
 
 
-def _colour(state: str) -> str:
-    return colours.states().get(state, colours.OTHER)
+def _state_colour(state: str) -> str:
+    return colours.state_colours().get(state, colours.OTHER)
 
 
 def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
     for (state,), group in spans.group_by(STATE):
-        start_s = group["t_ns"].to_numpy() / NS
-        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS
+        start_s = group["t_ns"].to_numpy() / NS_PER_S
+        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         pairs = list(zip(start_s, length_s, strict=True))
-        axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_colour(str(state)), lw=0)
+        axes.broken_barh(pairs, (bottom + 0.08, 0.84), color=_state_colour(str(state)), lw=0)
 
 
 def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], bottom: float) -> None:
@@ -180,18 +184,18 @@ def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], botto
     base = np.full(_SHARES, bottom + 0.08)
     starts, ends = spans["t_ns"].to_numpy(), spans["until"].to_numpy()
     names = spans[STATE].to_numpy()
-    for state in [name for name in colours.states() if name in set(names)]:
+    for state in [name for name in colours.state_colours() if name in set(names)]:
         chosen = names == state
         # time in the state before each edge, whose differences are the time in each bin
         inside = _time_before(starts[chosen], ends[chosen], edges)
         share = 0.84 * np.diff(inside) / width
         axes.bar(
-            edges[:-1] / NS,
+            edges[:-1] / NS_PER_S,
             share,
-            width / NS,
+            width / NS_PER_S,
             bottom=base,
             align="edge",
-            color=_colour(state),
+            color=_state_colour(state),
             lw=0,
         )
         base = base + share
@@ -205,18 +209,18 @@ def _time_before(starts: np.ndarray, ends: np.ndarray, edges: np.ndarray) -> np.
     return before[number] - over
 
 
-def _shade(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
+def _shade_states(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
     """Shade where a state holds, full height behind the lines; of many changes nothing."""
     if states is None or states.height > _SPANS:
         return
-    for (state,), group in _spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
-        start_s = group["t_ns"].to_numpy() / NS
-        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS
+    for (state,), group in _state_spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
+        start_s = group["t_ns"].to_numpy() / NS_PER_S
+        length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         axes.broken_barh(
             list(zip(start_s, length_s, strict=True)),
             (0, 1),
             transform=axes.get_xaxis_transform(),
-            color=_colour(str(state)),
+            color=_state_colour(str(state)),
             alpha=0.15,
             lw=0,
             zorder=0,
@@ -233,7 +237,9 @@ def draw_reasons(axes: "Axes", run: Run) -> None:
     counts = gate[column].cast(pl.String).value_counts(sort=True).reverse()
     names, shares = counts[column].to_list(), 100.0 * counts["count"].to_numpy() / gate.height
     bars = axes.barh(
-        [name.replace("_", " ") for name in names], shares, color=[_colour(name) for name in names]
+        [name.replace("_", " ") for name in names],
+        shares,
+        color=[_state_colour(name) for name in names],
     )
     axes.bar_label(bars, [f" {share:.1f} %" for share in shares], fontsize=_SMALL)
     axes.set_xlabel("share of the windows (%)", fontsize=_SMALL)

@@ -64,7 +64,7 @@ def check_output(target: Path, *, force: bool) -> None:
         pass
 
 
-def keep_apart(target: Path, inputs: Iterable[Path]) -> None:
+def refuse_input_as_output(target: Path, inputs: Iterable[Path]) -> None:
     """Refuse, also with `--force`, to write over what is being read.
 
     Raises:

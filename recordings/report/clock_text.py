@@ -7,13 +7,16 @@ from zoneinfo import ZoneInfo
 
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 
+#: Nanoseconds of a second.
 _NS: Final = 10**9
+#: Seconds of a minute, and of an hour.
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
 #: Distances of an axis' ticks, in s; the shortest with at most `_MOST_TICKS` of them is taken.
 _STEPS_S: Final = tuple(
     60 * each for each in (1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720, 1440, 2880, 10080)
 )
+#: Ticks of an axis of time that do not touch each other.
 _MOST_TICKS: Final = 6
 
 
@@ -50,6 +53,14 @@ class ShiftClock:
         local = self.local(s)
         day = "" if self._one_day else f"{local:%Y-%m-%d} "
         return f"{day}{local:%H:%M:%S} {self._offset(s)}"
+
+    def hour(self, s: float) -> str:
+        """The beginning of the hour in which a time lies, with offset; h:00 without a date."""
+        if not self.is_dated:
+            return f"{int(s // _HOUR_S)}:00"
+        local = self.local(s)
+        day = "" if self._one_day else f"{local:%Y-%m-%d} "
+        return f"{day}{local:%H}:00 {self._offset(s)}"
 
     def day_and_time(self, when: datetime) -> str:
         """Any time, of another day than the shift as well, as the machine's clock has it."""
@@ -107,7 +118,7 @@ def _offset_text(local: datetime) -> str:
 
 
 def duration_text(s: float) -> str:
-    """A duration in the unit that a person would say it in."""
+    """Format a duration in the unit that a person would use."""
     if s < 2 * _MINUTE_S:
         return f"{s:.0f} s"
     if s < 2 * _HOUR_S:

@@ -49,7 +49,7 @@ STATES: Final[dict[str, str]] = {
 
 
 @cache
-def states() -> Mapping[str, str]:
+def state_colours() -> Mapping[str, str]:
     """A colour for each state, and for each cause by what it leads to."""
     # the causes bring all that looks for them
     from analysis.findings import CAUSES
@@ -67,7 +67,7 @@ def method(name: str) -> str:
     return line(_METHODS.index(name)) if name in _METHODS else _QUIET
 
 
-def paler(colour: str) -> str:
+def lighten(colour: str) -> str:
     """A colour halfway to white."""
     parts = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
     return "#" + "".join(f"{(part + 255) // 2:02x}" for part in parts)

@@ -33,7 +33,7 @@ def name_of(cause: str) -> str:
 
 
 def affects_mass(finding: Finding) -> bool:
-    """Whether it matters to the mass, or may: what is told alone, without kilograms, does not."""
+    """Whether a finding changes the mass, or may; one without kilograms does not."""
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
 
@@ -73,7 +73,7 @@ def proposal_of(finding: Finding) -> str:
     return f"set {finding.setting} = {finding.value}"
 
 
-def untold(finding: Finding) -> str:
+def indistinguishable_causes(finding: Finding) -> str:
     """Which causes it cannot be told from, or nothing."""
     if not finding.alternatives:
         return ""
@@ -92,7 +92,7 @@ def findings_text(run: Run) -> str:
     for each in found:
         lines = [
             each.evidence,
-            *filter(None, (change_of(each), proposal_of(each), untold(each))),
+            *filter(None, (change_of(each), proposal_of(each), indistinguishable_causes(each))),
             LEADS_TO[each.severity],
         ]
         where = ", ".join(filter(None, (each.channel, span_of(each))))

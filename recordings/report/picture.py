@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SUFFIXES: Final = (".png", ".pdf", ".svg")
+#: Dots an inch of a PNG.
 _DPI: Final = 150
 
 

@@ -107,7 +107,7 @@ def planar(run: Run) -> str:
 
 
 def planar_rows(run: Run) -> list[dict[str, Any]]:
-    """The rows of the frame, none where a run lacks it."""
+    """Rows of the frame `planar`; none if the run has no such frame."""
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
 

@@ -96,8 +96,8 @@ class Axes:
         box: tuple[float, float, float, float],
         pad: float = 0.06,
     ) -> "Axes":
-        """Axes that hold all these numbers, with some room."""
-        return cls(_range(x, pad), _range(y, pad), box)
+        """Axes whose ranges contain all these numbers, with a margin."""
+        return cls(_padded_range(x, pad), _padded_range(y, pad), box)
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         """Where a pair of numbers lies."""
@@ -140,13 +140,13 @@ def ticks(low: float, high: float) -> list[tuple[float, str]]:
     return [(k * step, f"{k * step + 0.0:,.{digits}f}") for k in range(first, last + 1)]
 
 
-def shortened(text: str, width: float) -> str:
+def shorten(text: str, width: float) -> str:
     """The text, cut where it is wider than so much of the drawing."""
     most = max(int(width / _TEXT), 4)
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-def _range(values: Sequence[float], pad: float) -> tuple[float, float]:
+def _padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
     low, high = min(values), max(values)
     room = (high - low) * pad or max(abs(high) * 0.01, 1.0)
     return low - room, high + room

@@ -5,6 +5,7 @@ from math import ceil
 from typing import Any, Final
 
 from analysis.model.answer import Answer
+from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN, number, plus_minus, scale_unknown_line
 
@@ -14,7 +15,6 @@ _BAR: Final = 24
 _SMALL: Final = 0.005
 #: A normal distribution's 95 %.
 COVERAGE: Final = 1.96
-_NS: Final = 1e9
 #: What driving unlike a campaign costs is told from this share of the whole uncertainty on.
 _TELLS: Final = 0.3
 
@@ -39,8 +39,8 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
     return [
         (
             str(load["load_id"]),
-            _seconds(load["start_t_ns"]),
-            _seconds(load["end_t_ns"]),
+            _seconds_text(load["start_t_ns"]),
+            _seconds_text(load["end_t_ns"]),
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
             _payload(load),
@@ -245,8 +245,8 @@ def _remark(load: Mapping[str, Any]) -> str:
     return ""
 
 
-def _seconds(t_ns: int | None) -> str:
-    return "–" if t_ns is None else f"{t_ns / _NS:,.1f}"
+def _seconds_text(t_ns: int | None) -> str:
+    return "–" if t_ns is None else f"{t_ns / NS_PER_S:,.1f}"
 
 
 def shift_lines(answer: Answer) -> list[str]:

@@ -48,6 +48,9 @@ DETAILS: Final = (
     CycleColumn("load s", _times(1.0, "load_s")),
     CycleColumn("haul s", _times(1.0, "haul_s")),
     CycleColumn("dump s", _times(1.0, "dump_s")),
+    CycleColumn("kWh", _times(1.0, "energy_kWh"), 4),
+    CycleColumn("± kWh", _times(K, "energy_u_kWh"), 4),
+    CycleColumn("kWh/t", _times(1.0, "energy_per_t_kWh"), 3),
 )
 
 

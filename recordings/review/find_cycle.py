@@ -57,6 +57,25 @@ def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
     return found[0]
 
 
+def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
+    """The instant at which the clock at the machine shows a time; see `find_cycle`.
+
+    Raises:
+        ReviewError: it is no time, or the clock shows it never or twice.
+    """
+    match = _TIME.fullmatch(text.strip())
+    try:
+        found = [] if match is None else _instants(match, clock)
+    except ValueError as error:
+        raise ReviewError(f"'{text}' is no time ({error})") from None
+    if match is None:
+        raise ReviewError(f"'{text}' is no time; write it like 14:32 or 2023-11-14 14:32:10")
+    if len(found) != 1:
+        times = "never" if not found else f"{len(found)} times"
+        raise ReviewError(f"the clock shows '{text}' {times}; give the day, and the UTC offset")
+    return dt.datetime.fromtimestamp(found[0], dt.UTC)
+
+
 def _at(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int]:
     """Rows that a time may mean."""
     starts, ends = rows["start_unix_ns"].to_list(), rows["end_unix_ns"].to_list()

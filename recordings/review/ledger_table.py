@@ -12,6 +12,7 @@ import xlsxwriter
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
+from recordings.review.energy_columns import ENERGIES, FUEL, u_column, value_column
 from recordings.review.reviewer_verdicts import LABELS
 from recordings.review.safe_cell import safe_cell
 
@@ -76,6 +77,17 @@ def _remark(row: Row, _: ShiftClock) -> Cell:
     return "; ".join(filter(None, (row["withheld_for"], row["doubt"])))
 
 
+def _energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
+    """An energy, and its interval."""
+    own = {"energy": "energy", "energy_per_t": "energy per tonne"}
+    head = own.get(name, f"energy, {name}")
+    unit = "kWh/t" if name == "energy_per_t" else "kWh"
+    return (
+        TableColumn(head, unit, _scale_column(value_column(name)), 4),
+        TableColumn(f"± {head}", unit, _scale_column(u_column(name), K), 4),
+    )
+
+
 #: Times are those of the dump; the offset tells two 02:30 of one night apart.
 COLUMNS: Final = (
     TableColumn("cycle", "1", _as_it_is("cycle"), 0),
@@ -94,6 +106,8 @@ COLUMNS: Final = (
     TableColumn("top speed", "km/h", _scale_column("top_speed_m_s", _KM_H), 1),
     TableColumn("moving", "s", _scale_column("moving_s"), 0),
     TableColumn("standing", "s", _scale_column("standing_s"), 0),
+    *(column for name in ENERGIES for column in _energy_columns(name)),
+    TableColumn("fuel", "L", _scale_column(FUEL), 3),
     TableColumn("id", "", _as_it_is("id")),
 )
 

@@ -13,6 +13,8 @@ from recordings.report.number_text import plus_minus
 from recordings.report.render_page import page_html
 from recordings.report.shift_text import K, tonnes
 from recordings.review.cycle_rows import DETAILS, PAYLOAD, cycle_rows
+from recordings.review.energy_columns import energy_table
+from recordings.review.hour_rows import HEADS, hour_rows
 from recordings.review.review_plots import more_pictures, pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
@@ -113,9 +115,11 @@ def review_html(page: ReviewPage) -> str:
         detail_heads=[column.head for column in DETAILS],
         cycles=cycle_rows(page.ledger, page.by_row, state.clock),
         doubted=page.ledger.filter("counted", pl.col("doubt") != "").height,
+        hours=hour_rows(page.ledger, state),
+        hour_heads=list(HEADS),
         load_pictures=pictures(page.ledger, state, page.target),
         pictures=more_pictures(state, page.track),
-        losses=other_losses(state),
+        losses=[*(each.loss for each in state.torn), *other_losses(state)],
         totals={name: _total_rows(rows) for name, rows in page.totals.items()},
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
@@ -123,6 +127,8 @@ def review_html(page: ReviewPage) -> str:
         verdict_file=VERDICTS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
         friction=_friction(state),
+        energy=energy_table(state),
+        energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],
     )
 
 

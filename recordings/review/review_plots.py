@@ -7,10 +7,10 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shortened
+from recordings.report.svg_shapes import WIDTH, Axes, Drawing, shorten
 from recordings.review.review_state import ReviewState
 
-_BOX: Final = (48.0, 22.0, WIDTH - 8.0, 190.0)
+_BOX: Final = (48.0, 22.0, WIDTH - 16.0, 190.0)
 _HEIGHT: Final = 226
 _ROW: Final = 20.0
 #: Bars of a distribution.
@@ -158,7 +158,7 @@ def _reasons(state: ReviewState) -> Drawing:
     largest = max(share for _, share in rows)
     for number, (name, share) in enumerate(rows):
         y = 8.0 + _ROW * number
-        picture.write(begin - 6, y + 10, shortened(name.replace("_", " "), begin - 8), "end")
+        picture.write(begin - 6, y + 10, shorten(name.replace("_", " "), begin - 8), "end")
         length = max(room * share / largest, 0.5)
         picture.bar(begin, y, length, 12, "bar" if name == "accepted" else "band")
         picture.write(begin + length + 5, y + 10, f"{share:.1%}", "start")

@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
 from analysis.cycles.cycle_motion import (
     CycleMotion,
     DriveSummary,
@@ -27,7 +28,7 @@ from recordings.rrd.recording_texts import local_time, machine_body, machine_nam
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
-FORMAT: Final = 7
+FORMAT: Final = 8
 _NS: Final = 10**9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
@@ -75,6 +76,7 @@ class ReviewState(BaseModel):
         duration_s: from the first sample to the last.
         motions: of each cycle.
         motion: of the whole shift.
+        energy: of the shift and of each cycle.
         idle_s: stands of more than half a minute, from the first sample.
         torn: logs that break off.
         calibration: what `UsedCalibration` says, and what is against it.
@@ -110,6 +112,7 @@ class ReviewState(BaseModel):
     duration_s: float = 0.0
     motions: tuple[CycleMotion, ...] = ()
     motion: DriveSummary = DriveSummary(None, None, 0.0, 0.0, 0.0)
+    energy: ShiftEnergy = NO_ENERGY
     idle_s: tuple[tuple[float, float], ...] = ()
     torn: tuple[TornLog, ...] = ()
     calibration: tuple[str, str] = ("", "")
@@ -127,6 +130,7 @@ def state_of(
     resolved: dict[str, Any],
     mixed_machines: str = "",
     torn: tuple[TornLog, ...] = (),
+    energy: ShiftEnergy = NO_ENERGY,
 ) -> ReviewState:
     """Take from a replay what the page needs.
 
@@ -137,6 +141,7 @@ def state_of(
         resolved: see `ReviewState`.
         mixed_machines: likewise.
         torn: likewise.
+        energy: likewise.
     """
     about, frames = run.provenance, run.frames
     verdict = Verdict.of(frames["verdict"])
@@ -192,6 +197,7 @@ def state_of(
         motion=summarise_shift_motion(frames["excitation"], gaps),
         idle_s=tuple((s / _NS, e / _NS) for s, e in idle_stands(frames["excitation"])),
         torn=torn,
+        energy=energy,
     )
 
 

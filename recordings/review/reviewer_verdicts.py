@@ -5,6 +5,11 @@
 operator = "A. Kim"
 product = "gravel"
 
+[[shift]]                            # of those that are dumped in this time
+begin = 2023-11-14T23:00:00Z
+end = 2023-11-15T01:00:00Z
+product = "sand"
+
 [[cycle]]
 id = "2023-11-14T22:14:58Z"          # as ledger and page have it: when it was dumped
 reject = true                        # not counted
@@ -24,7 +29,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import polars as pl
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from estimators.errors import ReviewError, counted
 
@@ -34,7 +39,7 @@ LABELS: Final = ("product", "operator", "truck", "customer", "stockpile")
 #: A dump that another replay finds so much later is the same.
 _SAME_S: Final = 5.0
 #: Keys of the file in the order in which they are written.
-_KEYS: Final = ("id", "reject", *LABELS, "note", "author", "time")
+_KEYS: Final = ("id", "begin", "end", "reject", *LABELS, "note", "author", "time")
 _Text = Annotated[str, Field(max_length=500)]
 _Author = Annotated[str, Field(min_length=1, max_length=200)]
 
@@ -62,10 +67,27 @@ class CycleVerdict(Labels):
 
 
 class ShiftVerdict(Labels):
-    """What somebody says of all cycles; the later one counts, label by label."""
+    """What somebody says of all cycles; the later one counts, label by label.
 
+    Attributes:
+        begin: of those that are dumped from then on,
+        end: and before then; None: of all.
+        author: who says so.
+        time: when.
+    """
+
+    begin: AwareDatetime | None = None
+    end: AwareDatetime | None = None
     author: _Author | None = None
     time: dt.datetime | None = None
+
+    def holds_at(self, unix_s: float) -> bool:
+        """Whether it is said of a cycle that is dumped then."""
+        first, last = (
+            limit if each is None else each.timestamp()
+            for each, limit in ((self.begin, float("-inf")), (self.end, float("inf")))
+        )
+        return first <= unix_s < last
 
 
 class VerdictFile(BaseModel):
@@ -78,11 +100,20 @@ class VerdictFile(BaseModel):
 
     @property
     def shift_labels(self) -> Labels:
-        """What is said of all cycles."""
-        said: dict[str, str] = {}
-        for verdict in self.shift:
-            said |= {name: text for name in LABELS if (text := getattr(verdict, name))}
-        return Labels.model_validate(said)
+        """What is said of all cycles, whenever they are dumped."""
+        return _merge_labels(each for each in self.shift if each.begin is None and each.end is None)
+
+    def labels_at(self, unix_s: float) -> Labels:
+        """What is said of cycles that are dumped at a time."""
+        return _merge_labels(each for each in self.shift if each.holds_at(unix_s))
+
+
+def _merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
+    """What verdicts say together."""
+    said: dict[str, str] = {}
+    for verdict in verdicts:
+        said |= {name: text for name in LABELS if (text := getattr(verdict, name))}
+    return Labels.model_validate(said)
 
 
 #: Of a folder without the file.
@@ -112,7 +143,7 @@ def read_verdicts(folder: Path) -> VerdictFile:
         raise ReviewError(
             f"{path}: {where}: {first['msg']}; a [[cycle]] has id, author, time, and any of "
             f"reject, note, {', '.join(LABELS)}; a [[shift]] any of {', '.join(LABELS)}, "
-            "author, time"
+            "begin, end, author, time"
         ) from None
 
 

@@ -11,6 +11,7 @@ from estimators.errors import counted
 from recordings.report.clock_text import duration_text
 from recordings.report.number_text import plus_minus
 from recordings.report.shift_text import K, shift_sentence, tonnes
+from recordings.review.energy_columns import energy_fact
 from recordings.review.review_state import ReviewState
 from recordings.review.torn_logs import open_end
 
@@ -79,13 +80,9 @@ def missing_loads(shift: Mapping[str, Any]) -> list[str]:
 
 def long_holes(shift: Mapping[str, Any], state: ReviewState) -> str:
     """Where nothing was recorded for minutes, and what that costs; empty where nowhere."""
-    clock = state.clock
-    holes = [(s, e) for s, e in state.gaps_s if e - s > _LONG_HOLE_S]
-    if not holes:
+    spans = long_gaps(state)
+    if not spans:
         return ""
-    spans = "; ".join(
-        f"from {clock.at(s)} to {clock.at(e)} ({duration_text(e - s)})" for s, e in holes
-    )
     price = "what was loaded then is unknown"
     if shift["lost_cycles"] > 0.0:
         price = (
@@ -94,6 +91,16 @@ def long_holes(shift: Mapping[str, Any], state: ReviewState) -> str:
             f"{tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
         )
     return f"Nothing was recorded {spans}; {price}."
+
+
+def long_gaps(state: ReviewState) -> str:
+    """The spans of minutes in which nothing was recorded; empty where there are none."""
+    clock = state.clock
+    return "; ".join(
+        f"from {clock.at(s)} to {clock.at(e)} ({duration_text(e - s)})"
+        for s, e in state.gaps_s
+        if e - s > _LONG_HOLE_S
+    )
 
 
 def torn_sentences(state: ReviewState) -> list[str]:
@@ -115,6 +122,7 @@ def facts(
 ) -> list[tuple[str, str]]:
     """What a reader looks for, name and value: the work first, then what the tonnes are worth."""
     found = [*_work(shift, ledger), *_times(shift, ledger, state)]
+    found += energy_fact(ledger, shift, state)
     if target is not None:
         found.append(("10/10/20", target_sentence(target)))
     if shift["cycles_counted"]:

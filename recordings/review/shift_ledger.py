@@ -1,7 +1,7 @@
 """The ledger of a shift: frame `cycles` with times that people read, and what reviewers say."""
 
 import datetime as dt
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -10,6 +10,7 @@ import polars as pl
 from analysis.cycles.cycle_doubts import cycle_doubts
 from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.review.energy_columns import with_energy
 from recordings.review.review_state import ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
 from recordings.review.safe_cell import FORMULA
@@ -34,7 +35,7 @@ def ledger(
     cycles: pl.DataFrame,
     t0_unix_ns: int,
     verdicts: Mapping[int, CycleVerdict],
-    labels: Labels = NO_LABELS,
+    labels_at: Callable[[float], Labels] = lambda _: NO_LABELS,
 ) -> pl.DataFrame:
     """The ledger, a row a cycle.
 
@@ -44,12 +45,14 @@ def ledger(
         cycles: the frame.
         t0_unix_ns: where its times begin.
         verdicts: by row.
-        labels: of all cycles whose verdict has none of its own.
+        labels_at: labels of cycles that end at a unix time in s; those of its verdict go first.
     """
     rows = [verdicts.get(row) for row in range(cycles.height)]
+    shared = [labels_at((t0_unix_ns + t_ns) / _NS) for t_ns in cycles["end_t_ns"]]
 
-    def said(name: str, default: str = "") -> pl.Series:
-        texts = [default if each is None else getattr(each, name) or default for each in rows]
+    def said(name: str, defaults: Sequence[str]) -> pl.Series:
+        pairs = zip(rows, defaults, strict=True)
+        texts = [text if each is None else getattr(each, name) or text for each, text in pairs]
         return pl.Series(name, texts, dtype=pl.String)
 
     rejected = pl.Series(
@@ -75,15 +78,15 @@ def ledger(
         doubts,
         (pl.col("counted") & ~rejected).alias("counted"),
         rejected,
-        *(said(name, getattr(labels, name)) for name in LABELS),
-        said("note"),
-        said("author"),
+        *(said(name, [getattr(labels, name) for labels in shared]) for name in LABELS),
+        said("note", [""] * cycles.height),
+        said("author", [""] * cycles.height),
         pl.Series("said", when, dtype=pl.String),
     )
 
 
 def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
-    """The ledger with local times, distances, speeds and stands, by the number of the cycle.
+    """The ledger with local times, distances, speeds, stands and energy, by the cycle's number.
 
     Args:
         rows: the ledger.
@@ -99,10 +102,11 @@ def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
             for name in ("distance_m", "top_speed_m_s", "moving_s", "standing_s", "hole_s")
         },
     }
-    return rows.with_columns(
+    moved = rows.with_columns(
         pl.Series("local_time", local, dtype=pl.String),
         *(pl.Series(name, numbers, dtype=pl.Float64) for name, numbers in columns.items()),
     )
+    return with_energy(moved, state)
 
 
 def cycles_of(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:

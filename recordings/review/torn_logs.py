@@ -42,6 +42,14 @@ class TornLog(BaseModel):
             "the next log begins."
         )
 
+    @property
+    def loss(self) -> str:
+        """The same for a list of losses: a duration, where bytes would tell a reader nothing."""
+        if self.next_s is None:
+            return f"the end of log {self.number} ({self.name}), nobody knows how much"
+        last = duration_text(max(self.next_s - self.ends_s, 0.0))
+        return f"at most the last {last} of log {self.number} ({self.name})"
+
 
 def open_end(torn: Iterable[TornLog]) -> TornLog | None:
     """The last log of the shift where that is torn: then nobody knows when the shift ended."""

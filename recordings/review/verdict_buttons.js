@@ -83,6 +83,3 @@ if (table) {
     if (!saved) event.preventDefault();
   });
 }
-for (const fold of document.querySelectorAll("details")) {
-  window.addEventListener("beforeprint", () => { fold.open = true; });
-}

@@ -18,10 +18,29 @@ from recordings.review.shift_ledger import PARQUET, cycles_of
 _NS: Final = 10**9
 NO_DATE: Final = "no date"
 GROUPS: Final = ("day", "machine", "product")
+#: Group of the loads of one folder.
+BY_REVIEW: Final = "review"
 
 
 class WeekPart(NamedTuple):
-    """The counted loads of one product, on one day, of one machine, in one review."""
+    """The loads of one product, on one day, of one machine, in one review.
+
+    Attributes:
+        day: on which they end, by the machine's clock.
+        machine: name and serial number.
+        product: empty where nobody named one.
+        loads: that count.
+        payload_kg: their sum.
+        random_u_kg: of it, what averages out.
+        common_u_kg: of it, what all loads of the machine share.
+        rejected: loads that a reviewer does not count.
+        noted: loads with another verdict.
+        energy_kWh: of the counted loads whose energy is known,
+        energy_u_kWh: its standard uncertainty,
+        energy_t: and the tonnes of those loads.
+        scale_known: whether their ± has the error of the scale.
+        review: folder.
+    """
 
     day: str
     machine: str
@@ -30,6 +49,13 @@ class WeekPart(NamedTuple):
     payload_kg: float
     random_u_kg: float
     common_u_kg: float
+    rejected: int = 0
+    noted: int = 0
+    energy_kWh: float = 0.0
+    energy_u_kWh: float = 0.0
+    energy_t: float = 0.0
+    scale_known: bool = True
+    review: str = ""
 
 
 class WeekTotal(NamedTuple):
@@ -40,12 +66,20 @@ class WeekTotal(NamedTuple):
         loads: that count.
         payload_kg: their sum.
         payload_u_kg: its standard uncertainty.
+        rejected: loads that a reviewer does not count.
+        noted: loads with another verdict: a product, a note.
+        kWh_per_t: energy of a tonne, where it is known,
+        kWh_per_t_u: and its standard uncertainty.
     """
 
     name: str
     loads: int
     payload_kg: float
     payload_u_kg: float
+    rejected: int
+    noted: int
+    kWh_per_t: float | None
+    kWh_per_t_u: float | None
 
 
 def read_week(folders: Sequence[Path]) -> list[WeekPart]:
@@ -76,7 +110,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             raise ReviewError(
                 f"{folder / PARQUET}: is no ledger of this version; review its logs once more"
             ) from None
-        machine = _name_machine(state)
+        machine = name_machine(state)
         for ends_ns in rows["end_unix_ns"] if state.clock.is_dated else ():
             other = owners.get((machine, ends_ns))
             if other is not None:
@@ -86,7 +120,8 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
     return found
 
 
-def _name_machine(state: ReviewState) -> str:
+def name_machine(state: ReviewState) -> str:
+    """A machine by its name and serial number."""
     return f"{state.machine} {state.serial}".strip()
 
 
@@ -96,22 +131,48 @@ def _sum_parts(
     verdicts = read_verdicts(folder)
     by_row = matched(verdicts, rows["id"], folder)
     rejected = [int(rows["cycle"][row]) for row, each in by_row.items() if each.reject]
-    clock, shift_product = state.clock, verdicts.shift_labels.product
+    clock = state.clock
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
     for row, ends_ns in enumerate(rows["end_unix_ns"]):
         own = by_row[row].product if row in by_row else ""
         local = clock.local((ends_ns - state.t0_unix_ns) / _NS) if clock.is_dated else None
         day = NO_DATE if local is None else f"{local:%Y-%m-%d}"
-        groups[day, own or shift_product or ""].append(row)
+        groups[day, own or verdicts.labels_at(ends_ns / _NS).product].append(row)
     parts: list[WeekPart] = []
     for (day, product), members in groups.items():
         sums = sum_cycles(cycles[members], rejected)
         masses = (sums[f"payload_{name}kg"] for name in ("", "u_random_", "u_common_"))
-        if sums["cycles_counted"]:
-            parts.append(
-                WeekPart(day, _name_machine(state), product, sums["cycles_counted"], *masses)
+        members_counted = cycles[members].filter("counted")
+        given = [row for row in members if row in by_row]
+        parts.append(
+            WeekPart(
+                day,
+                name_machine(state),
+                product,
+                sums["cycles_counted"],
+                *masses,
+                rejected=sum(by_row[row].reject for row in given),
+                noted=sum(not by_row[row].reject for row in given),
+                scale_known=not (members_counted["scale_from"] == "").any(),
+                review=str(folder),
+                **_sum_energy(rows[members], cycles[members], rejected),
             )
+        )
     return parts
+
+
+def _sum_energy(
+    rows: pl.DataFrame, cycles: pl.DataFrame, rejected: Sequence[int]
+) -> dict[str, float]:
+    """Energy of the counted loads that have one; what is uncertain of it is common to them."""
+    known = rows.with_columns(counted=cycles["counted"]).filter(
+        pl.col("counted"), ~pl.col("cycle").is_in(rejected), pl.col("energy_kWh").is_not_null()
+    )
+    return {
+        "energy_kWh": float(known["energy_kWh"].sum()),
+        "energy_u_kWh": float(known["energy_u_kWh"].sum()),
+        "energy_t": float(known["payload_kg"].sum()) / 1e3,
+    }
 
 
 def sum_by(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
@@ -122,7 +183,7 @@ def sum_by(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
 
     Args:
         parts: of the week.
-        by: the group.
+        by: the group, or `BY_REVIEW`.
     """
     members: dict[str, list[WeekPart]] = defaultdict(list)
     for part in parts:
@@ -141,4 +202,24 @@ def _sum(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
         common_kg[part.machine] += part.common_u_kg
     u_kg = math.hypot(*(part.random_u_kg for part in parts), *common_kg.values())
     mass_kg = math.fsum(part.payload_kg for part in parts)
-    return WeekTotal(name, sum(part.loads for part in parts), mass_kg, u_kg)
+    loads, rejected, noted = (
+        sum(getattr(part, count) for part in parts) for count in ("loads", "rejected", "noted")
+    )
+    per_t, per_t_u = _energy_per_t(parts, mass_kg, u_kg)
+    return WeekTotal(name, loads, mass_kg, u_kg, rejected, noted, per_t, per_t_u)
+
+
+def _energy_per_t(
+    parts: Sequence[WeekPart], mass_kg: float, u_kg: float
+) -> tuple[float | None, float | None]:
+    """Energy of a tonne and its standard uncertainty; None where no load has both."""
+    energy_kWh, tonnes = (
+        math.fsum(getattr(part, name) for part in parts) for name in ("energy_kWh", "energy_t")
+    )
+    if tonnes <= 0.0 or mass_kg <= 0.0:
+        return None, None
+    own_kWh: dict[str, float] = defaultdict(float)
+    for part in parts:
+        own_kWh[part.machine] += part.energy_u_kWh
+    per_t = energy_kWh / tonnes
+    return per_t, math.hypot(math.hypot(*own_kWh.values()) / tonnes, per_t * u_kg / mass_kg)

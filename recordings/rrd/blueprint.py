@@ -9,8 +9,8 @@ import polars as pl
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.finding_text import findings_of
-from recordings.rrd.display_frames import ROOT, Drawn, axis_range, drawn_of, span_ns
-from recordings.rrd.recording_table import TABS, TIME, Kind, component
+from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, drawn_of, span_ns
+from recordings.rrd.recording_table import TABS, TIME, Kind, Tab, component_name
 from recordings.rrd.recording_texts import texts
 from recordings.rrd.stored_frames import entity_path
 
@@ -42,7 +42,7 @@ class Panel:
 
     title: str
     kind: Kind
-    drawn: tuple[Drawn, ...]
+    drawn: tuple[DisplayColumn, ...]
     bulk: tuple[float, float] | None = None
     named_above: bool = False
     """Whether the panel above names its lines as well."""
@@ -55,7 +55,7 @@ class Panel:
 
     @property
     def plot_share(self) -> float:
-        """What a plot needs of the height of a page so that its legend is not cut."""
+        """Share of the height of a page that a plot needs so that its legend is not cut."""
         # lines of one name have one entry
         names = len({each.label for each in self.drawn}) if self.has_legend else 1
         return (_AROUND_PLOT + _NAME * names) / _PAGE
@@ -90,11 +90,7 @@ def blueprint(run: Run, shown: Mapping[str, pl.DataFrame], under: str = "") -> "
     pages = [
         Page(
             tab.name,
-            tuple(
-                Panel(view.title, view.kind, drawn, axis_range(view, run))
-                for view in tab.views
-                if (drawn := drawn_of(view, run, shown))
-            ),
+            tab_panels(tab, run, shown),
             tuple(name for name in tab.texts if name in written),
             events=tab.events and bool(findings_of(run)),
         )
@@ -105,6 +101,15 @@ def blueprint(run: Run, shown: Mapping[str, pl.DataFrame], under: str = "") -> "
     return laid_out(pages, unix_span_ns(run), under)
 
 
+def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Panel, ...]:
+    """The views of a tab that this run has numbers for; `shown` are its `display_frames`."""
+    return tuple(
+        Panel(view.title, view.kind, drawn, axis_range(view, run))
+        for view in tab.views
+        if (drawn := drawn_of(view, run, shown))
+    )
+
+
 def unix_span_ns(run: Run) -> tuple[int, int] | None:
     """The first and last unix time of a run's grid; None where it has none."""
     span, t0_ns = span_ns(run), run.provenance.t0_unix_ns
@@ -112,7 +117,11 @@ def unix_span_ns(run: Run) -> tuple[int, int] | None:
 
 
 def laid_out(
-    pages: Sequence[Page], span: tuple[int, int] | None, under: str = ""
+    pages: Sequence[Page],
+    span: tuple[int, int] | None,
+    under: str = "",
+    *,
+    grows: bool = False,
 ) -> "rrb.Blueprint":
     """Lay out pages as tabs, the first one open; an empty one is left out.
 
@@ -120,13 +129,16 @@ def laid_out(
         pages: the pages.
         span: unix times in ns that are in view; None: all there is.
         under: the entity that all of it lies under; empty: none.
+        grows: whether the time cursor stays at the newest row.
     """
     import rerun.blueprint as rrb
 
     tabs = [tab for page in pages if (tab := _tab(page, span, under)) is not None]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
-        rrb.TimePanel(state="collapsed", timeline=TIME, play_state="paused"),
+        rrb.TimePanel(
+            state="collapsed", timeline=TIME, play_state="following" if grows else "paused"
+        ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         auto_layout=False,
@@ -229,14 +241,14 @@ def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     )
 
 
-def _visualizers(kind: Kind, drawn: Drawn) -> "Iterator[Visualizer]":
+def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
     import rerun as rr
 
     if kind is Kind.STATES:
         looks = rr.StateConfiguration(
-            values=list(colours.states()),
-            labels=[state.replace("_", " ") for state in colours.states()],
-            colors=[_rgba(colour) for colour in colours.states().values()],
+            values=list(colours.state_colours()),
+            labels=[state.replace("_", " ") for state in colours.state_colours()],
+            colors=[_rgba(colour) for colour in colours.state_colours().values()],
         )
         yield looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
         return
@@ -269,5 +281,5 @@ def _mapping(target: str, column: str) -> "VisualizerComponentMapping":
     from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
     return VisualizerComponentMapping(
-        target, ComponentSourceKind.SourceComponent, source_component=component(column)
+        target, ComponentSourceKind.SourceComponent, source_component=component_name(column)
     )

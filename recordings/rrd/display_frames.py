@@ -18,9 +18,11 @@ from recordings.rrd.recording_table import STATE, TABS, Kind, Series, View, enti
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
+#: Nanoseconds of a second.
 _NS: Final = 10**9
 #: A log longer than this is drawn decimated, in bins of 1 to 10 s.
 LONG_NS: Final = 600 * _NS
+#: Bins of a long log on the screen: more than it has pixels.
 _BINS: Final = 3000
 _ENDS: Final = ("min", "max")
 #: A row of these lasts from its start to its end; they are too few to be decimated.
@@ -30,7 +32,7 @@ _SHORT: Final = ("loads", "manoeuvres", "cycles")
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class DisplayColumn:
     """One line, band or lane on the screen: a column of a displayed frame and its looks."""
 
     frame: str
@@ -69,7 +71,7 @@ def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
                 yield series, name
 
 
-def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Drawn, ...]:
+def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[DisplayColumn, ...]:
     """What a view draws of this run.
 
     Args:
@@ -77,10 +79,10 @@ def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[D
         run: the run.
         shown: its `display_frames`.
     """
-    drawn: list[Drawn] = []
+    drawn: list[DisplayColumn] = []
     for number, (series, name) in enumerate(series_of(view, run)):
         if view.kind is Kind.STATES:
-            drawn.append(Drawn(_lane(series), STATE, series.label))
+            drawn.append(DisplayColumn(_lane(series), STATE, series.label))
             continue
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
@@ -93,13 +95,13 @@ def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[D
         )
         # lines of one name have one entry in a legend, in the colour of the first
         label += ", binned" if extremes else ""
-        drawn.append(Drawn(frame, series.column, label, colour, variance, dotted=dotted))
+        drawn.append(DisplayColumn(frame, series.column, label, colour, variance, dotted=dotted))
         ends = [_extreme(series.column, end) for end in _ENDS if extremes]
-        drawn += [Drawn(frame, end, label, colour, faint=True) for end in ends]
+        drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
         label = f"threshold {_threshold(run, view):g}{unit}"
-        drawn.append(Drawn(_threshold_frame(view), "threshold", label, "#d55e00"))
+        drawn.append(DisplayColumn(_threshold_frame(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 
 
@@ -120,7 +122,9 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             if view.kind is Kind.STATES:
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame in _HELD:
-                frames[_is_displayed(name)] = _held(_numbers(name, frame), frame["end_t_ns"])
+                frames[_is_displayed(name)] = _hold_rows(
+                    _drawn_numbers(name, frame), frame["end_t_ns"]
+                )
             else:
                 asked.setdefault(name, {}).update(_of_bin(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
@@ -130,7 +134,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
         if decimate and is_long(run):
             frames[_is_displayed(name)] = _decimate(run, name, list(wanted.values()))
         else:
-            numbers = _numbers(name, run.frames[name])
+            numbers = _drawn_numbers(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
             frames[_is_displayed(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
     return frames
@@ -200,7 +204,7 @@ def _period_ns(run: Run) -> int:
     return round(_NS / run.provenance.settings.align.rate_hz)
 
 
-def _numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+def _drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """The numbers of a frame that some view draws, by time or start time, with variances."""
     family = entity_parts(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
@@ -230,7 +234,7 @@ def _one_at_a_time(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.tail(1) if arcs.is_empty() else arcs
 
 
-def _held(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
+def _hold_rows(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
     """Each row twice, at its start and its end, and then an empty row."""
     ends = numbers.with_columns(end_ns.alias("t_ns"))
     breaks = ends.select(pl.col("t_ns") + 1)
@@ -284,7 +288,7 @@ def _decimate(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, _period_ns(run))
-    return binned(run.frames[name], wanted, span, width_ns)
+    return bin_rows(run.frames[name], wanted, span, width_ns)
 
 
 def _of_bin(kind: Kind, series: Series) -> dict[str, pl.Expr]:
@@ -301,7 +305,7 @@ def _of_bin(kind: Kind, series: Series) -> dict[str, pl.Expr]:
     return {series.column: numbers.mean()} | named
 
 
-def binned(
+def bin_rows(
     frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
 ) -> pl.DataFrame:
     """A row a bin, at its middle; a bin without rows stays empty, so that no line crosses it."""

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import polars as pl
 
-from recordings.rrd.recording_table import SINCE_START, TIME, component
+from recordings.rrd.recording_table import SINCE_START, TIME, component_name
 from recordings.rrd.stored_frames import entity_path
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+#: Rows of a chunk that is written at once.
 _ROWS: Final = 16_384
 
 
@@ -51,7 +52,7 @@ def drawn_rows(
             values = drawn.to_arrow()
             if pa.types.is_large_string(values.type):
                 values = values.cast(pa.string())
-            stored = component(column.name)
+            stored = component_name(column.name)
             arrays[stored] = pa.ListArray.from_arrays(starts, values)
             metadata = {"rerun:entity_path": entity, "rerun:component": stored}
             fields.append(pa.field(stored, arrays[stored].type, metadata=metadata))

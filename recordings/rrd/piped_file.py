@@ -7,6 +7,7 @@ from pathlib import Path
 from threading import Thread
 from typing import BinaryIO, Final
 
+#: Bytes that are copied at once.
 _BLOCK: Final = 1 << 20
 _DESCRIPTORS: Final = Path("/dev/fd")
 

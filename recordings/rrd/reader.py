@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from analysis.model.run_record import Loss, Provenance, Run
 from estimators.errors import RecordingError, nearest
-from recordings.rrd.recording_table import component
+from recordings.rrd.recording_table import component_name
 from recordings.rrd.stored_frames import Manifest, StoredColumn, StoredFrame
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class OpenRecording:
                 )
         wanted = stored.columns if columns is None else stored.select(columns)
         with _in_one_line(self.path):
-            return _read(self.store, stored, wanted)
+            return _read_frame(self.store, stored, wanted)
 
 
 @contextmanager
@@ -209,9 +209,11 @@ def _describe_store(path: Path, store: "LazyStore") -> tuple[Manifest, Provenanc
         raise RecordingError(f"{path}: its description is damaged; replay the log") from error
 
 
-def _read(store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]) -> pl.DataFrame:
+def _read_frame(
+    store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]
+) -> pl.DataFrame:
     """Read columns of a frame, rows in the order they were written."""
-    wanted = [component(column.name) for column in columns]
+    wanted = [component_name(column.name) for column in columns]
     # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well
     below = store.stream().filter(content=f"{stored.entity}/**", components=wanted)
     chunks = (chunk for chunk in below if chunk.entity_path == stored.entity)

@@ -17,6 +17,7 @@ from recordings.report.finding_text import finding_line, findings_of
 from recordings.report.worth_text import COVERAGE
 
 ANSWER: Final = "answer"
+#: Nanoseconds of a second.
 _NS: Final = 10**9
 Value = str | float | int | bool
 

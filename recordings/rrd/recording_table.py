@@ -86,7 +86,7 @@ def _wild(name: str, frame: str, column: str, label: str = "") -> View:
     return View(name, Kind.LINES, (Series(frame, column, label),), wild=True)
 
 
-def _band(name: str, frame: str, column: str, std: str, label: str = "") -> View:
+def _band_view(name: str, frame: str, column: str, std: str, label: str = "") -> View:
     return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
 
 
@@ -123,9 +123,9 @@ _LOADS = View(
     ),
     wild=True,
 )
-_MASS = _band("Mass", "estimates", "mass_kg", "mass_std_kg")
-_FRICTION = _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
-_INERTIA = _band("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
+_MASS = _band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
+_FRICTION = _band_view("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
+_INERTIA = _band_view("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
 _COM = View(
     "Centre of mass",
     Kind.BANDS,
@@ -153,14 +153,18 @@ TABS: Final = (
         "Loads",
         (
             _LOADS,
-            _band("Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"),
+            _band_view(
+                "Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"
+            ),
             _SPEED,
         ),
     ),
     Tab(
         "Cycles",
         (
-            _band("Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"),
+            _band_view(
+                "Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"
+            ),
             _states("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),
@@ -209,7 +213,7 @@ TABS: Final = (
         (
             _MASS,
             _FRICTION,
-            _band("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
+            _band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
         ),
     ),
     Tab(
@@ -223,15 +227,15 @@ TABS: Final = (
     Tab(
         "Manoeuvres",
         (
-            _band("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
-            _band(
+            _band_view("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
+            _band_view(
                 "Viscous friction a manoeuvre",
                 "segments",
                 "friction_x_N_s_m",
                 "friction_x_std_N_s_m",
                 "viscous friction",
             ),
-            _band(
+            _band_view(
                 "Coulomb friction a manoeuvre",
                 "segments",
                 "coulomb_x_N",
@@ -239,7 +243,7 @@ TABS: Final = (
                 "Coulomb friction",
             ),
             _lines("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
-            _band(
+            _band_view(
                 "Yaw inertia a manoeuvre",
                 "segments",
                 "inertia_z_kg_m2",
@@ -264,7 +268,7 @@ TABS: Final = (
             ),
             _DECISIONS,
             _INERTIA,
-            _band(
+            _band_view(
                 "Viscous friction of turning",
                 "estimates",
                 "friction_z_N_m_s",
@@ -327,6 +331,7 @@ TABS: Final = (
                 boom_rad="boom",
                 bucket_rad="bucket",
             ),
+            _lines("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
         ),
     ),
     Tab("Calibration", texts=("calibration",)),
@@ -446,7 +451,7 @@ def entity_parts(frame: str) -> tuple[str, ...]:
     return (family, rest) if family == "raw" else tuple(frame.split("/"))
 
 
-def component(column: str) -> str:
+def component_name(column: str) -> str:
     """The component that holds a column."""
     return column if column == STATE else COMPONENT_PREFIX + column
 

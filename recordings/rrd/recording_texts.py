@@ -25,6 +25,7 @@ from recordings.report.worth_text import (
 )
 from recordings.rrd.display_frames import span_ns
 
+#: Nanoseconds of a second.
 _NS: Final = 10**9
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
 _MARK: Final = "="
@@ -87,7 +88,7 @@ def headline(said: Answer) -> str:
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(said.loads) > 1:
-        return shift_sentence(said.shift) if _is_shift(said) else _several(said)
+        return shift_sentence(said.shift) if _is_shift(said) else _several_loads_text(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
@@ -97,7 +98,7 @@ def headline(said: Answer) -> str:
         known = [method for method in row.methods if row.value("mass_kg", method) is not None]
         if known:
             best = "pooled" if "pooled" in known else known[0]
-            return f"{_of(row, best, *_MASS)} kg ({best}, statistical standard deviation)"
+            return f"{_value_text(row, best, *_MASS)} kg ({best}, statistical standard deviation)"
     if not said.verdict.checks:
         return "This recording holds no answer."
     return "No window of this log was accepted: there is no mass."
@@ -108,7 +109,7 @@ def _is_shift(said: Answer) -> bool:
     return bool(said.shift.get("cycles_counted"))
 
 
-def _several(said: Answer) -> str:
+def _several_loads_text(said: Answer) -> str:
     """The loads of a log in one sentence."""
     known = [load for load in said.loads if load["payload_kg"] is not None]
     count = f"{len(said.loads)} loads"
@@ -128,9 +129,9 @@ def summary(run: Run) -> str:
     lines += [""]
     for row in said.rows if len(said.loads) <= 1 else ():
         for method in row.methods:
-            mass = "withheld" if row.withheld else f"{_of(row, method, *_MASS)} kg"
+            mass = "withheld" if row.withheld else f"{_value_text(row, method, *_MASS)} kg"
             inertia = row.value(_INERTIA[0], method)
-            turns = f", yaw inertia {_of(row, method, *_INERTIA)} kg·m²" if inertia else ""
+            turns = f", yaw inertia {_value_text(row, method, *_INERTIA)} kg·m²" if inertia else ""
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_lines(said.planar, said.planar_budget)
     for each in findings_of(run)[:_FOUND]:
@@ -175,14 +176,14 @@ def answer_text(run: Run) -> str:
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _worth(said, _cycles(run) if _is_shift(said) else [])
+    parts += _worth_lines(said, _cycle_lines(run) if _is_shift(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
-        parts += [each for row in said.rows for each in _masses(row)]
+        parts += [each for row in said.rows for each in _mass_cells(row)]
     if lines := planar_lines(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
-    parts += _verdict(said.verdict) + _describe_acceptance(run)
+    parts += _verdict_lines(said.verdict) + _describe_acceptance(run)
     parts += [f"- {note}" for note in said.notes]
     parts += [f"- lost: {each}" for each in said.losses]
     return "\n\n".join(parts)
@@ -190,7 +191,7 @@ def answer_text(run: Run) -> str:
 
 def calibration(run: Run) -> str:
     """The points and the line of each method, and of evidence; nothing without a calibration."""
-    parts = ["# Calibration", *_evidence(run)]
+    parts = ["# Calibration", *_evidence_lines(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():
         return "\n\n".join(parts) if len(parts) > 1 else ""
@@ -205,7 +206,7 @@ def calibration(run: Run) -> str:
     return "\n\n".join([*parts, table(columns, points.select(columns).rows())])
 
 
-def _evidence(run: Run) -> list[str]:
+def _evidence_lines(run: Run) -> list[str]:
     """The line of evidence, its points, and where each run is recorded."""
     if "points" not in run.frames:
         return []
@@ -238,11 +239,11 @@ def provenance(run: Run) -> str:
             f"First aligned sample: {local_time(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
             "# Fingerprint",
-            _fingerprint(about),
+            _fingerprint_text(about),
             "# Stamps",
             table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
-            table(("source", "topic", "what"), [tuple(each) for each in _losses(about)]),
+            table(("source", "topic", "what"), [tuple(each) for each in _loss_rows(about)]),
             "# Notes",
             "\n".join(f"- {note}" for note in about.notes) or "none",
             "# Versions",
@@ -253,7 +254,7 @@ def provenance(run: Run) -> str:
     )
 
 
-def _fingerprint(about: Provenance) -> str:
+def _fingerprint_text(about: Provenance) -> str:
     """The digests in full, those of the frames as well."""
     taken = about.fingerprint
     if taken is None:
@@ -273,22 +274,22 @@ def _timezone(about: Provenance) -> str:
     return str(machine_body(about).get("timezone", "UTC"))
 
 
-def _losses(about: Provenance) -> list[tuple[str, str, str]]:
+def _loss_rows(about: Provenance) -> list[tuple[str, str, str]]:
     return [(each.source, each.topic, each.what) for each in about.losses]
 
 
-def _of(row: AnswerRow, method: str, value: str, std: str | None) -> str:
+def _value_text(row: AnswerRow, method: str, value: str, std: str | None) -> str:
     return plus_minus(row.value(value, method), row.value(std, method) if std else None)
 
 
-def _masses(row: AnswerRow) -> list[str]:
+def _mass_cells(row: AnswerRow) -> list[str]:
     if not row.methods:
         return []
     shown = [each for each in _MASS_COLUMNS if row.has(each[1])]
     rows = [
         (
             method,
-            *(_of(row, method, value, std) for _, value, std in shown),
+            *(_value_text(row, method, value, std) for _, value, std in shown),
             row.estimates[method],
         )
         for method in row.methods
@@ -301,7 +302,7 @@ def _masses(row: AnswerRow) -> list[str]:
     ]
 
 
-def _worth(said: Answer, cycles: list[str]) -> list[str]:
+def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
     """What the answer is worth: other priors, budget, priors and posteriors.
 
     Sentences are lists: the viewer wraps them, and no table.
@@ -334,7 +335,7 @@ def _worth(said: Answer, cycles: list[str]) -> list[str]:
     return parts
 
 
-def _cycles(run: Run) -> list[str]:
+def _cycle_lines(run: Run) -> list[str]:
     """The cycles of a shift with the local time of each dump."""
     about, span = run.provenance, span_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / _NS
@@ -351,7 +352,7 @@ def _cycles(run: Run) -> list[str]:
     return ["## Cycles", table(("cycle", "dumped at", "payload kg", "quality"), rows)]
 
 
-def _verdict(verdict: Verdict) -> list[str]:
+def _verdict_lines(verdict: Verdict) -> list[str]:
     if not verdict.checks:
         return []
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}

@@ -10,6 +10,7 @@ from analysis.model.run_record import Run
 from estimators.errors import RecordingError
 from recordings.rrd.reader import opened, read_recording, with_missing_rows
 
+#: Nanoseconds of a second.
 _NS: Final = 1_000_000_000
 #: Later than any recording, and still whole nanoseconds.
 LATEST_S: Final = 1e9
@@ -53,7 +54,7 @@ def read_window(
             heights[stored.name] = whole.height
             frames[stored.name] = _inside(whole, begin, end, held.provenance.t0_unix_ns)
             if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
-                raise RecordingError(f"{path}: nothing {stretch}; it has {_span(whole)}")
+                raise RecordingError(f"{path}: nothing {stretch}; it has {_span_text(whole)}")
     about = with_missing_rows(path, held.manifest, held.provenance, heights)
     if whole_run:
         return Run(frames, about)
@@ -80,7 +81,7 @@ def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) ->
         )
 
 
-def _span(aligned: pl.DataFrame) -> str:
+def _span_text(aligned: pl.DataFrame) -> str:
     if aligned.is_empty():
         return "no samples"
     first, last = (round(float(aligned["t_ns"][place]) / _NS, 1) for place in (0, -1))

@@ -13,7 +13,7 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict
 
 from estimators.errors import OutputError
-from recordings.rrd.recording_table import ROW, component, entity_parts
+from recordings.rrd.recording_table import ROW, component_name, entity_parts
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -119,7 +119,7 @@ class StoredFrame(BaseModel):
                 values = column.encode(part[column.name]).to_arrow()
                 if pa.types.is_large_string(values.type):
                     values = values.cast(pa.string())
-                name = component(column.name)
+                name = component_name(column.name)
                 arrays.append(pa.ListArray.from_arrays(whole, values))
                 metadata = {"rerun:entity_path": self.entity, "rerun:component": name}
                 fields.append(pa.field(name, arrays[-1].type, metadata=metadata))
@@ -136,7 +136,7 @@ class StoredFrame(BaseModel):
         """
         import pyarrow as pa
 
-        found = [_blocks(batches, component(column.name)) for column in columns]
+        found = [_blocks(batches, component_name(column.name)) for column in columns]
         # of a damaged recording some blocks may have lost a column: only whole rows are rows
         whole = sorted(set.intersection(*(set(each) for each in found))) if found else []
         series: list[pl.Series] = []

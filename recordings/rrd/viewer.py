@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 _HOST: Final = "127.0.0.1"
+#: Seconds that the viewer may take to start, between two pictures of it, and between two attempts
+#: to connect.
 _START_S: Final = 60.0
 _SETTLE_S: Final = 0.5
 _POLL_S: Final = 0.1
@@ -52,7 +54,7 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
     """
     t0_ns = read_provenance(path).t0_unix_ns
     with tempfile.TemporaryFile() as log:
-        process, port = _start(Path(path), log)
+        process, port = _start_viewer_process(Path(path), log)
         client = _wait_until_connected(
             process, port, log, "a screen; without one, use `payscope plot`"
         )
@@ -71,7 +73,7 @@ def start_viewer() -> str:
         RecordingError: no viewer starts.
     """
     with tempfile.TemporaryFile() as log:
-        process, port = _start(None, log)
+        process, port = _start_viewer_process(None, log)
         _wait_until_connected(
             process, port, log, "a screen; leave out --live without one", waiting=True
         )
@@ -161,7 +163,7 @@ def photographs(
             _set_time(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
         tabs = _tabs(whole)
-        names = [_name(whole, entity) for entity in _children(tabs)]
+        names = [_tab_title(whole, entity) for entity in _children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
             raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
         return list(_take_pictures(client, folder, whole, tabs, tab))
@@ -176,7 +178,7 @@ def _tabs(whole: dict[str, Any]) -> dict[str, Any]:
     )
 
 
-def _name(whole: dict[str, Any], entity: str) -> str:
+def _tab_title(whole: dict[str, Any], entity: str) -> str:
     return whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
 
 
@@ -192,7 +194,7 @@ def _take_pictures(
     tab: str | None,
 ) -> Iterator[Screenshot]:
     for number, entity in enumerate(_children(tabs)):
-        name = _name(whole, entity)
+        name = _tab_title(whole, entity)
         if tab is not None and tab.casefold() != name.casefold():
             continue
         tabs["active_tab"] = entity
@@ -242,7 +244,9 @@ def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
     """A viewer without a screen, with a recording or waiting for one: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:
-        process, port = _start(path, log, "--headless", "--window-size", _WINDOW, CI="1")
+        process, port = _start_viewer_process(
+            path, log, "--headless", "--window-size", _WINDOW, CI="1"
+        )
         needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
             client = _wait_until_connected(process, port, log, needs, waiting=path is None)
@@ -252,7 +256,7 @@ def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
             process.wait()
 
 
-def _start(
+def _start_viewer_process(
     path: Path | None, log: IO[bytes], *options: str, **environment: str
 ) -> tuple[subprocess.Popen[bytes], int]:
     """Start the viewer with a recording or empty, listening on this machine only."""

@@ -15,7 +15,7 @@ import polars as pl
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.rrd.blueprint import Page, Panel, laid_out, text_entity
-from recordings.rrd.display_frames import Drawn, binned, stands_alone
+from recordings.rrd.display_frames import DisplayColumn, bin_rows, stands_alone
 from recordings.rrd.drawn_rows import drawn_rows
 from recordings.rrd.recording_table import SINCE_START, TIME, Kind
 from recordings.rrd.writer import Scene, scene_of, send_events
@@ -108,7 +108,7 @@ def _decimate(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.Data
             pl.col(field).max().alias(f"{field} max"),
         )
     ]
-    return binned(placed, wanted, ends, max((ends[1] - ends[0]) // _BINS, 1))
+    return bin_rows(placed, wanted, ends, max((ends[1] - ends[0]) // _BINS, 1))
 
 
 def _panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Panel]:
@@ -119,17 +119,17 @@ def _panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Pan
         parts.setdefault(field[:cut] if cut > 0 else field, []).append(field)
     panels: list[Panel] = []
     for name, members in list(parts.items())[:_PANELS]:
-        drawn: list[Drawn] = []
+        drawn: list[DisplayColumn] = []
         for number, field in enumerate(members):
             colour = colours.line(number)
             label = field.removeprefix(name).strip(".[]") or field
             drawn += [
-                Drawn(entity, f"{field} {end}", f"{label}, {end}", colour, faint=True)
+                DisplayColumn(entity, f"{field} {end}", f"{label}, {end}", colour, faint=True)
                 for end in ("min", "max")
                 if f"{field} {end}" in shown.columns
             ]
             alone = stands_alone(shown[field])
-            drawn.append(Drawn(entity, field, label, colour, dotted=alone))
+            drawn.append(DisplayColumn(entity, field, label, colour, dotted=alone))
         panels.append(Panel(name, Kind.LINES, tuple(drawn)))
     return panels
 

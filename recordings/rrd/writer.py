@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -11,6 +11,7 @@ from uuid import uuid4
 import polars as pl
 
 from analysis.model.run_record import Run
+from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
 from recordings.report.atomic_output import atomic_file, check_output
 from recordings.report.finding_text import finding_line, findings_of
@@ -20,10 +21,9 @@ from recordings.rrd.drawn_rows import drawn_rows
 from recordings.rrd.piped_file import PipedFile, piped_file
 from recordings.rrd.reader import FORMAT, PROPERTY, opened
 from recordings.rrd.recording_properties import ANSWER, recording_properties
-from recordings.rrd.recording_table import ROW, SINCE_START, TIME
+from recordings.rrd.recording_table import ROW, SINCE_START, TIME, component_name
 from recordings.rrd.recording_texts import recording_name, texts
-from recordings.rrd.stored_frames import Manifest, StoredFrame
-from recordings.rrd.timed_rows import timed_rows
+from recordings.rrd.stored_frames import Manifest, StoredFrame, entity_path
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,6 +32,11 @@ if TYPE_CHECKING:
     from rerun import RecordingStream, TimeColumn
     from rerun.blueprint import Blueprint
 
+#: The entity that they lie below.
+ROWS: Final = "rows"
+#: Frames of a row a load, a manoeuvre, a cycle, a finding.
+TIMED: Final = ("loads", "segments", "cycles", "findings")
+#: Bytes of chunks that wait to be written.
 _MOST_WAITING: Final = 1 << 26
 #: So long may nothing move before the disk or the viewer counts as stuck.
 _PATIENCE_S: Final = 10.0
@@ -262,7 +267,7 @@ def _batches(
     for name, frame in shown.items():
         for batch in drawn_rows(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
-    for batch in timed_rows(run.frames, run.provenance.t0_unix_ns):
+    for batch in make_timed_rows(run.frames, run.provenance.t0_unix_ns):
         yield [TIME, SINCE_START], batch
     for name, frame in run.frames.items():
         for batch in StoredFrame.of(name, frame).batches(frame):
@@ -283,3 +288,41 @@ def _verify(run: Run, partial: Path, path: Path) -> None:
                     raise OutputError(f"{path}: '{name}' read back differs, so nothing was kept")
     except RecordingError as error:
         raise OutputError(f"{path}: cannot be read back; is the disk full?") from error
+
+
+def make_timed_rows(
+    frames: Mapping[str, pl.DataFrame], t0_unix_ns: int
+) -> "Iterator[pa.RecordBatch]":
+    """Make a record batch of each frame that has rows; a row of the whole run is at its start.
+
+    Args:
+        frames: of a run.
+        t0_unix_ns: where their times begin.
+    """
+    import pyarrow as pa
+
+    for name in TIMED:
+        frame, time = frames.get(name, pl.DataFrame()), FRAMES[name].time_column
+        if frame.is_empty() or time is None:
+            continue
+        since_start = frame[time].fill_null(0)
+        arrays: dict[str, pa.Array] = {
+            TIME: (since_start + t0_unix_ns).to_arrow().cast(pa.timestamp("ns")),
+            SINCE_START: since_start.to_arrow().cast(pa.duration("ns")),
+        }
+        fields = [pa.field(each, array.type) for each, array in arrays.items()]
+        for column in frame.get_columns():
+            plain = column.cast(pl.String) if isinstance(column.dtype, pl.Enum) else column
+            values = plain.to_arrow()
+            if not pa.types.is_primitive(values.type):
+                values = values.cast(pa.string())
+            stored = component_name(column.name)
+            # one value a row, and none where it is missing
+            cells = [[] if value is None else [value] for value in values.to_pylist()]
+            arrays[stored] = pa.array(cells, pa.list_(values.type))
+            metadata = {
+                "rerun:entity_path": entity_path(name, ROWS),
+                "rerun:component": stored,
+            }
+            fields.append(pa.field(stored, arrays[stored].type, metadata=metadata))
+        yield pa.record_batch(list(arrays.values()), schema=pa.schema(fields))

@@ -52,7 +52,7 @@ def parse(data: bytes, what: str) -> Any:
         value = json.loads(
             data.decode("utf-8"),
             parse_int=_parse_integer,
-            parse_float=_number,
+            parse_float=_parse_float,
             parse_constant=_no_constant,
             object_pairs_hook=_once,
         )
@@ -92,7 +92,7 @@ def _parse_integer(text: str) -> int | float:
     return value if abs(value) <= _LARGEST_EXACT else float(value)
 
 
-def _number(text: str) -> float:
+def _parse_float(text: str) -> float:
     if len(text) > _LONGEST_NUMBER:
         raise ValueError(f"a number of {len(text)} characters")
     value = float(text)

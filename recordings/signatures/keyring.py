@@ -27,6 +27,7 @@ from recordings.signatures.signing import PublicKey
 
 #: The environment variable that names another keyring.
 KEYRING_VARIABLE: Final = "PAYSCOPE_KEYRING"
+#: Bytes of a keyring; a key takes some two hundred.
 _MOST_BYTES: Final = 1 << 20
 _HEAD: Final = "# Keys that payscope knows, and whose they are; changed by `payscope keys`.\n"
 
@@ -137,7 +138,7 @@ def load_keyring(path: Path | None = None) -> Keyring:
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
         raise EvidenceError(f"{path}: is no keyring; it has [[keys]] tables and nothing else")
-    keys = tuple(_key(path, number, row) for number, row in enumerate(rows, start=1))
+    keys = tuple(_parse_key(path, number, row) for number, row in enumerate(rows, start=1))
     ids = [each.public.key_id for each in keys]
     if len(set(ids)) < len(ids):
         raise EvidenceError(f"{path}: holds a key twice; remove one of them")
@@ -203,7 +204,7 @@ def revoke_key(keyring: Keyring, key_id: str, day: dt.date, because: str) -> Key
     )
 
 
-def _key(path: Path, number: int, row: object) -> KnownKey:
+def _parse_key(path: Path, number: int, row: object) -> KnownKey:
     try:
         return KnownKey.model_validate(row)
     except ValidationError as error:

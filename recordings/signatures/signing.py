@@ -29,6 +29,7 @@ STATEMENT_TYPE: Final = "https://in-toto.io/Statement/v1"
 PREDICATE_TYPE: Final = "https://payscope.invalid/calibration-evidence/v1"
 #: The environment variable that may hold the private key, in PEM.
 KEY_VARIABLE: Final = "PAYSCOPE_SIGNING_KEY"
+#: Bytes of a key file; one has some hundred.
 _MOST_KEY_BYTES: Final = 16 << 10
 _MAKE: Final = "openssl genpkey -algorithm ed25519 -out key.pem"
 _PUBLISH: Final = "openssl pkey -in key.pem -pubout -out key.pub.pem"
@@ -114,7 +115,7 @@ class SigningKey:
         return self.private.sign(message)
 
 
-def new_key_pair() -> tuple[bytes, bytes]:
+def make_key_pair() -> tuple[bytes, bytes]:
     """Make a key: its private and its public half in PEM."""
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import (
@@ -142,7 +143,7 @@ def signing_key(path: Path | None) -> SigningKey | None:
     if path is None and not os.environ.get(KEY_VARIABLE):
         return None
     where = str(path) if path is not None else f"environment variable {KEY_VARIABLE}"
-    data = _read(path) if path is not None else os.environ[KEY_VARIABLE].encode()
+    data = _read_key_file(path) if path is not None else os.environ[KEY_VARIABLE].encode()
     try:
         key = load_pem_private_key(data, password=None)
     except TypeError:
@@ -164,7 +165,7 @@ def public_key(path: Path) -> PublicKey:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-    data = _read(path)
+    data = _read_key_file(path)
     if b"PRIVATE KEY" in data:
         raise EvidenceError(f"{path}: is a private key; `{_PUBLISH}` writes the public one")
     try:
@@ -211,7 +212,7 @@ def envelope(payload: bytes, key: SigningKey) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Signed:
+class EnvelopeContent:
     """What an envelope holds.
 
     Attributes:
@@ -231,7 +232,7 @@ class Signed:
         return key.signed(self.signature, pae(PAYLOAD_TYPE, self.payload))
 
 
-def parse_envelope(data: bytes, what: str) -> Signed:
+def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
     """Read an envelope of a stranger; nothing in it is to be believed before `Signed.by`.
 
     Raises:
@@ -250,7 +251,7 @@ def parse_envelope(data: bytes, what: str) -> Signed:
     inside = parse(payload, f"{what}: its statement")
     if not fits or not isinstance(inside, dict) or not isinstance(key_id, str):
         raise EvidenceError(f"{what}: is no DSSE envelope of an in-toto statement")
-    return Signed(payload, inside, signed, key_id)
+    return EnvelopeContent(payload, inside, signed, key_id)
 
 
 def _unbase64(text: str, what: str) -> bytes:
@@ -264,7 +265,7 @@ def _unbase64(text: str, what: str) -> bytes:
     return data
 
 
-def _read(path: Path) -> bytes:
+def _read_key_file(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
             data = file.read(_MOST_KEY_BYTES + 1)

@@ -8,6 +8,7 @@ Source: RFC 8032, 5.1.3 (decoding) and 7.1 (test vectors); order-8 points as in 
 from functools import cache
 from typing import Final
 
+#: The prime of Curve25519.
 _P: Final = 2**255 - 19
 _D: Final = -121665 * pow(121666, -1, _P) % _P
 #: y of a point of order 8; that of its negative is P less this.

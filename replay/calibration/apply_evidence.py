@@ -104,15 +104,15 @@ class MachineCalibration:
         mine_id = weighing.machine.id
         if mine_id not in (None, self.machine_id):
             return f"is of machine '{self.machine_id}', not of '{mine_id}'"
-        kept = dict(_flat(definition(self.weighing(self.document.machine))))
-        mine = dict(_flat(definition(weighing)))
+        kept = dict(_flatten(definition(self.weighing(self.document.machine))))
+        mine = dict(_flatten(definition(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
             return f"is of machine '{kept[name]}', not of '{mine[name]}'"
         names = {*kept, *mine} - {name}
         differ = [each for each in sorted(names) if kept.get(each) != mine.get(each)]
         named = ", ".join(
-            f"{each} = {_text(kept.get(each))} there and {_text(mine.get(each))} here"
+            f"{each} = {_value_text(kept.get(each))} there and {_value_text(mine.get(each))} here"
             for each in differ[:_MOST_NAMED]
         )
         more = f" and {len(differ) - _MOST_NAMED} more" if len(differ) > _MOST_NAMED else ""
@@ -296,13 +296,13 @@ def recorded_machine(about: Provenance) -> Machine:
     return Machine.model_validate(content)
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in values.items():
         if isinstance(value, Mapping) and value:
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from _flatten(value, f"{prefix}{name}.")
         else:
             yield prefix + name, value
 
 
-def _text(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return "nothing" if value is None else f"{value}"

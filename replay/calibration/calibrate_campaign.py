@@ -22,12 +22,12 @@ from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
-from recordings.calibration.as_found_line import as_found
+from recordings.calibration.as_found_line import check_earlier_line
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.days import day_faults
+from recordings.calibration.days import find_day_faults
 from recordings.calibration.derived_values import estimator_of, reference_loads
 from recordings.calibration.evidence_document import (
     FORMAT,
@@ -40,7 +40,7 @@ from recordings.calibration.evidence_document import (
     Signer,
 )
 from recordings.calibration.evidence_machine import machine_faults
-from recordings.calibration.notary_stretch import stretch_bytes, unaccounted
+from recordings.calibration.notary_stretch import find_unaccounted_logs, stretch_bytes
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
 from recordings.calibration.write_bundle import tables_of, write_bundle
 from recordings.notary.notary_check import check_list
@@ -49,7 +49,7 @@ from recordings.signatures.canonical_json import canonical
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
-from replay.calibration.campaign_runs import Replayed, new_id, now, replay_runs, software
+from replay.calibration.campaign_runs import CampaignReplay, new_id, now, replay_runs, software
 from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
 
 #: How far a replay elsewhere may be off, in kg: other processors have other last bits.
@@ -58,7 +58,7 @@ _MOST_LINES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Calibrated:
+class CalibrationOutcome:
     """What `calibrate` found and wrote.
 
     Attributes:
@@ -123,7 +123,7 @@ class EvidenceParts:
     campaign: CalibrationCampaign
     machine: Machine
     learnt: LearntPriors | None
-    replayed: Replayed
+    replayed: CampaignReplay
     options: CalibrationOptions
     fitted: CampaignFit
     drift: DriftCheck | None = None
@@ -140,7 +140,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
     timestamp_request_file: Path | None = None,
     dcc: DccOutput | None = None,
     on_log: Callable[[str], None] = lambda _: None,
-) -> Calibrated:
+) -> CalibrationOutcome:
     """Replay a campaign's runs, fit the line, and write the evidence.
 
     Args:
@@ -196,7 +196,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        calibrated = finish(evidence, made, folder, key, before, previous, stretch)
+        calibrated = finish_evidence(evidence, made, folder, key, before, previous, stretch)
     if timestamp_request_file is not None:
         write_timestamp_request(folder, timestamp_request_file, force=force)
     if dcc is None:
@@ -226,7 +226,7 @@ def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
 
 
 def refuse_days(
-    source: Path, campaign: CalibrationCampaign, replayed: Replayed, machine: Machine
+    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
 ) -> None:
     """Refuse days of runs that their logs contradict.
 
@@ -239,14 +239,14 @@ def refuse_days(
     Raises:
         CampaignError: a run is of another day than its log.
     """
-    faults = day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
+    faults = find_day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
     fault = next(faults, None)
     if fault is not None:
         raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
 
 
 def refuse_machine(
-    source: Path, campaign: CalibrationCampaign, replayed: Replayed, machine: Machine
+    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
 ) -> None:
     """Refuse logs and a machine file that name another machine than the campaign.
 
@@ -305,7 +305,7 @@ def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
 
 
 def refuse_unaccounted(
-    source: Path, campaign: CalibrationCampaign, replayed: Replayed, stretch: bytes | None
+    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, stretch: bytes | None
 ) -> None:
     """Refuse a campaign that leaves a log of its stretch out without a reason.
 
@@ -315,7 +315,7 @@ def refuse_unaccounted(
     if campaign.notary is None or stretch is None:
         return
     kept = check_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
-    fault = next(unaccounted(campaign.notary, replayed.logs, kept.entries), None)
+    fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
     if fault is not None:
         raise CampaignError(
             f"{source}: notary: {fault}; add a run of it, or leave it out with a reason in "
@@ -361,7 +361,7 @@ def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) ->
     return checked
 
 
-def finish(
+def finish_evidence(
     evidence: EvidenceParts,
     made: Path,
     folder: Path,
@@ -369,7 +369,7 @@ def finish(
     before: CheckedBundle | None,
     previous: Path | None,
     stretch: bytes | None = None,
-) -> Calibrated:
+) -> CalibrationOutcome:
     """Write the evidence, and check it as a stranger would before it gets its name.
 
     Args:
@@ -402,7 +402,7 @@ def finish(
             f"{folder}: what was written does not pass its own check, so nothing was kept: "
             + "; ".join(wrong[:_MOST_LINES])
         )
-    return Calibrated(folder, document, readings, points, tuple(remarks))
+    return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
 
 
 def _document(
@@ -438,7 +438,7 @@ def _document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=as_found(last, _estimator_now(last), estimator, fitted.frame),
+        as_found=check_earlier_line(last, _estimator_now(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
         chain=_chain(before),
         signer=None if key is None else _signer(campaign, key),

@@ -34,6 +34,7 @@ from replay.logs import open_log
 from replay.machines.machine_file import time_axis
 from replay.pipeline import run
 
+#: Characters of a loss, and of a machine's number, that evidence keeps.
 _LONGEST: Final = 2000
 _LONGEST_ID: Final = 64
 #: What ends the name of a distribution in a requirement.
@@ -41,7 +42,7 @@ _NAME: Final = re.compile(r"[^A-Za-z0-9._-]")
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
+class CampaignReplay:
     """What the logs of a campaign gave.
 
     Attributes:
@@ -71,7 +72,7 @@ def replay_runs(
     path_of: Callable[[str], Path],
     recordings: Path | None = None,
     on_log: Callable[[str], None] = lambda _: None,
-) -> Replayed:
+) -> CampaignReplay:
     """Replay every log of a campaign once.
 
     Args:
@@ -109,7 +110,9 @@ def replay_runs(
         logs.append(_kept(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
         terms += terms_of(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
-    return Replayed(pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses))
+    return CampaignReplay(
+        pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses)
+    )
 
 
 @cache

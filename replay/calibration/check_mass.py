@@ -19,10 +19,10 @@ from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.report.atomic_output import atomic_files, check_folder
 from recordings.signatures.signing import signing_key
 from replay.calibration.calibrate_campaign import (
-    Calibrated,
+    CalibrationOutcome,
     EvidenceParts,
     before_of,
-    finish,
+    finish_evidence,
     refuse_days,
     refuse_machine,
 )
@@ -34,7 +34,7 @@ _MASS: Final = "check-mass"
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownMassOnBoard:
     """The known mass.
 
     Attributes:
@@ -52,14 +52,14 @@ class Known:
 
 def check_mass(
     log: Path,
-    known: Known,
+    known: KnownMassOnBoard,
     folder: Path,
     *,
     previous: Path,
     key_file: Path | None = None,
     force: bool = False,
     on_log: Callable[[str], None] = lambda _: None,
-) -> Calibrated:
+) -> CalibrationOutcome:
     """Replay a log with a known mass on board, compare, and write the evidence.
 
     Machine, settings and priors are those of the calibration.
@@ -96,10 +96,10 @@ def check_mass(
         evidence = EvidenceParts(
             "check", campaign, last.machine, last.learnt, replayed, last.options, fitted, drift
         )
-        return finish(evidence, made, folder, key, before, previous)
+        return finish_evidence(evidence, made, folder, key, before, previous)
 
 
-def _campaign(last: EvidenceDocument, log: Path, known: Known) -> CalibrationCampaign:
+def _campaign(last: EvidenceDocument, log: Path, known: KnownMassOnBoard) -> CalibrationCampaign:
     """A campaign of one run."""
     if known.value_kg < 0.0:
         raise CampaignError(f"--check {known.value_kg:g}: a mass on board is 0 kg or more")

@@ -16,6 +16,7 @@ from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 
+#: Files and depth of folders that are searched for logs, and logs that a fault names.
 _MOST_ENTRIES: Final = 100_000
 _DEEPEST: Final = 8
 _MOST_NAMED: Final = 10
@@ -36,7 +37,9 @@ _OF_THE_LOG: Final = {
 }
 #: Those that a version puts into words of its own.
 _IN_WORDS: Final = ("losses", "notes")
+#: Relative difference of numbers that differ by rounding alone.
 _LAST_BITS: Final = 1e-9
+#: Characters of a value that a fault quotes.
 _LONGEST: Final = 120
 _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 
@@ -120,7 +123,7 @@ def _compare_terms(
 ) -> None:
     """What each log says of the nuisances under the machine's own priors."""
     by_name = {(each.log, each.term): each for each in anew}
-    wrong = [each for each in stored if not _same(each, by_name.get((each.log, each.term)))]
+    wrong = [each for each in stored if not _terms_agree(each, by_name.get((each.log, each.term)))]
     for each in wrong[:_MOST_NAMED]:
         item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay says something else")
@@ -129,7 +132,7 @@ def _compare_terms(
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs say more than it has")
 
 
-def _same(kept: TermOfLog, now: TermOfLog | None) -> bool:
+def _terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
     if now is None:
         return False
     tolerance = _TERMS * kept.prior_std

@@ -1,28 +1,45 @@
-"""The command `verify`: a bundle checked by itself, and against its logs."""
+"""The command `verify`: a bundle checked by itself, then against its files and its logs."""
 
 import datetime as dt
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from estimators.errors import EvidenceError, counted
 from recordings.calibration.bundle_checks import check_bundle
-from recordings.calibration.bundle_folder import EVIDENCE, NOTARY, STATEMENT
+from recordings.calibration.bundle_folder import (
+    EVIDENCE,
+    NOTARY,
+    PDF,
+    RECORDING,
+    REPORT,
+    STATEMENT,
+    parse_sums,
+)
+from recordings.calibration.calibration_recording import calibration_run
+from recordings.calibration.calibration_report import report_html
 from recordings.calibration.calibration_text import unseen
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, verdict_text, worst
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.evidence_document import EvidenceDocument
+from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
+from recordings.calibration.pdf_check import pdf_fault
+from recordings.calibration.strange_files import RecordingDigests, recording_digests
 from recordings.calibration.timestamp import authority_certificates
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import public_key
-from replay.calibration.compare_files import FilesCheck, compare_files
 from replay.calibration.compare_logs import compare_logs
+
+#: What the viewer draws of a recording is made of its frames when it is written.
+_DRAWN = (
+    "What a viewer draws of a recording: its frames are compared, and not the series and texts "
+    "that were drawn of them. `payscope view` of a replay of your own draws them anew."
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Verified:
+class Verification:
     """What a verification came to.
 
     Attributes:
@@ -77,7 +94,7 @@ def verify(
     signed: bool = False,
     on: dt.date | None = None,
     tsa: Path | None = None,
-) -> Verified:
+) -> Verification:
     """Check a bundle.
 
     Args:
@@ -123,7 +140,7 @@ def verify(
     done += files.done
     if document is not None:
         _check_expiry(checked, document, on)
-    return Verified(
+    return Verification(
         folder,
         tuple(checked.findings),
         tuple(checked.notes),
@@ -170,3 +187,121 @@ def _done(checked: CheckedBundle, chained: bool) -> list[str]:
     if checked.readings is not None:
         done.append("fit, budget, limits, points, report and each reason, computed anew")
     return done
+
+
+@dataclass(frozen=True, slots=True)
+class FilesCheck:
+    """What was compared, and what could not be.
+
+    Attributes:
+        done: what was compared, in words.
+        unseen: what was not, and why.
+    """
+
+    done: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
+
+
+def compare_files(
+    checked: CheckedBundle, document: EvidenceDocument, folder: Path, *, whole: bool
+) -> FilesCheck:
+    """Compare the recordings of runs with their fingerprints and, if asked for, what takes longer.
+
+    Args:
+        checked: of the bundle; gets what is found.
+        document: its evidence.
+        folder: the bundle.
+        whole: whether the recording of the calibration and the PDF are read as well.
+    """
+    try:
+        sums = parse_sums(checked.sums)
+    except EvidenceError:
+        return FilesCheck()  # which is a finding already
+    done: list[str] = []
+    unseen: list[str] = []
+    runs = [log for log in document.logs if log.recording in sums]
+    names = [
+        *(log.recording for log in runs),
+        *([RECORDING] if whole and RECORDING in sums else []),
+    ]
+    found = recording_digests(folder, {name: sums[name] for name in names})
+    for log in runs:
+        _compare_run(checked, log, found[log.recording])
+    if runs:
+        done.append("the frames of each run's recording, by their fingerprint")
+    if whole and RECORDING in sums:
+        _compare_calibration(checked, document, found[RECORDING])
+        done.append(f"the frames of {RECORDING}, made anew")
+    elif not whole:
+        unseen.append(
+            f"Whether {RECORDING} and {PDF} show what {REPORT} does: with --logs they are compared."
+        )
+    if whole and PDF in sums:
+        why = _compare_pdf(checked, document, folder, sums)
+        if why:
+            unseen.append(f"Whether {PDF} reads as {REPORT} does: {why}.")
+        else:
+            done.append(f"the words of {PDF}, with those of {REPORT}")
+    if runs or whole:
+        unseen.append(_DRAWN)
+    return FilesCheck(tuple(done), tuple(unseen))
+
+
+def _compare_run(checked: CheckedBundle, log: EvidenceLog, found: RecordingDigests | str) -> None:
+    """Whether a recording is that of the replay whose fingerprint the evidence has."""
+    if isinstance(found, str):
+        checked.add(BundleOutcome.TAMPERED, log.recording, found)
+        return
+    wanted = {
+        "files": (sorted(file.sha256 for file in log.files), sorted(found.inputs)),
+        "settings": (log.settings_fingerprint, found.settings),
+        "frames": (log.results_fingerprint, found.results),
+    }
+    for what, (there, here) in wanted.items():
+        if there != here:
+            checked.add(
+                BundleOutcome.TAMPERED,
+                log.recording,
+                f"is of other {what} than the replay of {log.log} whose fingerprint the evidence "
+                "has",
+            )
+
+
+def _compare_calibration(
+    checked: CheckedBundle, document: EvidenceDocument, found: RecordingDigests | str
+) -> None:
+    """Whether the recording of a bundle has the frames that its evidence gives."""
+    if isinstance(found, str):
+        checked.add(BundleOutcome.TAMPERED, RECORDING, found)
+        return
+    if checked.readings is None or checked.points is None:
+        return
+    made = calibration_run(document, checked.readings, checked.points).provenance
+    taken = made.fingerprint
+    assert taken is not None
+    other = sorted(
+        name
+        for name in {*taken.frames, *found.frames}
+        if taken.frames.get(name) != found.frames.get(name)
+    )
+    same_words = document.made_elsewhere or made.notes == found.notes
+    if not other and same_words:
+        return
+    what = f"frames {', '.join(other)}" if other else "words"
+    outcome = BundleOutcome.OTHER_VERSION if document.made_elsewhere else BundleOutcome.TAMPERED
+    checked.add(outcome, RECORDING, f"has other {what} than the evidence gives")
+
+
+def _compare_pdf(
+    checked: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
+) -> str:
+    """Compare the PDF; why it could not be, or ""."""
+    if document.made_elsewhere:
+        return f"its page is one by {document.made_elsewhere}"
+    if checked.readings is None or checked.points is None:
+        return "its page could not be made anew"
+    html = report_html(document, checked.readings, checked.points)
+    fault, why = pdf_fault(folder, sums[PDF], html)
+    if fault:
+        checked.add(BundleOutcome.TAMPERED, PDF, fault)
+    return why

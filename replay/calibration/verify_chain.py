@@ -10,7 +10,7 @@ from estimators.errors import counted
 from recordings.calibration.chain_check import chain_findings
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst
 from recordings.calibration.checked_bundle import CheckedBundle
-from replay.calibration.verify_bundle import Verified, verify
+from replay.calibration.verify_bundle import Verification, verify
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class VerifiedChain:
         notes: who signed which number.
     """
 
-    bundles: tuple[Verified, ...]
+    bundles: tuple[Verification, ...]
     findings: tuple[BundleFinding, ...]
     notes: tuple[str, ...]
 
@@ -108,12 +108,12 @@ def _counter(checked: CheckedBundle) -> int:
     return 0 if checked.document is None else checked.document.chain.counter
 
 
-def _is_last(made: Verified, last: Mapping[str, int]) -> bool:
+def _is_last(made: Verification, last: Mapping[str, int]) -> bool:
     """Whether it is the last of its machine, or of none."""
     document = made.checked.document
     return document is None or document.chain.counter == last[document.campaign.machine.id]
 
 
-def _without_expiry(made: Verified) -> Verified:
+def _without_expiry(made: Verification) -> Verification:
     kept = tuple(each for each in made.findings if each.outcome is not BundleOutcome.EXPIRED)
     return replace(made, findings=kept)

@@ -83,12 +83,14 @@ def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator
     if goal is not None:
         yield from goal_lines(answer, goal)
     if answer.verdict.tells_inertia and not verbose:
-        yield from _inertia(answer)
+        yield from _inertia_lines(answer)
     yield from shift_lines(answer)
     yield from planar_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
-    yield from _first([f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses")
-    yield from _first([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
+    yield from _first_lines(
+        [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
+    )
+    yield from _first_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
     yield from _finding_lines(answer, verbose)
 
 
@@ -103,7 +105,7 @@ def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
         yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
 
 
-def _first(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
+def _first_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
     """The first lines, and the number of the others."""
     yield from lines[:most]
     left = len(lines) - most
@@ -111,7 +113,7 @@ def _first(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterat
         yield f"{left} more {one if left == 1 else several} (-v)"
 
 
-def _inertia(answer: "Answer") -> "Iterator[str]":
+def _inertia_lines(answer: "Answer") -> "Iterator[str]":
     """Yaw inertia in a line: of the joint fit, else of the first method that has one."""
     from recordings.report.number_text import plus_minus
 
@@ -147,7 +149,7 @@ def _print_methods(screen: "Console", answer: "Answer") -> None:
     elif verdict.can_weigh or verdict.tells_inertia:
         screen.print("Other methods (statistical ± only; –: withheld)")
         for row in answer.rows:
-            print_table(screen, _masses(row, verdict))
+            print_table(screen, _mass_table(row, verdict))
 
 
 def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
@@ -164,7 +166,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
     near = verdict.near if verdict.can_weigh else ()
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
     if shown or verbose > 1:
-        print_table(screen, _checks(verdict.checks if verbose > 1 else shown))
+        print_table(screen, _check_table(verdict.checks if verbose > 1 else shown))
     for check in failed:
         if check.remedy and check.value is not None:
             print_line(screen, f"{check.check}: {check.remedy}")
@@ -174,7 +176,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
         )
 
 
-def _masses(row: "AnswerRow", verdict: "Verdict") -> "Table":
+def _mass_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
     columns = {
         **(_OF_MASS if verdict.can_weigh else {}),
         **(_OF_INERTIA if verdict.tells_inertia else {}),
@@ -182,18 +184,18 @@ def _masses(row: "AnswerRow", verdict: "Verdict") -> "Table":
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
     table = plain_table("method", *shown)
     for method in row.methods:
-        table.add_row(method, *(_number(row, method, *names) for names in shown.values()))
+        table.add_row(method, *(_value_text(row, method, *names) for names in shown.values()))
     return table
 
 
-def _number(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
+def _value_text(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
     value, std = row.value(name, method), row.value(std_name, method) if std_name else None
     if value is None:
         return "–"
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:.2f}")
 
 
-def _checks(checks: "Sequence[Check]") -> "Table":
+def _check_table(checks: "Sequence[Check]") -> "Table":
     """A row a check: its number, its limit, what it led to."""
     from recordings.report.number_text import outcome
 

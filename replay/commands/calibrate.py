@@ -8,7 +8,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from replay.calibration.calibrate_campaign import Calibrated
+    from replay.calibration.calibrate_campaign import CalibrationOutcome
 
 
 def command(
@@ -35,7 +35,7 @@ def command(
     check_u: Annotated[
         float, typer.Option(metavar="KG", min=0, help="Standard uncertainty of REF_KG.")
     ] = 0.0,
-    certificate: Annotated[str, typer.Option(help="Certificate of REF_KG.")] = "",
+    certificate: Annotated[str, typer.Option(help="Number of the certificate of REF_KG.")] = "",
     day: Annotated[
         str | None, typer.Option(metavar="DATE", help="Day of the log, if it has no date.")
     ] = None,
@@ -66,7 +66,7 @@ def command(
     Exit status 1 where there is no line, a limit is not kept, or a check finds drift.
     """
     from replay.calibration.calibrate_campaign import calibrate
-    from replay.calibration.check_mass import Known, check_mass
+    from replay.calibration.check_mass import KnownMassOnBoard, check_mass
     from replay.calibration.dcc_output import DccOutput
     from replay.commands.print_tables import console, print_json
     from replay.commands.progress_bar import Stages
@@ -83,7 +83,7 @@ def command(
         raise typer.BadParameter("--dcc is of a campaign, not of --check")
     with Stages(1) as stages:
         if check is not None and previous is not None:
-            known = Known(check, check_u, certificate, day)
+            known = KnownMassOnBoard(check, check_u, certificate, day)
             made = check_mass(source, known, output, previous=previous, key_file=key, force=force)
         else:
             made = calibrate(
@@ -105,7 +105,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _print(screen: "Console", made: "Calibrated") -> None:
+def _print(screen: "Console", made: "CalibrationOutcome") -> None:
     from recordings.calibration.calibration_report import facts, kilograms
     from recordings.calibration.calibration_text import in_words
     from recordings.calibration.certificate_text import warnings_of

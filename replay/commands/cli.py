@@ -8,15 +8,18 @@ line that says which file, what is wrong and what to do. `verify` adds 3 tampere
 import os
 import signal
 import sys
+import warnings
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from pickle import UnpicklingError
 from traceback import extract_tb
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
 import typer
 
-from estimators.errors import PayscopeError
+from estimators.errors import PayscopeError, one_line
 from replay.commands import (
     calibrate,
     compare,
@@ -29,6 +32,7 @@ from replay.commands import (
     info,
     init,
     keys,
+    migrate,
     notarise,
     plot,
     query,
@@ -57,7 +61,7 @@ _PANELS: Final = {
     "Shift and fleet": (review,),
     "Calibrate": (calibrate, verify, notarise),
     "Simulate": (demo, simulate, excite, reproduce),
-    "Install": (warm_up,),
+    "Install": (warm_up, migrate),
 }
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
@@ -91,7 +95,8 @@ def main() -> None:
     _open_closed_streams()
     received = _end_by_exception()
     try:
-        status = app(standalone_mode=False)
+        with _tell_old_names():
+            status = app(standalone_mode=False)
         sys.stdout.flush()
     except PayscopeError as error:
         status = _fail(str(error))
@@ -149,6 +154,26 @@ def _end_by_exception() -> list[int]:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, leave)
     return received
+
+
+@contextmanager
+def _tell_old_names() -> Generator[None]:
+    """Say once, in a line on stderr, that a file has keys under old names."""
+    from replay.machines.old_names import OldNameWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", OldNameWarning)
+        others, told = warnings.showwarning, set[str]()
+
+        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+            if category is not OldNameWarning:
+                others(message, category, *rest)
+            elif str(message) not in told:
+                told.add(str(message))
+                typer.echo(f"payscope: {one_line(str(message))}", err=True)
+
+        warnings.showwarning = show
+        yield
 
 
 def _close_stdout() -> None:

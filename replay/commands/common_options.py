@@ -1,5 +1,7 @@
 """Options that several commands have."""
 
+import sys
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from recordings.signatures.signed_by import SignedBy
     from replay.calibration.apply_evidence import AskedCalibration
     from replay.logs import TimeAxis
 
@@ -59,7 +62,6 @@ def read_calibration(
             raise typer.BadParameter("--key and --require-signed are of --calibration")
         return None
     from replay.calibration.apply_evidence import AskedCalibration
-    from replay.commands.first_use import first_use
 
     return AskedCalibration(folder, key, signed, first_use())
 
@@ -101,3 +103,24 @@ def time_axis_of(
             raise typer.BadParameter(f"--set {key}: here it takes keys of [log]: log.separator=;")
         set_value(content, key, MachineError)
     return table_axis(validate(Path("--set log"), content["log"], LogSection, MachineError))
+
+
+def first_use() -> "Callable[[SignedBy], str] | None":
+    """What asks the user about an unknown key; None where nobody sits at a terminal."""
+    at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
+    return _ask_owner if at_terminal else None
+
+
+def _ask_owner(by: "SignedBy") -> str:
+    """Ask whose key it is; "" where it is not to be trusted."""
+    from estimators.errors import one_line
+
+    typer.echo(f"This evidence is {one_line(str(by))}.", err=True)
+    typer.echo(f"SHA-256 of the key: {by.key_id}", err=True)
+    typer.echo("Compare it with what the signer told you by another way.", err=True)
+    return typer.prompt(
+        "Whose key is it? (a name keeps the key, nothing refuses it)",
+        default="",
+        show_default=False,
+        err=True,
+    )

@@ -24,7 +24,7 @@ _COLUMNS_SHOWN: Final = 4
 
 def command(
     a: Annotated[Path, typer.Argument(help="Baseline recording (.rrd).")],
-    b: Annotated[Path, typer.Argument(help="The other recording.")],
+    b: Annotated[Path, typer.Argument(help="Recording to compare with it (.rrd).")],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -97,13 +97,13 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
         ("losses, notes and stamps", found.provenance),
     ):
         if changes:
-            part(f"{title}:", _values(changes), len(changes))
+            part(f"{title}:", _values_table(changes), len(changes))
     if found.estimates:
         title = "estimates over the whole log, those that moved most first:"
-        part(title, _estimates("method", found.estimates), len(found.estimates))
+        part(title, _estimate_table("method", found.estimates), len(found.estimates))
     if found.manoeuvres:
         title = "manoeuvres, those that moved most first:"
-        part(title, _estimates("manoeuvre", found.manoeuvres), len(found.manoeuvres))
+        part(title, _estimate_table("manoeuvre", found.manoeuvres), len(found.manoeuvres))
     for name, only in (("A", found.only_a), ("B", found.only_b)):
         if only:
             screen.print()
@@ -111,14 +111,14 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
     if found.stages:
         differing = sum(len(stage.columns) for stage in found.stages)
         title = f"columns: {differing} of {found.columns} differ; of each stage, what changed most:"
-        part(title, _columns(found), 0)
+        part(title, _column_table(found), 0)
     whole = counted(found.columns, "column")
     exact = f"to a relative difference of {rtol:g}" if rtol else "bit for bit"
     said = f"Equal: {whole}, {exact}." if found.equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 
 
-def _values(changes: Iterable["ValueChange"]) -> "Table":
+def _values_table(changes: Iterable["ValueChange"]) -> "Table":
     from rich.markup import escape
 
     from replay.commands.print_tables import plain_table, value_text
@@ -142,7 +142,7 @@ _UNITS: Final = {
 }
 
 
-def _estimates(about: str, changes: Iterable["EstimateChange"]) -> "Table":
+def _estimate_table(about: str, changes: Iterable["EstimateChange"]) -> "Table":
     from replay.commands.print_tables import plain_table
 
     table = plain_table(about, "", "A", "B", "change", "in std")
@@ -151,15 +151,15 @@ def _estimates(about: str, changes: Iterable["EstimateChange"]) -> "Table":
         table.add_row(
             each.about,
             _UNITS.get(each.quantity, each.quantity),
-            _estimate(each.a, each.a_std),
-            _estimate(each.b, each.b_std),
+            _estimate_text(each.a, each.a_std),
+            _estimate_text(each.b, each.b_std),
             _format_signed(each.change),
             "" if each.stds is None else f"{each.stds:+.2f}",
         )
     return table
 
 
-def _estimate(value: float | None, std: float | None) -> str:
+def _estimate_text(value: float | None, std: float | None) -> str:
     if value is None:
         return "none"
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:,.2f}")
@@ -171,7 +171,7 @@ def _format_signed(change: float | None) -> str:
     return f"{change:+,.2f}" if abs(change) >= 0.005 else f"{change:+.1e}"
 
 
-def _columns(found: "Comparison") -> "Table":
+def _column_table(found: "Comparison") -> "Table":
     from rich.markup import escape
 
     from estimators.errors import counted

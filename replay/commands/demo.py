@@ -42,7 +42,7 @@ def _render(result: "Demo") -> "RenderableType":
     from rich.console import Group
 
     from analysis.model.answer import JOINT
-    from replay.commands.print_tables import plain_table
+    from replay.commands.print_tables import kg_text, plain_table
 
     loads = plain_table(
         "load kg",
@@ -62,7 +62,7 @@ def _render(result: "Demo") -> "RenderableType":
             row["error_kg"],
             row["error_left_out_kg"],
         )
-        loads.add_row(f"{row['load_kg']:.0f}", str(row["runs"]), *map(_kg, numbers))
+        loads.add_row(f"{row['load_kg']:.0f}", str(row["runs"]), *map(kg_text, numbers))
     methods = plain_table("method", "in-sample kg", "one load left out kg", "of the load range")
     methods.title = "Root mean square errors of the load means"
     for table in (loads, methods):
@@ -72,8 +72,8 @@ def _render(result: "Demo") -> "RenderableType":
         share = None if left_out is None else left_out / row["load_range_kg"]
         methods.add_row(
             row["method"],
-            _kg(row["rmse_kg"]),
-            _kg(left_out),
+            kg_text(row["rmse_kg"]),
+            kg_text(left_out),
             "–" if share is None else f"{share:.1%}",
         )
     constant = result.errors["rmse_constant_kg"].drop_nulls()
@@ -86,7 +86,3 @@ def _render(result: "Demo") -> "RenderableType":
     notes.append("It is signed with a key made for the demo; a real one is kept elsewhere.")
     notes += [*(str(finding) for finding in result.verified.findings), result.verified.verdict]
     return Group(loads, "", methods, *notes, "", "Files:", *made)
-
-
-def _kg(value: float | None) -> str:
-    return "–" if value is None else f"{value:,.1f}"

@@ -55,14 +55,14 @@ def command(
     determines the parameters least. Exit status 1 when no waveform reaches the accuracy.
     """
     from analysis.excitation import design
-    from recordings.report.atomic_output import check_output, keep_apart
+    from recordings.report.atomic_output import check_output, refuse_input_as_output
     from replay.commands.print_tables import console, print_json
     from replay.excitation.write_excitation import to_dict, write_design
     from replay.simulation.scenario_file import load_scenario
 
-    wanted = _share(accuracy)
+    wanted = _parse_share(accuracy)
     if output:
-        keep_apart(output, [scenario] if scenario else [])
+        refuse_input_as_output(output, [scenario] if scenario else [])
         check_output(output, force=force)
     base = load_scenario(scenario, overrides or [])
     made = design(base, motion, wanted, window, yard)
@@ -77,7 +77,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _share(text: str) -> float:
+def _parse_share(text: str) -> float:
     """`1%` or `0.01` as 0.01."""
     number, percent, rest = text.strip().partition("%")
     try:
@@ -118,10 +118,10 @@ def _render(design: Design) -> RenderableType:
             f"{score.reach_m:.1f}",
             "best" if score is design.best else "",
         )
-    return Group(*_timing(design), "", table, "", _verdict(design))
+    return Group(*_timing_lines(design), "", table, "", _verdict_text(design))
 
 
-def _timing(design: Design) -> list[str]:
+def _timing_lines(design: Design) -> list[str]:
     periods = {
         "force": design.scores[0].manoeuvre.force,
         "torque": design.scores[0].manoeuvre.torque,
@@ -134,7 +134,7 @@ def _timing(design: Design) -> list[str]:
     return [*lines, f"window {design.window_s:.2f} s"]
 
 
-def _verdict(design: Design) -> str:
+def _verdict_text(design: Design) -> str:
     best, wanted = design.best, f"{design.accuracy:.3g}"
     if best is None:
         return "No waveform fits the yard."

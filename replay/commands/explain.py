@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from analysis.explain import Explanation
     from analysis.model.answer import Answer
-    from replay.explain.explain_run import Mended
+    from replay.explain.try_proposals import MendedMachine
 
 
 #: Of a replay, for a bar: a recording is explained without the pipeline, which is slow to load.
@@ -90,7 +90,7 @@ def _outputs(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | Non
     return (pictures[0] if pictures else None), (files[0] if files else None)
 
 
-def _mended_dict(mended: "Mended") -> dict[str, Any]:
+def _mended_dict(mended: "MendedMachine") -> dict[str, Any]:
     from dataclasses import asdict
 
     return {
@@ -104,7 +104,7 @@ def _mended_dict(mended: "Mended") -> dict[str, Any]:
     }
 
 
-def _print(explained: "Explanation", mended: "Mended | None", picture: Path | None) -> None:
+def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Path | None) -> None:
     from recordings.explain.explanation_text import (
         determined_lines,
         finding_lines,
@@ -140,7 +140,7 @@ def _print(explained: "Explanation", mended: "Mended | None", picture: Path | No
         print_line(screen, f"picture: {picture}")
 
 
-def _print_mended(screen: "Console", mended: "Mended") -> None:
+def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
     from recordings.report.finding_text import name_of
     from replay.commands.print_tables import print_line, value_text
 
@@ -157,14 +157,14 @@ def _print_mended(screen: "Console", mended: "Mended") -> None:
     if mended.path is None:
         print_line(screen, "no proposal pays, so no machine file was written")
         return
-    before, after = _mass(mended.before), _mass(mended.after)
+    before, after = _mass_text(mended.before), _mass_text(mended.after)
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
     left = ", ".join(name_of(each.cause) for each in mended.left) or "no cause"
     print_line(screen, f"the log still shows: {left}")
     print_line(screen, f"machine file: {mended.path}")
 
 
-def _mass(answer: "Answer") -> str:
+def _mass_text(answer: "Answer") -> str:
     """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
     from recordings.report.number_text import plus_minus
 

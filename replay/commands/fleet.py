@@ -39,6 +39,7 @@ First = Annotated[
     str | None, typer.Option("--from", metavar="DAY", help="First day, such as 2026-10-01.")
 ]
 Last = Annotated[str | None, typer.Option("--to", metavar="DAY", help="Last day.")]
+#: Rows that are printed unless more are asked for.
 _SHOWN: Final = 20
 #: A table on a screen shows its ends.
 _ROWS_SHOWN: Final = 40
@@ -141,6 +142,14 @@ def report_command(
     destination: Results,
     output: Annotated[Path, typer.Option("-o", "--output", help="The page (.html).")],
     force: Annotated[bool, typer.Option(help="Replace an existing page.")] = False,
+    friction_limit: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N_S_M",
+            min=1e-3,
+            help="Say on which day each machine's viscous friction reaches so many N·s/m.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""
@@ -150,7 +159,14 @@ def report_command(
     from replay.fleet.write_fleet_page import fleet_report
 
     results = fleet_results(destination)
-    made = fleet_report(results, destination, results.current.fleet, output, force=force)
+    made = fleet_report(
+        results,
+        destination,
+        results.current.fleet,
+        output,
+        force=force,
+        friction_limit_N_s_m=friction_limit,
+    )
     said = made.to_dict()
     if as_json:
         print_json(said)
@@ -163,13 +179,17 @@ def report_command(
             f"{each['machine']}: {each['of']} {each['change']:+,.1f} {each['unit']} since "
             f"{each['since']}, flagged {each['flagged']}",
         )
+    for sentence in made.page.friction:
+        print_line(screen, sentence)
     print_line(screen, f"recordings that need a look: {len(said['to_look_at'])}")
     print_line(screen, f"page: {made.path}")
 
 
 @app.command(name="compare")
 def compare_command(
-    a: Annotated[str, typer.Argument(metavar="A", help="Results of `fleet run`.")],
+    a: Annotated[
+        str, typer.Argument(metavar="A", help="Results of a `fleet run`: a folder, or s3://….")
+    ],
     b: Annotated[
         str | None, typer.Argument(metavar="B", help="Other results of the same logs.")
     ] = None,
@@ -318,14 +338,14 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
     print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
-        f"{whole['change_kg'] / 1e3:+,.3f} t ({_share(whole)}), by {whole['changed']:,.0f} of "
+        f"{whole['change_kg'] / 1e3:+,.3f} t ({_share_text(whole)}), by {whole['changed']:,.0f} of "
         f"{whole['logs']:,.0f} recordings",
     )
     if found.only_a or found.only_b:
         print_line(screen, f"not compared: {found.only_a} only in A, {found.only_b} only in B")
     table = plain_table("machine", "recordings", "t in A", "t in B", "change t", "loads A", "B")
     for row in found.machines.iter_rows(named=True):
-        table.add_row(row["machine"], f"{row['logs']:,}", *_changes(row))
+        table.add_row(row["machine"], f"{row['logs']:,}", *_change_cells(row))
     print_table(screen, table)
     changed = found.logs.head(shown).filter(found.logs.head(shown)["change_kg"] != 0.0)
     if changed.is_empty():
@@ -337,11 +357,11 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
     )
     for row in changed.iter_rows(named=True):
         opens = f"payscope fleet open {a} {row['key'][:12]}"
-        table.add_row(row["machine"], row["day"], *_changes(row), opens)
+        table.add_row(row["machine"], row["day"], *_change_cells(row), opens)
     print_table(screen, table)
 
 
-def _changes(row: dict[str, float]) -> tuple[str, ...]:
+def _change_cells(row: dict[str, float]) -> tuple[str, ...]:
     tonnes = (row["payload_kg"] / 1e3, row["payload_b_kg"] / 1e3)
     return (
         *(f"{t:,.3f}" for t in tonnes),
@@ -351,7 +371,7 @@ def _changes(row: dict[str, float]) -> tuple[str, ...]:
     )
 
 
-def _share(whole: dict[str, float]) -> str:
+def _share_text(whole: dict[str, float]) -> str:
     if not whole["payload_kg"]:
         return "no tonnes in A"
     return f"{whole['change_kg'] / whole['payload_kg']:+.2%}"

@@ -20,7 +20,9 @@ def command(
     machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="At the end, record the causal replay (.rrd)."),
+        typer.Option(
+            "-o", "--output", help="Record as it goes; at the end, the causal replay (.rrd)."
+        ),
     ] = None,
     overrides: Annotated[
         list[str] | None,
@@ -36,10 +38,22 @@ def command(
     valid_s: Annotated[
         float, typer.Option("--valid-s", min=0.0, help="A mass older than this is old.")
     ] = 120.0,
+    until_u: Annotated[
+        float | None,
+        typer.Option(
+            "--until-u",
+            metavar="KG",
+            min=1e-3,
+            help="Tell how far from a mass of the load to ± KG (2 % of the empty mass).",
+        ),
+    ] = None,
     reports: Annotated[
         Path | None,
         typer.Option("--reports", metavar="MCAP", help="Write reports as a topic, as they come."),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show it in a browser on this machine as it grows.")
+    ] = False,
     force: Annotated[bool, typer.Option(help="Replace existing outputs.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print reports as JSON lines: manoeuvres, each second.")
@@ -48,50 +62,71 @@ def command(
     """Follow a log while it is recorded: gate, estimates and masses as the machine drives.
 
     Steps what is whole on disk, as on board. Ends when the recorder closes the log, when it has
-    not grown for --idle-s, or on ctrl-C. With -o the log is then replayed with
-    settings.filter.causal=true and recorded, and what was followed is compared with it bit for bit.
+    not grown for --idle-s, or on ctrl-C. With -o it is recorded as it goes. The replay of the log
+    with settings.filter.causal=true then takes the place of that recording, and what was
+    followed is compared with it bit for bit. Started again, it goes on where it was.
     """
     import json
     from contextlib import ExitStack
 
     from analysis.online.follower import FollowedRow
-    from recordings import check_recording, read_recording
-    from replay.commands.follow_panel import FollowPanel, mass_text, time_text
+    from recordings import read_recording
+    from recordings.rrd.viewer_server import viewer_server
+    from replay.commands.follow_panel import FollowPanel
     from replay.follow.agreement import FollowedDigests
     from replay.follow.follow_logs import Following, follow_logs
+    from replay.follow.followed_outputs import FollowedOutputs
     from replay.follow.record_followed import record_followed
-    from replay.follow.report_file import ReportFile
+    from replay.follow.report_text import mass_text, time_text
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 
     settings = overrides or []
     loaded = load_machine(machine, settings)
     known = read_recording(noise).frames.get("noise") if noise else None
-    if output is not None:
-        check_recording(output, force=force)
     digests = FollowedDigests()
 
+    def tell(line: str) -> None:
+        typer.echo(f"payscope: {line}", err=True)
+
     with ExitStack() as opened:
-        topic = ReportFile(reports, logs, force=force) if reports else None
-        if topic is not None:
-            opened.callback(topic.close)
+        server = opened.enter_context(viewer_server()) if live else None
+        if server is not None:
+            tell(f"open {server.page}")
+        outputs = FollowedOutputs(
+            logs,
+            loaded,
+            known,
+            tell,
+            output=output,
+            reports=reports,
+            server=server.address if server else None,
+            force=force,
+        )
+        opened.callback(outputs.close)
         panel = opened.enter_context(FollowPanel())
 
         def show(following: Following, rows: list[FollowedRow]) -> None:
             digests.add(rows)
-            made = [report for row in rows for report in row.reports]
-            if topic is not None and made:
-                topic.write(made)
+            made = outputs.take(following, rows)
             for report in made:
                 if as_json:
                     typer.echo(json.dumps(report.to_dict(), allow_nan=False))
                 elif report.event == "manoeuvre":
-                    typer.echo(f"{time_text(report)}  {mass_text(report)}")
+                    typer.echo(f"{time_text(report.unix_ns)}  {mass_text(report)}")
             panel.show(following, made)
 
-        following = follow_logs(logs, loaded, show, noise=known, idle_s=idle_s, valid_s=valid_s)
+        following = follow_logs(
+            logs,
+            loaded,
+            show,
+            noise=known,
+            idle_s=idle_s,
+            valid_s=valid_s,
+            until_u_kg=until_u,
+        )
     for loss in following.losses:
-        typer.echo(f"payscope: {loss}", err=True)
+        tell(str(loss))
     follower = following.follower
     typer.echo(
         f"{following.ended}: {follower.rows_stepped:,} rows, masses of {follower.manoeuvres:,} "
@@ -99,7 +134,7 @@ def command(
         err=True,
     )
     if output is not None:
-        to = RecordTo(output, force)
+        to = RecordTo(output, force=True)
         _, agreements = record_followed(logs, machine, to, settings, digests)
         for each in agreements:
             typer.echo(_agreement_text(each), err=True)

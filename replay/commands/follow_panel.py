@@ -2,7 +2,6 @@
 
 import sys
 from collections import deque
-from datetime import UTC, datetime
 from types import TracebackType
 from typing import Final, Self
 
@@ -14,6 +13,7 @@ from rich.text import Text
 from analysis.model.methods import METHODS
 from analysis.online.online_report import OnlineReport
 from replay.follow.follow_logs import Following
+from replay.follow.report_text import mass_text, progress_text, time_text
 
 #: Manoeuvres that are shown.
 _SHOWN: Final = 5
@@ -68,7 +68,10 @@ class FollowPanel:
             if following.topics and following.remedy:
                 parts.append(Text(following.remedy.removeprefix("; "), style="dim"))
             return parts
-        parts += [_motion(self._last), _answer(self._last), _methods(following)]
+        parts += [_motion(self._last), _answer(self._last)]
+        if progress := progress_text(self._last):
+            parts.append(Text(progress))
+        parts.append(_methods(following))
         if self._masses:
             parts.append(_manoeuvres(list(self._masses)))
         if following.losses:
@@ -87,24 +90,10 @@ class FollowPanel:
         )
 
 
-def time_text(report: OnlineReport) -> str:
-    """The time of day of a report, as UTC."""
-    at = datetime.fromtimestamp(report.unix_ns // 10**9, UTC)
-    return f"{at:%H:%M:%S}.{report.unix_ns % 10**9 // 10**8}"
-
-
-def mass_text(report: OnlineReport) -> str:
-    """Mass and friction with their uncertainties, or why there is none."""
-    if report.mass_kg is None:
-        return report.validity.replace("_", " ")
-    return (
-        f"{report.mass_kg:,.1f} ± {report.mass_u_kg:,.1f} kg, friction "
-        f"{report.friction_x_N_s_m:,.0f} ± {report.friction_u_N_s_m:,.0f} N·s/m, {report.validity}"
-    )
-
-
 def _motion(report: OnlineReport) -> Text:
-    text = Text(f"{time_text(report)} UTC, {report.t_s:,.1f} s  {report.phase or 'unknown'}  gate ")
+    text = Text(
+        f"{time_text(report.unix_ns)} UTC, {report.t_s:,.1f} s  {report.phase or 'unknown'}  gate "
+    )
     text.append(report.gate, style=_GATE_COLOURS.get(report.gate, "yellow"))
     if report.index_nat is not None:
         text.append(f" ({report.index_nat:.2f} nat)")
@@ -130,5 +119,5 @@ def _methods(following: Following) -> Table:
 def _manoeuvres(reports: list[OnlineReport]) -> Table:
     table = Table("manoeuvre", "until", "mass", box=None)
     for report in reports:
-        table.add_row(str(report.manoeuvres), time_text(report), mass_text(report))
+        table.add_row(str(report.manoeuvres), time_text(report.unix_ns), mass_text(report))
     return table

@@ -65,7 +65,10 @@ def print_frame(
     def text() -> str:
         match output_format:
             case "json":
-                return json_text(_plain(frame).to_dicts() if records is None else records) + "\n"
+                return (
+                    json_text(_format_times(frame).to_dicts() if records is None else records)
+                    + "\n"
+                )
             case "csv":
                 # polars says of a closed pipe only that some writing failed
                 return frame.write_csv()
@@ -91,7 +94,7 @@ def print_frame(
             partial.write_text(text(), encoding="utf-8")
 
 
-def _plain(frame: pl.DataFrame) -> pl.DataFrame:
+def _format_times(frame: pl.DataFrame) -> pl.DataFrame:
     """Times as text in ISO 8601 to the nanosecond: Python's own end at microseconds."""
     return frame.with_columns(pl.col(pl.Datetime).dt.to_string("iso:strict"))
 

@@ -91,20 +91,20 @@ def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
     """Print a log's description, its start in local time of `zone`."""
     from replay.commands.print_tables import print_line, print_rows, print_table
 
-    for line in _head(info, zone):
+    for line in _head_lines(info, zone):
         print_line(screen, line)
     print_table(screen, _topic_table(info))
     if info.fields:
         print_rows(_FIELD_TITLES, _field_rows(info), _LEFT)
     for note in info.notes:
         print_line(screen, f"note: {note}")
-    for mark, line in _verdict(info):
+    for mark, line in _verdict_lines(info):
         print_line(screen, line, mark)
-    for line in _troubles(info):
+    for line in _trouble_lines(info):
         print_line(screen, line, "[yellow]![/] ")
 
 
-def _head(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
+def _head_lines(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
     from estimators.errors import counted
 
     yield f"{info.path}: {info.format}, {info.size_bytes / 1e6:,.3f} MB"
@@ -112,10 +112,10 @@ def _head(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
         yield "no messages"
         return
     count = counted(info.messages, "message")
-    yield f"from {_when(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
+    yield f"from {_time_text(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
 
 
-def _verdict(info: "LogInfo") -> Iterator[tuple[str, str]]:
+def _verdict_lines(info: "LogInfo") -> Iterator[tuple[str, str]]:
     """Yield the outcome of --check as mark and text; nothing for a log that was not checked."""
     from estimators.errors import counted
 
@@ -135,7 +135,7 @@ def _verdict(info: "LogInfo") -> Iterator[tuple[str, str]]:
     )
 
 
-def _when(stamp_ns: int, zone: tzinfo) -> str:
+def _time_text(stamp_ns: int, zone: tzinfo) -> str:
     from analysis.stages.signals.timestamps import FIRST_DATE_NS
 
     seconds = f"{stamp_ns / 1e9:.3f} s"
@@ -161,10 +161,10 @@ def _topic_table(info: "LogInfo") -> "Table":
             escape(one_line(row["topic"])),
             escape(one_line(row["type"])),
             f"{row['messages']:,}",
-            _seconds(row["start_ns"], info.start_ns),
-            _seconds(row["end_ns"], info.start_ns),
-            _number(row["rate_hz"]),
-            _number(row["longest_gap_s"]),
+            _seconds_text(row["start_ns"], info.start_ns),
+            _seconds_text(row["end_ns"], info.start_ns),
+            _number_text(row["rate_hz"]),
+            _number_text(row["longest_gap_s"]),
         )
     return table
 
@@ -182,11 +182,11 @@ def _field_rows(info: "LogInfo") -> list[tuple[str, ...]]:
     for each in info.fields:
         name = f"{each.topic} {each.field}" if several else each.field
         numbers = (each.rate_hz, each.low, each.middle, each.high)
-        rows.append((one_line(name), each.unit or "–", *map(_number, numbers), each.course))
+        rows.append((one_line(name), each.unit or "–", *map(_number_text, numbers), each.course))
     return rows
 
 
-def _troubles(info: "LogInfo") -> Iterator[str]:
+def _trouble_lines(info: "LogInfo") -> Iterator[str]:
     told = {loss.topic for loss in info.losses}
     for loss in info.losses:
         # whose topic it is needs no saying but of a part of a log
@@ -202,11 +202,11 @@ def _troubles(info: "LogInfo") -> Iterator[str]:
             )
 
 
-def _seconds(stamp_ns: int | None, start_ns: int | None) -> str:
+def _seconds_text(stamp_ns: int | None, start_ns: int | None) -> str:
     if stamp_ns is None or start_ns is None:
         return "–"
     return f"{(stamp_ns - start_ns) / 1e9:.3f}"
 
 
-def _number(value: float | None) -> str:
+def _number_text(value: float | None) -> str:
     return "–" if value is None else f"{value:.4g}"

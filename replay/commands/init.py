@@ -27,7 +27,7 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
-    from recordings.report.atomic_output import atomic_file, check_output, keep_apart
+    from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
     from replay.commands.common_options import time_axis_of
     from replay.init.guess_by_replay import BRAKING, replayed_lines
     from replay.init.guess_machine import draft_machine_file
@@ -46,7 +46,7 @@ def command(
         if machine is not None:
             raise typer.BadParameter("--machine is of --campaign; a LOG gives a machine file")
         with open_log(log, time=axis) as opened:
-            keep_apart(output, opened.files)
+            refuse_input_as_output(output, opened.files)
             text, missing = draft_machine_file(opened, axis)
             lacking = [f"note: {note}" for note in opened.notes()]
             found = BRAKING if missing else replayed_lines(opened, text)

@@ -44,7 +44,7 @@ def list_keys(
 @app.command()
 def add(
     key: Annotated[str, typer.Argument(help="Public Ed25519 key: a PEM file, or its base64.")],
-    owner: Annotated[str, typer.Option(help="Whose key it is, as you know by another way.")],
+    owner: Annotated[str, typer.Option(help="Owner of the key, verified by another way.")],
     valid_from: Annotated[
         dt.datetime | None, typer.Option(formats=_DAY, help="First day of its signatures.")
     ] = None,
@@ -56,7 +56,7 @@ def add(
     from estimators.errors import EvidenceError
     from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 
-    public = _public(key)
+    public = _read_public_key(key)
     if not owner.strip():
         raise EvidenceError("--owner: name whose key it is")
     if valid_from and valid_to and valid_to < valid_from:
@@ -83,13 +83,13 @@ def revoke(
     from recordings.signatures.keyring import load_keyring, revoke_key
 
     is_id = all(digit in "0123456789abcdef" for digit in key) and key != ""
-    key_id = key if is_id else _public(key).key_id
+    key_id = key if is_id else _read_public_key(key).key_id
     since = dt.datetime.now(dt.UTC).date() if day is None else day.date()
     keyring = revoke_key(load_keyring(), key_id, since, because)
     typer.echo(f"{keyring.path}: key {key_id[:12]}… revoked on {since}")
 
 
-def _public(key: str) -> "PublicKey":
+def _read_public_key(key: str) -> "PublicKey":
     from estimators.errors import EvidenceError
     from recordings.signatures.signing import PublicKey, public_key
 

@@ -82,7 +82,12 @@ def print_json(value: Any) -> None:
 
 def json_text(value: Any) -> str:
     """A value as JSON text; NaN and infinities become null."""
-    return json.dumps(_plain(value), indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(_json_value(value), indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def kg_text(value: float | None) -> str:
+    """A mass to a tenth of a kilogram, or a dash."""
+    return "–" if value is None else f"{value:,.1f}"
 
 
 def value_text(value: Any) -> str:
@@ -92,11 +97,11 @@ def value_text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _json_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_json_value(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -1,5 +1,6 @@
 """`payscope review`: the logs of a shift in, its tonnes and their worth out."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 #: Ways of naming a cycle: its number, its id, or the local time.
 _WHEN: Final = "WHEN"
 _VERDICT: Final = "Verdict"
+#: Parameters that a week is made with.
+_WEEK_OPTIONS: Final = ("logs", "output", "week", "friction_limit", "as_json")
 
 
 def _label(name: str) -> Any:
@@ -48,7 +51,10 @@ def command(
         Path | None, typer.Option("-m", "--machine", help="The machine file, for logs.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder of the review, for logs.")
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Folder of the review, for logs; page (.html) of --week."
+        ),
     ] = None,
     calibration: Calibration = None,
     key: SignerKey = None,
@@ -68,6 +74,32 @@ def command(
     truck: Annotated[str, _label("truck")] = "",
     customer: Annotated[str, _label("customer")] = "",
     stockpile: Annotated[str, _label("stockpile")] = "",
+    label: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=TOPIC:FIELD",
+            help="Take a label from the logs: operator=/shift/operator:data; repeatable.",
+            rich_help_panel=_VERDICT,
+        ),
+    ] = None,
+    begin: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            metavar="TIME",
+            help="Labels are of loads dumped from this local time on (14:00).",
+            rich_help_panel=_VERDICT,
+        ),
+    ] = "",
+    end: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="TIME",
+            help="Labels are of loads dumped before this local time.",
+            rich_help_panel=_VERDICT,
+        ),
+    ] = "",
     author: Annotated[
         str,
         typer.Option(help="Name of the one who gives the verdict.", rich_help_panel=_VERDICT),
@@ -82,6 +114,14 @@ def command(
     week: Annotated[
         bool, typer.Option("--week", help="Sum the folders of reviews by day, machine, product.")
     ] = False,
+    friction_limit: Annotated[
+        float | None,
+        typer.Option(
+            metavar="N_S_M",
+            min=1e-3,
+            help="With --week: the day on which viscous friction reaches so many N·s/m.",
+        ),
+    ] = None,
     decimal_comma: Annotated[
         bool,
         typer.Option("--decimal-comma", help="Write ledger_table.csv with 1,5 and semicolons."),
@@ -99,14 +139,18 @@ def command(
     from recordings.review.shift_facts import headline
     from replay.commands.print_tables import console, print_json
     from replay.commands.progress_bar import Stages
+    from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
     from replay.review.give_verdicts import GivenVerdicts, count_again, is_review
+    from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review
 
     if week:
         _check_alone(context)
-        print_week(logs, as_json=as_json)
+        report_week(logs, output, friction_limit, as_json=as_json)
         return
+    if friction_limit is not None:
+        raise typer.BadParameter("--friction-limit needs shifts of several days: --week DIR…")
     labels = {
         "product": product,
         "operator": operator,
@@ -114,14 +158,16 @@ def command(
         "customer": customer,
         "stockpile": stockpile,
     }
-    given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author)
+    given = GivenVerdicts(reject or (), accept or (), cycle or (), note, labels, author, begin, end)
     given.check()
+    channels = [parse_label_channel(each) for each in label or ()]
     asked = read_calibration(calibration, key, signed=require_signed)
     if machine is None and output is None and len(logs) == 1 and is_review(logs[0]):
-        if asked is not None or target is not None or overrides or full or decimal_comma:
+        needs_logs = (asked is not None, target is not None, overrides, full, decimal_comma, label)
+        if any(needs_logs):
             raise typer.BadParameter(
-                "--calibration, --target, --set, --full and --decimal-comma need the logs, -m and "
-                "-o once more"
+                "--calibration, --target, --set, --full, --decimal-comma and --label need the "
+                "logs, -m and -o once more"
             )
         made = count_again(logs[0], given)
     elif machine is None or output is None:
@@ -130,6 +176,9 @@ def command(
             "of a review needs neither"
         )
     else:
+        if channels:
+            settings = load_machine(machine, overrides or [])
+            given = replace(given, spans=read_label_spans(logs, channels, settings))
         options = ReviewOptions(overrides or [], asked, target, full, decimal_comma)
         with Stages(len(STAGES) + 3, timing=timing) as stages:
             made = review(logs, machine, output, options, stages.begin)
@@ -148,33 +197,59 @@ def _check_alone(context: typer.Context) -> None:
     """Refuse what a week is not made with, so that no option is ignored."""
     for name in context.params:
         source = context.get_parameter_source(name)
-        if name in ("logs", "week", "as_json") or source is None or source.name != "COMMANDLINE":
+        if name in _WEEK_OPTIONS or source is None or source.name != "COMMANDLINE":
             continue
-        raise typer.BadParameter("--week takes folders of reviews and --json, nothing else")
+        raise typer.BadParameter(
+            "--week takes folders of reviews, -o, --friction-limit and --json, nothing else"
+        )
 
 
-def print_week(folders: list[Path], *, as_json: bool) -> None:
-    """Print what reviews add up to by day, machine and product; nothing is replayed."""
+def report_week(
+    folders: list[Path], page: Path | None, friction_limit: float | None, *, as_json: bool
+) -> None:
+    """Print what reviews add up to by day, machine and product; nothing is replayed.
+
+    Args:
+        folders: of the reviews.
+        page: to write, if any.
+        friction_limit: in N·s/m, if any.
+        as_json: print numbers instead of sentences.
+    """
     from recordings.report.shift_text import K
+    from recordings.review.week_page import week_sentence, write_week_page
+    from recordings.review.week_shifts import friction_trends, read_shifts, trend_sentences
     from recordings.review.week_totals import GROUPS, read_week, sum_by, sum_week
     from replay.commands.print_tables import console, print_json, print_line
 
-    parts = read_week(folders)
+    parts, shifts = read_week(folders), read_shifts(folders)
     sums = {by: sum_by(parts, by) for by in GROUPS}
     whole = sum_week(parts)
+    trends = {} if friction_limit is None else friction_trends(shifts, friction_limit)
+    if page is not None:
+        write_week_page(parts, shifts, friction_limit, page)
     if as_json:
         print_json(
             {by: [each._asdict() for each in totals] for by, totals in sums.items()}
             | {"all": whole._asdict()}
+            | {"friction": {name: trend._asdict() for name, trend in trends.items()}}
         )
         return
     screen = console()
-    for by, totals in [*sums.items(), ("all", [whole])]:
+    for by, totals in sums.items():
         for each in totals:
             t, u_t = each.payload_kg / 1e3, K * each.payload_u_kg / 1e3
-            name = f"{by} {each.name or 'not named'}" if by != "all" else "all"
-            print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t")
+            name = f"{by} {each.name or 'not named'}"
+            rejected = f", {each.rejected} rejected" if each.rejected else ""
+            print_line(screen, f"{name}: {each.loads} loads, {t:,.3f} ± {u_t:.3f} t{rejected}")
+    print_line(screen, f"all: {week_sentence(parts)}")
+    for sentence in trend_sentences(trends):
+        print_line(screen, sentence)
+    for shift in shifts:
+        for sentence in shift.missing:
+            print_line(screen, f"{shift.begins}: {sentence}")
     print_line(screen, "counted loads; what holes and missing logs hide is on each review's page")
+    if page is not None:
+        print_line(screen, f"page: {page}")
 
 
 def print_review(screen: "Console", made: "ShiftReview") -> None:

@@ -75,7 +75,7 @@ def command(
         raise typer.BadParameter("--live shows a recording: name it with -o")
     if goal is not None and as_json:
         raise typer.BadParameter("--goal prints text: leave out --json")
-    settings = [*(overrides or []), *_empty(empty)]
+    settings = [*(overrides or []), *_empty_span_settings(empty)]
     asked = read_calibration(calibration, key, signed=require_signed)
 
     def replay(to: RecordTo) -> "Answer":
@@ -136,7 +136,7 @@ def _watch(
         watch(machine, to, settings, replay, on_answer, on_error)
 
 
-def _empty(span: str | None) -> list[str]:
+def _empty_span_settings(span: str | None) -> list[str]:
     """`FROM:TO` as settings."""
     if span is None:
         return []

@@ -53,7 +53,7 @@ def command(
         seconds = (start_s, end_s) if at_s is None else at_s
         _show_stage((recording, stage, asked), seconds, wanted, output, force=force)
     elif calibration is not None:
-        raise typer.BadParameter("--calibration is for stage loads; name it")
+        raise typer.BadParameter("--calibration goes with the stage loads alone; name that stage")
     elif (start_s, end_s, at_s, output) != (None, None, None, None):
         raise typer.BadParameter("--from, --to, --at and -o are for a stage; name one")
     elif output_format not in (None, FrameFormat.table, FrameFormat.json):
@@ -102,14 +102,14 @@ def _show_stage(
     force: bool,
 ) -> None:
     """Print the rows of one stage from one second to another, or at one, or write them."""
-    from recordings.report.atomic_output import check_output, keep_apart
+    from recordings.report.atomic_output import check_output, refuse_input_as_output
     from replay.commands.frame_output import format_of, frame_text, print_frame
     from replay.recording.read_stage import Stage
 
     recording, name, calibration = asked
     output_format = format_of(output_format, output)
     if output is not None:
-        keep_apart(output, [recording])
+        refuse_input_as_output(output, [recording])
         check_output(output, force=force)
     stage = Stage.read(recording, name)
     if calibration is not None:

@@ -122,22 +122,21 @@ def _print_sweep(
         Whether any combination can weigh.
     """
     from estimators.errors import OutputError
-    from recordings.report.atomic_output import check_output, keep_apart
+    from recordings.report.atomic_output import check_output, refuse_input_as_output
     from recordings.report.picture import check_picture
     from replay.commands.frame_output import format_of, print_frame
     from replay.commands.print_tables import console
     from replay.commands.progress_bar import Stages
-    from replay.runs.setting_grid import combinations
-    from replay.runs.sweep_settings import sweep
+    from replay.runs.sweep_settings import combinations, sweep
 
     logs, machine_file, overrides, over = asked
     output, figure = outputs
     output_format = format_of(output_format, output)
     if output is not None:
-        keep_apart(output, [*logs, machine_file])
+        refuse_input_as_output(output, [*logs, machine_file])
         check_output(output, force=force)
     if figure is not None:
-        keep_apart(figure, [*logs, machine_file])
+        refuse_input_as_output(figure, [*logs, machine_file])
         check_picture(figure, force=force)
         if figure == output:
             raise OutputError(f"{figure}: is named twice; the table and the picture are two files")
@@ -153,31 +152,31 @@ def _print_sweep(
             on_stage=stages.begin,
         )
     if output is None and output_format == "table":
-        console().print(_tables(rows))
+        console().print(_render_tables(rows))
     else:
         print_frame(
-            _frame(rows),
+            _result_frame(rows),
             output_format,
             output,
             force=force,
-            table=lambda: _text(_tables(rows)),
+            table=lambda: _render_text(_render_tables(rows)),
             records=[_nest_row(row) for row in rows],
         )
     if figure is not None:
         from recordings.plots.sweep_figure import plot_sweep
 
         drawn = plot_sweep(
-            [_swept(row) for row in rows], figure, reference_kg=reference_kg, force=force
+            [_swept_row(row) for row in rows], figure, reference_kg=reference_kg, force=force
         )
         typer.echo(f"figure: {drawn}", err=True)
     return any(row.answer.verdict.can_weigh for row in rows)
 
 
-def _swept(row: Row) -> SweptRow:
+def _swept_row(row: Row) -> SweptRow:
     """A row as its figure has it."""
     from recordings.plots.sweep_figure import SweptRow
 
-    names = _names(row.over)
+    names = _short_names(row.over)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
@@ -200,13 +199,14 @@ def _nest_row(row: Row) -> dict[str, Any]:
     return {"over": _type_columns(row), **told, **row.errors}
 
 
-def _frame(rows: Sequence[Row]) -> pl.DataFrame:
+def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     """A row a combination, a column a method and quantity; what was varied is a number or text."""
-    names = _names(rows[0].over)
+    names = _short_names(rows[0].over)
     flat = [
         {
             **{
-                names[key]: _flat(value, row.over[key]) for key, value in _type_columns(row).items()
+                names[key]: _cell_value(value, row.over[key])
+                for key, value in _type_columns(row).items()
             },
             **{
                 f"{method}_{name}": value
@@ -235,21 +235,25 @@ def _calibrated_mass(row: Row) -> dict[str, float | str | None]:
     return {name: loads[0][name] if len(loads) == 1 else None for name in names}
 
 
-def _tables(rows: Sequence[Row]) -> RenderableType:
+def _render_tables(rows: Sequence[Row]) -> RenderableType:
     """Masses and verdict a combination; below, where a truth is known, how wrong they are."""
     from rich.console import Group
 
-    masses = _table(rows, _mass, ("used", "weighs"), _verdict)
+    from replay.commands.print_tables import kg_text
+
+    masses = _method_table(rows, _mass_text, ("used", "weighs"), _verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
     if _calibrated_mass(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", _of_calibration(rows)]
     for name in rows[0].errors:
-        errors = _table(rows, lambda row, method, of=name: _kg(row.errors[of].get(method)))
+        errors = _method_table(
+            rows, lambda row, method, of=name: kg_text(row.errors[of].get(method))
+        )
         parts += ["", _TITLES[name], errors]
     return Group(*parts)
 
 
-def _table(
+def _method_table(
     rows: Sequence[Row],
     cell: Callable[[Row, str], str],
     more: Sequence[str] = (),
@@ -259,7 +263,7 @@ def _table(
     from replay.commands.print_tables import plain_table
 
     methods = list(dict.fromkeys(method for row in rows for method in _by_method(row, "mass_kg")))
-    table = plain_table(*_names(rows[0].over).values(), *methods, *more)
+    table = plain_table(*_short_names(rows[0].over).values(), *methods, *more)
     if more:
         # the last is words
         table.columns[-1].justify = "left"
@@ -270,28 +274,26 @@ def _table(
 
 def _of_calibration(rows: Sequence[Row]) -> Table:
     """A row a combination: the calibrated mass, or why there is none."""
-    from replay.commands.print_tables import plain_table
+    from replay.commands.print_tables import kg_text, plain_table
 
-    table = plain_table(*_names(rows[0].over).values(), "calibrated", "from", "to")
+    table = plain_table(*_short_names(rows[0].over).values(), "calibrated", "from", "to")
     table.add_column("", overflow="fold")
     for row in rows:
         mass, low, high, reason = _calibrated_mass(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
-        table.add_row(*row.over.values(), *map(_kg, numbers), str(why))
+        table.add_row(*row.over.values(), *map(kg_text, numbers), str(why))
     return table
 
 
-def _mass(row: Row, method: str) -> str:
+def _mass_text(row: Row, method: str) -> str:
+    from replay.commands.print_tables import kg_text
+
     mass, std = (_by_method(row, name).get(method) for name in ("mass_kg", "mass_std_kg"))
-    return _kg(mass) + ("" if std is None else f" ± {std:.1f}")
+    return kg_text(mass) + ("" if std is None else f" ± {std:.1f}")
 
 
-def _kg(value: float | None) -> str:
-    return "–" if value is None else f"{value:,.1f}"
-
-
-def _verdict(row: Row) -> Sequence[str]:
+def _verdict_cells(row: Row) -> Sequence[str]:
     failed = _failed_checks(row)
     loads = len(row.answer.loads)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
@@ -318,19 +320,19 @@ def _type_columns(row: Row) -> dict[str, Any]:
     return {key: read_value(text) for key, text in row.over.items()}
 
 
-def _flat(value: Any, written: str) -> Any:
+def _cell_value(value: Any, written: str) -> Any:
     """A value for a column that a file may hold: a list or table as it was written."""
     return written if isinstance(value, list | dict) else value
 
 
-def _names(keys: Iterable[str]) -> dict[str, str]:
+def _short_names(keys: Iterable[str]) -> dict[str, str]:
     """What a table calls each dotted key: its last part, or all of it where two share that."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())
     return {key: name if shared[name] == 1 else key for key, name in last.items()}
 
 
-def _text(shown: RenderableType) -> str:
+def _render_text(shown: RenderableType) -> str:
     from io import StringIO
 
     from rich.console import Console

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from replay.calibration.verify_bundle import Verified
+    from replay.calibration.verify_bundle import Verification
     from replay.calibration.verify_chain import VerifiedChain
 
 
@@ -148,7 +148,7 @@ def _print_chain(found: "VerifiedChain") -> None:
     print_line(screen, found.verdict)
 
 
-def _print(found: "Verified") -> None:
+def _print(found: "Verification") -> None:
     from replay.commands.print_tables import console, print_line
 
     screen = console()

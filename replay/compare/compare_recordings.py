@@ -12,7 +12,7 @@ from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
 from recordings import check_recording
-from recordings.report.atomic_output import keep_apart
+from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.reader import OpenRecording, opened
 from recordings.rrd.recording_table import drawn_columns
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from replay.calibration.apply_evidence import AskedCalibration
 
 
-class Recorded:
+class RecordedRun:
     """A recording as a replay to compare: only what is asked for is read."""
 
     def __init__(self, held: OpenRecording, asked: "AskedCalibration | None" = None) -> None:
@@ -100,10 +100,10 @@ def compare_recordings(
         OutputError: the recording of both cannot be written.
     """
     if output.path is not None:
-        keep_apart(output.path, [a, b])
+        refuse_input_as_output(output.path, [a, b])
         check_recording(output.path, force=output.force)
     with opened(a) as first, opened(b) as second:
-        mine, theirs = Recorded(first, calibration), Recorded(second, calibration)
+        mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
             raise RecordingError(
                 f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
@@ -135,7 +135,7 @@ def compare_recordings(
         return found
 
 
-def _of_one_log(mine: Recorded, theirs: Recorded) -> bool:
+def _of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
     """Whether both are replays of the same bytes, or one is a replay of the other."""
     return (
         same_inputs(mine.provenance, theirs.provenance)

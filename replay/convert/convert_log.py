@@ -15,7 +15,7 @@ import polars as pl
 
 from analysis.model.run_record import Loss
 from estimators.errors import LogError, OutputError, nearest
-from recordings.report.atomic_output import check_folder, keep_apart
+from recordings.report.atomic_output import check_folder, refuse_input_as_output
 from replay.convert.part_writer import PartWriter, arrow_schema
 from replay.convert.unfinished_folder import (
     ConversionPlan,
@@ -121,7 +121,7 @@ def convert(
         LogError: no such topic.
         OutputError: the folder cannot be written, or is there already.
     """
-    keep_apart(target, [log.path])
+    refuse_input_as_output(target, [log.path])
     check_folder(target, force=force)
     making = _Making(log, topics)
     try:

@@ -1,9 +1,11 @@
 """The demo: the paper's campaign as real logs, calibrated, verified; and a shift, reviewed."""
 
+import datetime as dt
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,11 +21,10 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
 from recordings.report.atomic_output import atomic_file, check_folder, check_output
-from recordings.signatures.signing import new_key_pair
+from recordings.signatures.signing import make_key_pair
 from replay.calibration.apply_evidence import AskedCalibration
-from replay.calibration.calibrate_campaign import Calibrated, calibrate
-from replay.calibration.verify_bundle import Verified, verify
-from replay.demo.demo_campaign import demo_campaign
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.verify_bundle import Verification, verify
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
@@ -33,6 +34,55 @@ from replay.review.write_review import ShiftReview
 from replay.simulation.log_truth import true_trials, truth_path
 from replay.simulation.simulate_logs import log_paths, shift_truth_path, simulate
 
+_HEAD = """\
+# The demo's calibration: simulated logs. The certificates are examples and stand for none:
+# a simulated mass is exactly known. docs/evidence.md explains every key.
+
+[campaign]
+title = "Demo: simulated Cat 262C"
+intended_use = "showing what a calibration is"
+author = "payscope demo"
+author_function = "simulation"
+authoriser = "payscope demo"
+authoriser_function = "example"
+place = "simulated"
+place_kind = "other"
+deviations = "none"
+signer = "payscope demo"
+
+[machine]
+file = "{machine}"
+id = "simulated"
+make = "Caterpillar"
+model = "262C"
+condition = "simulated"
+empty_mass_kg = {empty_kg!r}
+empty_mass_u_kg = 0.5
+empty_certificate = "example: weighbridge 1"
+
+[conditions]
+surface = "simulated, dry concrete"
+slope_deg = 0.0
+tyres = "simulated, rigid"
+fuel = "simulated, constant"
+temperature_degC = 20.0
+
+[method]
+estimator = "joint_mass"
+"""
+_MASS = """
+[[masses]]
+id = "{id}"
+value_kg = {value_kg!r}
+u_kg = 0.02
+certificate = "example: {id}"
+"""
+_RUN = """
+[[runs]]
+log = "{log}"
+loads = [{loads}]
+day = {day}
+"""
 _MACHINE = Path("cat262c.toml")
 #: What `on_stage` is told, in order.
 STEPS: Final = ("simulate", "calibrate", "verify", *STAGES, "record", "review")
@@ -50,6 +100,7 @@ _SHIFT: Final = SimulatedShift(
     fuel_kg_h=0.0,
     idle_share=0.0,
 )
+#: Payload that the demo's shift is to load, kg.
 _TARGET_KG: Final = 200.0
 
 
@@ -57,8 +108,8 @@ _TARGET_KG: Final = 200.0
 class Demo:
     """What the demo found, and the files it made."""
 
-    calibrated: Calibrated
-    verified: Verified
+    calibrated: CalibrationOutcome
+    verified: Verification
     calibration: pl.DataFrame
     errors: pl.DataFrame
     answer: Answer
@@ -117,7 +168,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     logs = simulate(scenario, folder / "campaign.bag", force=force)
     with atomic_file(campaign_file, force=force) as partial:
         partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
-    for path, half in zip(keys, new_key_pair(), strict=True):
+    for path, half in zip(keys, make_key_pair(), strict=True):
         with atomic_file(path, force=force) as partial:
             partial.touch(mode=0o600)
             partial.write_bytes(half)
@@ -149,7 +200,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     )
 
 
-def _with_evidence(replayed: Run, calibrated: Calibrated, empty_kg: float) -> Run:
+def _with_evidence(replayed: Run, calibrated: CalibrationOutcome, empty_kg: float) -> Run:
     """The run with the line of the evidence before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
@@ -170,3 +221,24 @@ def replay_campaign(
     calibration = calibrate_methods(run_estimates(replayed, true_trials(logs)))
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).with_fingerprint()
+
+
+def demo_campaign(scenario: Scenario, logs: Sequence[Path], machine: str) -> str:
+    """The campaign file of simulated logs in one folder, each with a mass more than the last.
+
+    Args:
+        scenario: that was simulated, loads ascending from 0.
+        logs: a log a load.
+        machine: the machine file beside them.
+    """
+    loads_kg = scenario.campaign.loads_kg
+    names = [f"mass-{number}" for number in range(1, len(loads_kg))]
+    steps = zip(names, pairwise(loads_kg), strict=True)
+    text = _HEAD.format(machine=machine, empty_kg=scenario.machine.mass_kg)
+    text += "".join(_MASS.format(id=name, value_kg=high - low) for name, (low, high) in steps)
+    for number, log in enumerate(logs):
+        start_ns = true_trials([log])["start_ns"][0]
+        day = dt.datetime.fromtimestamp(start_ns // 10**9, dt.UTC).date()
+        on_board = ", ".join(f'"{name}"' for name in names[:number])
+        text += _RUN.format(log=log.name, loads=on_board, day=day)
+    return text

@@ -12,7 +12,7 @@ from analysis.explain.explanation import COLUMNS, SMALL
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
-from recordings.report.atomic_output import check_output, keep_apart
+from recordings.report.atomic_output import check_output, refuse_input_as_output
 from recordings.report.picture import check_picture
 from recordings.rrd.reader import OpenRecording, opened
 from recordings.rrd.recording_table import drawn_columns
@@ -21,7 +21,7 @@ from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis
 
 if TYPE_CHECKING:
-    from replay.explain.try_proposals import Mended
+    from replay.explain.try_proposals import MendedMachine
 
 #: Frames of which a picture shows more than an explanation looks at.
 _PICTURED: Final = ("excitation", "gate")
@@ -54,7 +54,7 @@ class ExplainRequest:
 
 def explain_run(
     asked: ExplainRequest, on_stage: Callable[[str], None] = lambda _: None
-) -> "tuple[Explanation, Mended | None]":
+) -> "tuple[Explanation, MendedMachine | None]":
     """Explain a recording or a log, draw that, and mend its machine file, as far as asked for.
 
     Args:
@@ -95,14 +95,14 @@ def _check(asked: ExplainRequest) -> None:
         )
     inputs = [asked.path, *([asked.machine_file] if asked.machine_file else [])]
     if asked.picture is not None:
-        keep_apart(asked.picture, inputs)
+        refuse_input_as_output(asked.picture, inputs)
         check_picture(asked.picture, force=asked.force)
     if asked.mended_file is not None:
         if asked.machine_file is None:
             raise MachineError(
                 f"{asked.mended_file}: --apply mends a machine file; name it with -m"
             )
-        keep_apart(asked.mended_file, inputs)
+        refuse_input_as_output(asked.mended_file, inputs)
         check_output(asked.mended_file, force=asked.force)
 
 
@@ -121,12 +121,12 @@ def _run(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames that are explained: as recorded, or of a replay."""
     if asked.machine_file is None:
         with opened(asked.path) as held:
-            return _read(held, pictured=asked.picture is not None)
+            return _read_explained_frames(held, pictured=asked.picture is not None)
     machine = load_machine(asked.machine_file, asked.overrides)
     if asked.path.suffix == SUFFIX and asked.path.is_file():
         with opened(asked.path) as held:
             if "findings" in held.stages and not _differs(held, machine):
-                return _read(held, pictured=asked.picture is not None)
+                return _read_explained_frames(held, pictured=asked.picture is not None)
     # a recording is explained without what replays a log
     from replay.pipeline import run
 
@@ -143,7 +143,7 @@ def _differs(held: OpenRecording, machine: Machine) -> bool:
     return bool(changed_settings(recorded, machine))
 
 
-def _read(held: OpenRecording, *, pictured: bool) -> Run:
+def _read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
     """What an explanation looks at, and a picture shows: a shift is much more."""
     held.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}

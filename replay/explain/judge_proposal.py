@@ -38,7 +38,7 @@ Replay = Callable[[Sequence[Proposal], Stretch], Run]
 
 
 @dataclass(frozen=True)
-class Tried:
+class ProposalTrial:
     """A proposal, with what the log says before and after it.
 
     Attributes:
@@ -57,7 +57,7 @@ class Tried:
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
-        still = _same(self.finding, self.after)
+        still = _matching_finding(self.finding, self.after)
         claimed = _as_claimed(was, now, self.finding)
         if still is not None and not _less(still, self.finding, as_claimed=claimed):
             return "the log still shows it"
@@ -116,18 +116,18 @@ def held_out_objection(
         return "the log is too short to try it on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
     try:
-        fitted = _same(finding, replay((), first))
+        fitted = _matching_finding(finding, replay((), first))
         if fitted is None:
             return "the first half of the log does not show it"
         unchanged = replay((), second)
-        seen = _same(finding, unchanged)
+        seen = _matching_finding(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show it"
         changed = replay(proposals(fitted), second)
     except (DataError, MachineError):
         return "a half of the log is too short to try it on"
     was, now = answer(unchanged), answer(changed)
-    left = _same(finding, changed)
+    left = _matching_finding(finding, changed)
     claimed = _as_claimed(was, now, seen)
     if left is not None and not _less(left, seen, as_claimed=claimed):
         return "found in the first half of the log, it does not mend the second"
@@ -136,7 +136,7 @@ def held_out_objection(
     return ""
 
 
-def _same(finding: Finding, run: Run) -> Finding | None:
+def _matching_finding(finding: Finding, run: Run) -> Finding | None:
     """The finding of a cause with a proposal for the same keys."""
     keys = finding.setting
     shown = (each for each in findings_of(run) if each.cause == finding.cause)

@@ -9,6 +9,7 @@ from typing import Any
 from analysis.explain import Finding
 from estimators.errors import MachineError, one_line
 from recordings.report.finding_text import change_of, name_of
+from replay.machines.old_names import BothNamesError, migrate_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,7 @@ def proposals(finding: Finding) -> tuple[Proposal, ...]:
     if not finding.proposes:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
-    values = _values(str(finding.value))
+    values = _parse_values(str(finding.value))
     if len(keys) != len(values):
         return ()
     said = "; ".join(filter(None, (name_of(finding.cause), finding.evidence, change_of(finding))))
@@ -54,7 +55,7 @@ def proposals(finding: Finding) -> tuple[Proposal, ...]:
     )
 
 
-def _values(text: str) -> list[Any]:
+def _parse_values(text: str) -> list[Any]:
     """Values by commas, each as TOML; none where they are not."""
     try:
         return tomllib.loads(f"values = [{text}]")["values"]
@@ -62,8 +63,10 @@ def _values(text: str) -> list[Any]:
         return []
 
 
-def mended(text: str, changes: Sequence[Proposal], path: Path) -> str:
+def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
     """Write changes into the text of a machine file, each with a comment behind the user's own.
+
+    Keys with old names get those that they have now, lest a change meet its own old name.
 
     Args:
         text: the file.
@@ -71,7 +74,7 @@ def mended(text: str, changes: Sequence[Proposal], path: Path) -> str:
         path: of the file, for messages.
 
     Raises:
-        MachineError: it is no TOML, or a key leads through a value.
+        MachineError: it is no TOML, a key leads through a value, or a person has to rename one.
     """
     import tomlkit
     from tomlkit.container import OutOfOrderTableProxy
@@ -79,7 +82,7 @@ def mended(text: str, changes: Sequence[Proposal], path: Path) -> str:
     from tomlkit.items import InlineTable, Table
 
     try:
-        document = tomlkit.parse(text)
+        document = tomlkit.parse(migrate_text(text)[0])
         for change in changes:
             *sections, name = change.key.split(".")
             place: Any = document
@@ -92,14 +95,16 @@ def mended(text: str, changes: Sequence[Proposal], path: Path) -> str:
             new = tomlkit.item(change.value)
             # within braces, TOML has no comments
             if not isinstance(place, InlineTable):
-                new.comment(_comment(place, name, change.comment))
+                new.comment(_change_comment(place, name, change.comment))
             place[name] = new
         return tomlkit.dumps(document)
-    except TOMLKitError as error:
+    except BothNamesError as error:
+        raise MachineError(f"{path}: {error}") from None
+    except (TOMLKitError, tomllib.TOMLDecodeError) as error:
         raise MachineError(f"{path}: is no TOML: {one_line(str(error))}") from None
 
 
-def _comment(place: Any, name: str, why: str) -> str:
+def _change_comment(place: Any, name: str, why: str) -> str:
     """What stands behind a key: the user's own words, why it changed, and what it was."""
     import tomlkit
     from tomlkit.items import Table

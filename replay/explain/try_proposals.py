@@ -23,8 +23,8 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError
 from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import findings_of, name_of
-from replay.explain.judge_proposal import Stretch, Tried, held_out_objection
-from replay.explain.mended_file import Proposal, mended, proposals
+from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection
+from replay.explain.mended_file import Proposal, proposals, write_proposals
 from replay.inputs.cached_log import CachedLog
 from replay.inputs.channel_inputs import channel_fields
 from replay.inputs.part_of_log import PartOfLog
@@ -65,7 +65,7 @@ class RejectedProposal:
 
 
 @dataclass(frozen=True)
-class Mended:
+class MendedMachine:
     """What a mended machine file does.
 
     Attributes:
@@ -109,7 +109,9 @@ class Replays:
             DataError: nothing can be replayed so.
             MachineError: the proposals make no machine file.
         """
-        machine = self.load(mended(self.text, changes, self.path), [each.key for each in changes])
+        machine = self.load(
+            write_proposals(self.text, changes, self.path), [each.key for each in changes]
+        )
         whole = stretch == (None, None)
         return run(self.log if whole else PartOfLog(self.log, *stretch), machine, self.on_stage)
 
@@ -148,7 +150,7 @@ def mend(
     before: Run,
     output: tuple[Path, bool],
     on_stage: Callable[[str], None] = lambda _: None,
-) -> Mended:
+) -> MendedMachine:
     """Write the machine file with the proposals that pay.
 
     Args:
@@ -162,7 +164,7 @@ def mend(
         PayscopeError: the machine file cannot be read, or the output not written.
     """
     file = machine_path(source.path)
-    text = _text(file)
+    text = _read_text(file)
     machine = load_machine(source.path, source.overrides)
     with (
         open_log(path, time=time_axis(machine)) as opened,
@@ -182,7 +184,7 @@ def mend(
     if not progress.changes:
         return _outcome(None, progress, before)
     with atomic_file(output[0], force=output[1]) as partial:
-        partial.write_text(mended(text, progress.changes, file), encoding="utf-8")
+        partial.write_text(write_proposals(text, progress.changes, file), encoding="utf-8")
     return _outcome(output[0], progress, before)
 
 
@@ -195,7 +197,7 @@ def improve(before: Run, replays: Replays) -> Progress:
     """
     tried = Progress(before)
     for _ in range(_MOST):
-        finding = _next(tried)
+        finding = _next_proposal(tried)
         if finding is None:
             break
         _try(tried, finding, replays)
@@ -236,14 +238,14 @@ def _leave_out_needless(tried: Progress, replays: Replays) -> None:
             tried.changes, tried.run = others, without
 
 
-def _text(file: Path) -> str:
+def _read_text(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise MachineError(f"{file}: cannot be read ({error})") from None
 
 
-def _next(tried: Progress) -> Finding | None:
+def _next_proposal(tried: Progress) -> Finding | None:
     """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
     return next(
         (each for each in _list_untried(tried) if each.cause not in _list_masked(tried)), None
@@ -253,7 +255,7 @@ def _next(tried: Progress) -> Finding | None:
 def _list_untried(tried: Progress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
     shown = findings_of(tried.run)
-    return [each for each in shown if _key(each) not in tried.seen and proposals(each)]
+    return [each for each in shown if _finding_key(each) not in tried.seen and proposals(each)]
 
 
 def _list_masked(tried: Progress) -> dict[str, str]:
@@ -265,8 +267,8 @@ def _list_masked(tried: Progress) -> dict[str, str]:
     from analysis.findings import CAUSES
 
     shown = findings_of(tried.run)
-    untried = {_key(each) for each in _list_untried(tried)}
-    stays = {each.cause for each in shown if _key(each) not in untried}
+    untried = {_finding_key(each) for each in _list_untried(tried)}
+    stays = {each.cause for each in shown if _finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
     return {
@@ -281,17 +283,17 @@ def _list_masked(tried: Progress) -> dict[str, str]:
     }
 
 
-def _key(finding: Finding) -> tuple[str, str | None]:
+def _finding_key(finding: Finding) -> tuple[str, str | None]:
     return finding.cause, finding.channel
 
 
 def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
     """Replay with a proposal, and keep it or take it back."""
-    tried.seen.add(_key(finding))
+    tried.seen.add(_finding_key(finding))
     changes = list(proposals(finding))
     try:
         replayed = replays.run([*tried.changes, *changes])
-        why = Tried(finding, tried.run, replayed).objection() or held_out_objection(
+        why = ProposalTrial(finding, tried.run, replayed).objection() or held_out_objection(
             finding,
             tried.run,
             replays.span_ns,
@@ -309,8 +311,8 @@ def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
     tried.taken_back.append(RejectedProposal(changes[0], why))
 
 
-def _outcome(path: Path | None, tried: Progress, before: Run) -> Mended:
-    return Mended(
+def _outcome(path: Path | None, tried: Progress, before: Run) -> MendedMachine:
+    return MendedMachine(
         path,
         tuple(tried.changes),
         tuple(tried.taken_back),

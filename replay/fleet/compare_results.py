@@ -21,6 +21,7 @@ from replay.fleet.run_fleet import FleetRun, OnDone, fleet_run
 from replay.fleet.task_engine import Engine
 
 WHAT_IF: Final = "what-if"
+#: Hexadecimal digits of a digest that tell settings apart.
 _DIGITS: Final = 12
 
 

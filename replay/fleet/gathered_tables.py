@@ -23,9 +23,10 @@ from analysis.fleet.fleet_tables import TABLES, table_schema
 from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.object_store import Store
-from replay.fleet.results_layout import MARK, ResultName, name_of, parquet
+from replay.fleet.results_layout import MARK, ResultName, name_of, parquet_bytes
 
 _GATHERED: Final = "gathered"
+#: Hexadecimal digits of a digest that tell sets of results apart.
 _DIGITS: Final = 16
 _ORDER: Final = ("t0_unix_ns", "key")
 
@@ -61,7 +62,7 @@ class FleetResults:
         found: dict[str, str] = {}
         for machine, names in self.names.items():
             home = f"{_GATHERED}/machine={quote(machine, safe='')}"
-            wanted = f"{home}/{_digest(names)}"
+            wanted = f"{home}/{_results_digest(names)}"
             old = there.get(home, [])
             if wanted not in old:
                 self._gather(wanted, names, old)
@@ -90,7 +91,7 @@ class FleetResults:
             # rows of one result keep their order
             whole = pl.concat([pl.DataFrame(schema=table_schema(table)), *frames])
             ordered = whole.sort(_ORDER, maintain_order=True, nulls_last=True)
-            self.store.write(f"{folder}/{table}.parquet", parquet(ordered))
+            self.store.write(f"{folder}/{table}.parquet", parquet_bytes(ordered))
         self.store.delete([f"{each}/{table}.parquet" for each in old for table in TABLES])
 
     def _read(self, name: str) -> pl.DataFrame:
@@ -182,7 +183,7 @@ def fleet_results(place: str) -> FleetResults:
     return found
 
 
-def _digest(names: Sequence[ResultName]) -> str:
+def _results_digest(names: Sequence[ResultName]) -> str:
     keys = "\n".join(sorted(name.key for name in names))
     tables = ",".join(TABLES)
     return hashlib.sha256(f"{tables}\n{keys}".encode()).hexdigest()[:_DIGITS]

@@ -15,7 +15,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError
 from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
 from replay.fleet.last_run import NamedFiles
-from replay.inputs.channel_inputs import resolved, versions
+from replay.inputs.channel_inputs import package_versions, resolve_machine
 from replay.machines.machine_file import load_machine
 
 #: Raised whenever results that are there have to be made anew.
@@ -113,10 +113,10 @@ def _setup(
         "format": FORMAT,
         "tables": list(TABLES),
         "name": name,
-        "machine": resolved(machine),
+        "machine": resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "calibration": "" if by is None else by.document.id,
-        "versions": versions(),
+        "versions": package_versions(),
     }
     basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
     first = dt.date.min if by is None else _last_day(by)

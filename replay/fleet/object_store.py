@@ -62,12 +62,12 @@ class Store:
         """All objects below a prefix, by name; what is being written is not among them."""
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
-        batches = self._said(prefix, lambda: list(self._store.list(prefix or None)))
+        batches = self._run(prefix, lambda: list(self._store.list(prefix or None)))
         found = (_object(each) for batch in batches for each in batch)
         return sorted(found, key=lambda each: each.name)
 
     def names(self, prefix: str) -> list[str]:
-        """Their names alone: of a folder a tenth of the time."""
+        """List the names alone, in a tenth of the time that sizes take in a folder."""
         if self.folder is None:
             return [each.name for each in self.objects(prefix)]
         root = str(self.folder)
@@ -85,7 +85,7 @@ class Store:
     def object(self, name: str) -> StoredObject | None:
         """An object by its name; None where there is none."""
         try:
-            return _object(self._said(name, lambda: self._store.head(name)))
+            return _object(self._run(name, lambda: self._store.head(name)))
         except FileNotFoundError:
             return None
 
@@ -95,7 +95,7 @@ class Store:
         Raises:
             FileNotFoundError: there is none.
         """
-        return bytes(self._said(name, lambda: self._store.get(name).bytes()))
+        return bytes(self._run(name, lambda: self._store.get(name).bytes()))
 
     def read_all(self, names: Iterable[str]) -> Iterator[bytes]:
         """The bytes of many, in their order."""
@@ -116,28 +116,28 @@ class Store:
 
     def write(self, name: str, data: bytes) -> None:
         """Put an object, whole or not at all; what is there is replaced."""
-        self._said(name, lambda: self._store.put(name, data))
+        self._run(name, lambda: self._store.put(name, data))
 
     def write_file(self, name: str, path: Path) -> None:
         """Put an object of the contents of a file."""
-        self._said(name, lambda: self._store.put(name, path))
+        self._run(name, lambda: self._store.put(name, path))
 
     def fetch(self, name: str, to: Path) -> None:
         """Write an object to a file, a part at a time."""
 
-        def fetched() -> None:
+        def fetch() -> None:
             with to.open("wb") as file:
                 for part in self._store.get(name).stream(min_chunk_size=_CHUNK):
                     file.write(part)
 
-        self._said(name, fetched)
+        self._run(name, fetch)
 
     def delete(self, names: list[str]) -> None:
         """Remove objects."""
         if names:
-            self._said(names[0], lambda: self._store.delete(names))
+            self._run(names[0], lambda: self._store.delete(names))
 
-    def _said(self, name: str, work: Any) -> Any:
+    def _run(self, name: str, work: Any) -> Any:
         """What the work returns; its fault in one line."""
         from obstore.exceptions import BaseError
 

@@ -12,7 +12,7 @@ from recordings import write_recording
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.log_sources import fleet_logs
 from replay.fleet.machine_setups import machine_setups, setup_on
-from replay.fleet.recording_task import fetched, replayed
+from replay.fleet.recording_task import fetched, replay_log
 from replay.fleet.results_layout import ResultName
 from replay.logs import open_log
 from replay.machines.machine_file import time_axis
@@ -55,4 +55,4 @@ def _find_recording(results: FleetResults, source: str, machine: str, recording:
     with fetched(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:
         first = opened.topics()["start_ns"].min()
         day = setups[-1].day_of(first if isinstance(first, int) else None)
-        write_recording(replayed(opened, setup_on(setups, day), source), recording)
+        write_recording(replay_log(opened, setup_on(setups, day), source), recording)

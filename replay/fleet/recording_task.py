@@ -27,7 +27,7 @@ from replay.fleet.machine_setups import MachineSetup, setup_on
 from replay.fleet.object_store import Store, store_of
 from replay.fleet.results_layout import MARK, ResultName, key_of, write_result
 from replay.fleet.task_limits import LimitError, limited
-from replay.inputs.channel_inputs import versions
+from replay.inputs.channel_inputs import package_versions
 from replay.logs import Log, open_log
 from replay.machines.machine_file import time_axis
 from replay.pipeline import run
@@ -80,7 +80,7 @@ class TaskOutcome:
 def replay_one(task: ReplayTask) -> TaskOutcome:
     """Replay a recording within its limits, and write its result, unless it is there."""
     began, processor = time.perf_counter(), time.process_time()
-    here = versions()
+    here = package_versions()
     other = [f"{n} {here[n]} for {v}" for n, v in task.versions.items() if here[n] != v]
     if other:
         return TaskOutcome("failed", f"its node has {', '.join(other)}")
@@ -115,7 +115,7 @@ def _result(task: ReplayTask, path: Path) -> TaskOutcome:
             if result.is_there(store):
                 return TaskOutcome("there")
             began = time.perf_counter()
-            made = replayed(log, setup, task.log.source)
+            made = replay_log(log, setup, task.log.source)
             took_s = time.perf_counter() - began
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
@@ -170,7 +170,7 @@ class _Result:
         write_result(store, self._name, t0_unix_ns, frames, {**whole, **said})
 
 
-def replayed(log: Log, setup: MachineSetup, source: str) -> Run:
+def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
     """Replay a log, with masses and payloads on the line of its calibration, if it has one.
 
     Raises:

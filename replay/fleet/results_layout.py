@@ -15,6 +15,7 @@ from replay.fleet.object_store import Store
 #: A result is there when its row of this table is, which is written last.
 MARK: Final = RESULTS.name
 RECORDINGS: Final = "recordings"
+#: Hexadecimal digits of a digest that tell recordings of a fleet apart (128 bits).
 _DIGITS: Final = 32
 
 
@@ -72,12 +73,12 @@ def write_result(
     """
     of = {**name._asdict(), "t0_unix_ns": t0_unix_ns}
     for each, frame in frames.items():
-        store.write(name.table(each), parquet(table(each, frame, of)))
+        store.write(name.table(each), parquet_bytes(table(each, frame, of)))
     columns = {c.name: pl.Series([row.get(c.name)], dtype=c.dtype) for c in TABLES[MARK].columns}
-    store.write(name.table(MARK), parquet(table(MARK, pl.DataFrame(columns), of)))
+    store.write(name.table(MARK), parquet_bytes(table(MARK, pl.DataFrame(columns), of)))
 
 
-def parquet(frame: pl.DataFrame) -> bytes:
+def parquet_bytes(frame: pl.DataFrame) -> bytes:
     """A table as Parquet."""
     written = io.BytesIO()
     frame.write_parquet(written, compression="zstd", statistics=True)

@@ -18,7 +18,7 @@ from replay.fleet.object_store import S3, Store
 from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_one
 from replay.fleet.results_layout import MARK, RECORDINGS, name_of
 from replay.fleet.task_engine import Engine, Lost, Work
-from replay.inputs.channel_inputs import versions
+from replay.inputs.channel_inputs import package_versions
 
 
 class FleetPlan(Protocol):
@@ -158,7 +158,7 @@ def _plan_tasks(
     """A task a log, and the setups of every machine."""
     tasks: list[ReplayTask] = []
     by_machine: dict[str, tuple[MachineSetup, ...]] = {}
-    here = versions()
+    here = package_versions()
     for log in logs:
         try:
             setups = plan.setups_of(log.source)

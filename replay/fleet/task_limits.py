@@ -16,10 +16,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
+#: Seconds between two looks at the memory and the clock.
 _LOOK_S: Final = 0.05
 #: Time to come back from a library before the process is ended.
 _GRACE_S: Final = 20.0
 _STATM: Final = Path("/proc/self/statm")
+#: Bytes of a GiB.
 _GIB: Final = 2**30
 
 

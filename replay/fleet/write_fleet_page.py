@@ -2,20 +2,25 @@
 
 import datetime as dt
 import shlex
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import polars as pl
 
+from analysis.cycles.friction_limit import FrictionTrend
 from analysis.fleet.attention import needs_a_look
 from analysis.fleet.calibration_steps import line_changes
-from analysis.fleet.daily_figures import daily, sums, weekly, whole
+from analysis.fleet.daily_figures import daily, sum_machines, sums, weekly
 from analysis.fleet.machine_drifts import MachineChart, machine_charts
 from recordings.fleet.fleet_page import FleetPage, fleet_html
 from recordings.report.atomic_output import atomic_file
+from recordings.review.week_shifts import trend_sentences
+from replay.fleet.fleet_friction import fleet_friction_trends
 from replay.fleet.gathered_tables import FleetResults
 
+#: Hexadecimal digits of a key that the page shows, enough to name a recording.
 _ABOUT: Final = 12
 
 
@@ -26,10 +31,12 @@ class FleetReport:
     Attributes:
         page: what its page shows.
         path: of the page.
+        friction: of each machine, where a limit was asked for.
     """
 
     page: FleetPage
     path: Path
+    friction: Mapping[str, FrictionTrend]
 
     def to_dict(self) -> dict[str, Any]:
         """Sums, drifts and what needs a look, as plain JSON values."""
@@ -37,16 +44,23 @@ class FleetReport:
         machines = sums(page.results, ["machine"])
         return {
             "page": str(self.path),
-            "sum": dict(whole(machines)),
+            "sum": dict(sum_machines(machines)),
             "machines": machines.to_dicts(),
             "drifts": [_drift(c) for c in page.charts if c.chart.flagged is not None],
+            "friction": {name: trend._asdict() for name, trend in self.friction.items()},
             "to_look_at": page.looks.to_dicts(),
             "without_a_result": dict(page.failed),
         }
 
 
 def fleet_report(
-    results: FleetResults, destination: str, name: str, page: Path, *, force: bool = False
+    results: FleetResults,
+    destination: str,
+    name: str,
+    page: Path,
+    *,
+    force: bool = False,
+    friction_limit_N_s_m: float | None = None,
 ) -> FleetReport:
     """Write the page of a fleet.
 
@@ -56,14 +70,19 @@ def fleet_report(
         name: of the fleet.
         page: the file to write.
         force: whether a page that is there may be replaced.
+        friction_limit_N_s_m: viscous friction whose day is asked for.
 
     Raises:
         OutputError: the page is there already, or cannot be written.
     """
     with atomic_file(page, force=force) as written:
         shown = report_page(results, destination, name)
+        trends: dict[str, FrictionTrend] = {}
+        if friction_limit_N_s_m is not None:
+            trends = fleet_friction_trends(shown.results, friction_limit_N_s_m)
+            shown = replace(shown, friction=trend_sentences(trends))
         written.write_text(fleet_html(shown), encoding="utf-8")
-    return FleetReport(shown, page)
+    return FleetReport(shown, page, trends)
 
 
 def report_page(results: FleetResults, destination: str, name: str) -> FleetPage:

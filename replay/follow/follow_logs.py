@@ -70,6 +70,7 @@ def follow_logs(
     noise: pl.DataFrame | None = None,
     idle_s: float = IDLE_S,
     valid_s: float = VALID_S,
+    until_u_kg: float | None = None,
 ) -> Following:
     """Follow a log until its recorder closes it, it has not grown for `idle_s`, or ctrl-C.
 
@@ -80,13 +81,15 @@ def follow_logs(
         noise: as `Follower` takes it.
         idle_s: seconds without growth that end it.
         valid_s: as `Follower` takes it.
+        until_u_kg: likewise.
 
     Raises:
         LogError: the log cannot be followed, or a topic cannot be decoded.
         DataError: it ended before anything could be told from it.
     """
     fields = channel_fields(causal_machine(machine))
-    following = Following(paths, Follower(machine, noise, valid_s=valid_s))
+    follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
+    following = Following(paths, follower)
     with closing(follow_log(paths, fields, time_axis(machine))) as log:
         try:
             following.ended = _follow(log, following, on_rows, idle_s)

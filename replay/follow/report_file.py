@@ -1,54 +1,153 @@
 """Reports as a topic of an MCAP file, which grows as they come."""
 
 import json
+import struct
 from collections.abc import Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
+from mcap.exceptions import McapError
+from mcap.records import Message, Metadata
+from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
 from analysis.online.online_report import OnlineReport, report_schema
-from recordings.report.atomic_output import check_output, keep_apart
+from recordings.report.appended_file import AppendedFile
+from recordings.report.atomic_output import check_output, refuse_input_as_output
 
 TOPIC: Final = "/payscope/mass"
+#: The record that says what is followed.
+_FOLLOWED: Final = "payscope.followed"
+#: What an MCAP file begins with, in bytes, and what stands before each record: kind and length.
+_MAGIC_BYTES: Final = 8
+_RECORD_HEAD: Final = struct.Struct("<BQ")
+#: The kinds of a message, and of the record before them all that says what is followed.
+_REPORTED: Final = (0x05, 0x0C)
 
 
 class ReportFile:
     """An MCAP file of JSON messages with their schema, each on disk when it is made.
 
     Unlike other outputs it is there from the first report on, under its own name, so that whoever
-    controls the machine can follow it: what is killed leaves whole reports and no index.
+    controls the machine can follow it: what is killed leaves whole reports and no index. One that
+    reported the same log goes on behind its last report.
+
+    Attributes:
+        path: of the file.
+        until_unix_ns: of the last report that was there; 0 where there was none.
     """
 
-    def __init__(self, path: Path, logs: Sequence[Path], *, force: bool) -> None:
-        """Begin a file, which is none of the logs that are followed.
+    def __init__(self, path: Path, logs: Sequence[Path], identity: str, *, force: bool) -> None:
+        """Begin a file, which is none of the logs that are followed, or go on with one.
 
         Raises:
-            OutputError: it is there already, or cannot be written to.
+            OutputError: it is there already and reports something else, or cannot be written to.
         """
-        check_output(path, force=force)
-        keep_apart(path, (log for log in logs if log.exists()))
-        self._file = path.open("wb")
+        refuse_input_as_output(path, (log for log in logs if log.exists()))
+        reported: list[Message] = []
+        size = 0
+        is_empty = path.is_file() and path.stat().st_size == 0
+        if path.is_file() and not force:
+            reported, size = _read_reports(path, identity)
+        check_output(path, force=force or is_empty or size > 0)
+        self.path = path
+        self.until_unix_ns = max((each.log_time for each in reported), default=0)
+        self._stream = _Stream(AppendedFile(path, size))
         # a message by itself: a chunk would be as late as it is long
-        self._writer = Writer(self._file, compression=CompressionType.NONE, use_chunking=False)
+        self._writer = Writer(self._stream, compression=CompressionType.NONE, use_chunking=False)
         self._writer.start("", "payscope")
         schema = report_schema()
-        known = self._writer.register_schema(
+        number = self._writer.register_schema(
             str(schema["title"]), "jsonschema", json.dumps(schema).encode()
         )
-        self._channel = self._writer.register_channel(TOPIC, "json", known)
-        self._file.flush()
+        self._channel = self._writer.register_channel(TOPIC, "json", number)
+        self._writer.add_metadata(_FOLLOWED, {"identity": identity})
+        for each in reported:
+            self._add(each.log_time, each.data)
+        self._stream.flush()
 
     def write(self, reports: Iterable[OnlineReport]) -> None:
-        """Add reports."""
-        for number, report in enumerate(reports):
-            data = json.dumps(report.to_dict(), allow_nan=False).encode()
-            self._writer.add_message(
-                self._channel, report.unix_ns, data, report.unix_ns, sequence=number
-            )
-        self._file.flush()
+        """Add the reports that were not there.
+
+        Raises:
+            OSError: they do not fit on the disc.
+        """
+        for report in reports:
+            if report.unix_ns > self.until_unix_ns:
+                data = json.dumps(report.to_dict(), allow_nan=False).encode()
+                self._add(report.unix_ns, data)
+        self._stream.flush()
 
     def close(self) -> None:
-        """Write the index."""
-        self._writer.finish()
+        """Write the index.
+
+        Raises:
+            OSError: it does not fit on the disc.
+        """
+        try:
+            self._writer.finish()
+            self._stream.flush()
+        finally:
+            self._stream.close()
+
+    def give_up(self) -> None:
+        """Leave the file as it is, without its index."""
+        self._stream.close()
+
+    def _add(self, unix_ns: int, data: bytes) -> None:
+        self._writer.add_message(self._channel, unix_ns, data, unix_ns)
+
+
+class _Stream(BytesIO):
+    """A file as the writer of MCAP wants it; what is there already is not written again."""
+
+    def __init__(self, file: AppendedFile) -> None:
+        super().__init__()
+        self._file, self._at = file, 0
+        self._new = bytearray()
+
+    def write(self, data: "bytes | bytearray | memoryview", /) -> int:  # pyright: ignore[reportIncompatibleMethodOverride]
+        there = max(0, self._file.size - self._at)
+        self._new += data[there:]
+        self._at += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        return self._at
+
+    def flush(self) -> None:
+        new, self._new = bytes(self._new), bytearray()
+        self._file.append(new)
+
+    def close(self) -> None:
         self._file.close()
+        super().close()
+
+
+def _read_reports(path: Path, identity: str) -> tuple[list[Message], int]:
+    """The whole reports of a file of the same log, and its bytes up to there; else none, 0."""
+    data = path.read_bytes()
+    size = _whole_bytes(data)
+    found: list[Message] = []
+    is_of_same = False
+    try:
+        for record in StreamReader(BytesIO(data[:size])).records:
+            if isinstance(record, Metadata) and record.name == _FOLLOWED:
+                is_of_same = record.metadata.get("identity") == identity
+            elif isinstance(record, Message):
+                found.append(record)
+    except (McapError, struct.error):
+        pass  # it ends without an end, or is no MCAP file
+    return (found, size) if is_of_same else ([], 0)
+
+
+def _whole_bytes(data: bytes) -> int:
+    """Where the last whole report ends, or what stands before the first."""
+    at, whole = _MAGIC_BYTES, 0
+    while at + _RECORD_HEAD.size <= len(data):
+        kind, length = _RECORD_HEAD.unpack_from(data, at)
+        at += _RECORD_HEAD.size + length
+        if kind in _REPORTED and at <= len(data):
+            whole = at
+    return whole

@@ -14,6 +14,7 @@ from typing import Final
 import polars as pl
 
 _NS_PER_UNIT: Final = {"ns": 1, "us": 1_000, "ms": 1_000_000}
+#: The first and the last instant that 64 bits of nanoseconds hold.
 FIRST_NS: Final = -(2**63)
 LAST_NS: Final = 2**63 - 1
 

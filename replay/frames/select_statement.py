@@ -23,6 +23,7 @@ _FILE_FUNCTION: Final = re.compile(r"\b((?:read|scan)_\w+)[\"`\]]?\s*(?:\(|/\*|-
 #: Words behind which polars does not keep the order of rows.
 _REORDERING: Final = ("JOIN", "GROUP", "DISTINCT", "UNION", "INTERSECT", "EXCEPT", "ORDER")
 _UNSORTABLE: Final = pl.Object, pl.Struct, pl.List, pl.Array
+#: Names that an error lists.
 _MOST_LISTED: Final = 40
 
 
@@ -50,7 +51,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
             if words.isdisjoint(_REORDERING) and not always_ordered:
                 return found
             by = [f'"{n}"' for n, dtype in columns.items() if not isinstance(dtype, _UNSORTABLE)]
-            return context.execute(ordered(query, by))
+            return context.execute(order_fully(query, by))
         except pl.exceptions.PolarsError as error:
             raise query_fault(error, tables) from None
 
@@ -119,7 +120,7 @@ def _list_tables(tables: Tables) -> str:
     return ", ".join(names[:_MOST_LISTED]) + more
 
 
-def ordered(query: str, columns: Sequence[str]) -> str:
+def order_fully(query: str, columns: Sequence[str]) -> str:
     """The query with its order made whole.
 
     Args:

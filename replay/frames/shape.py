@@ -59,7 +59,7 @@ class TopicShape:
         self._own = {self.time: LOG_TIME_NS, (STAMP if is_dated else STAMP_NS): STAMP_NS}
         is_nested = options.nested == "struct"
         self._tree: dict[str, _Branch | LeafField] = (
-            _tree(leaves) if is_nested else {leaf.name: leaf for leaf in leaves}
+            _field_tree(leaves) if is_nested else {leaf.name: leaf for leaf in leaves}
         )
         schema: dict[str, pl.DataType] = dict.fromkeys(
             self._own, DATETIME if is_dated else pl.Int64()
@@ -90,7 +90,7 @@ class TopicShape:
             return self._leaf_dtype(node, depth)
         inside = depth + node.is_list
         record = pl.Struct({name: self._dtype(below, inside) for name, below in node.below.items()})
-        return self._listed(record, node.length) if node.is_list else record
+        return self._list_type(record, node.length) if node.is_list else record
 
     def _leaf_dtype(self, leaf: LeafField, depth: int) -> pl.DataType:
         dtype, lists = leaf.dtype, 0
@@ -101,10 +101,10 @@ class TopicShape:
         elif leaf.is_stamp and self._options.times == "datetime":
             dtype = DATETIME
         for length in reversed((leaf.lengths or (None,) * lists)[depth:]):
-            dtype = self._listed(dtype, length)
+            dtype = self._list_type(dtype, length)
         return dtype
 
-    def _listed(self, dtype: pl.DataType, length: int | None) -> pl.DataType:
+    def _list_type(self, dtype: pl.DataType, length: int | None) -> pl.DataType:
         is_array = length is not None and self._options.arrays == "array"
         return pl.Array(dtype, length) if is_array else pl.List(dtype)
 
@@ -128,12 +128,12 @@ class TopicShape:
             return pl.DataFrame(columns).to_struct()
         leaves = [leaf.name for leaf in _leaves_below(node)]
         counts = values[leaves[0]].list.len()
-        flat = {name: _elements(values[name]) for name in leaves}
+        flat = {name: _flatten_lists(values[name]) for name in leaves}
         record = self._column(_Branch(False, None, node.below), flat, depth + 1)
         return _rebuild_lists(record, counts).cast(self._dtype(node, depth))
 
 
-def _tree(leaves: Sequence[LeafField]) -> dict[str, _Branch | LeafField]:
+def _field_tree(leaves: Sequence[LeafField]) -> dict[str, _Branch | LeafField]:
     """Leaves by the way that their names go."""
     tree: dict[str, _Branch | LeafField] = {}
     for leaf in leaves:
@@ -160,7 +160,7 @@ def _leaves_below(node: _Branch | LeafField) -> Iterator[LeafField]:
             yield from _leaves_below(below)
 
 
-def _elements(lists: pl.Series) -> pl.Series:
+def _flatten_lists(lists: pl.Series) -> pl.Series:
     """The elements of all lists, one behind the other."""
     return pl.Series(lists.name, lists.to_arrow().flatten(), dtype=lists.dtype.inner)  # type: ignore[attr-defined]
 

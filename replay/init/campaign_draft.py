@@ -125,13 +125,13 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
             continue
         try:
             with open_log(path, time=time_axis(machine) if machine else None) as log:
-                blocks += _runs(log, _from(output.parent, path), machine)
+                blocks += _run_blocks(log, _relative_path(output.parent, path), machine)
         except PayscopeError as fault:
             if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
                 said.append(f"left out: {fault}")
     if not blocks:
         raise CampaignError(f"{folder}: no log that can be read in it")
-    file = "machine.toml" if machine_file is None else _from(output.parent, machine_file)
+    file = "machine.toml" if machine_file is None else _relative_path(output.parent, machine_file)
     named = None if machine is None else machine.machine.id or machine.machine.name
     name = named or "machine-1"
     ids = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-")[:60]
@@ -145,7 +145,7 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
     return "\n".join([head, *blocks]), said
 
 
-def _runs(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
+def _run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
     """A block a run: the whole log, or a load state."""
     topics = log.topics()
     start_ns = topics["start_ns"].min()
@@ -156,7 +156,7 @@ def _runs(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
         if dated and isinstance(start_ns, int)
         else '"TODO"                    # this log has no date'
     )
-    for stretch, said in _stretches(log, machine):
+    for stretch, said in _find_stretches(log, machine):
         lines = [
             "[[runs]]",
             f"log = {json.dumps(name, ensure_ascii=False)}",
@@ -169,7 +169,7 @@ def _runs(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
         yield "\n".join(lines)
 
 
-def _stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], str]]:
+def _find_stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], str]]:
     """Begin and end of each load state, and what it seems to weigh."""
     loads = pl.DataFrame() if machine is None else run(log, machine).frames["loads"]
     rows = loads.to_dicts()
@@ -187,6 +187,6 @@ def _stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], s
         yield stretch, f"; {row['mass_kg']:.0f} kg uncalibrated" if row["mass_kg"] else ""
 
 
-def _from(folder: Path, path: Path) -> str:
+def _relative_path(folder: Path, path: Path) -> str:
     """The path as it is named from a folder: never absolute, since the file goes elsewhere."""
     return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()

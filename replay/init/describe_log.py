@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 
 from analysis.model.run_record import Loss
-from replay.logs import TABLE, Checked, Log
+from replay.logs import TABLE, Log, LogCheck
 from replay.recognise.profile import FieldProfile, profiles
 
 
@@ -27,7 +27,7 @@ class LogInfo:
     topics: pl.DataFrame
     losses: tuple[Loss, ...]
     #: what was read to check it; None where only the index was looked at
-    checked: Checked | None = None
+    checked: LogCheck | None = None
     check_s: float | None = None
     #: every field that holds single values; of a log of messages only where it was asked for
     fields: tuple[FieldProfile, ...] = ()

@@ -44,7 +44,7 @@ def replayed_lines(log: Log, text: str) -> list[str]:
         be weighed with it; priors are comments, none where the log tells no more than the defaults.
     """
     replayed = _replay_draft(log, text)
-    braking = [] if replayed is None else _braking(replayed)
+    braking = [] if replayed is None else _braking_lines(replayed)
     if braking:
         tried = _replay_draft(log, "\n".join([text, *braking]))
         if tried is not None and _can_weigh(tried):
@@ -63,7 +63,7 @@ def _can_weigh(replayed: Run) -> bool:
     return Verdict.of(replayed.frames["verdict"]).can_weigh
 
 
-def _braking(replayed: Run) -> list[str]:
+def _braking_lines(replayed: Run) -> list[str]:
     """The stage that lets braking weigh, where a finding says that the force sees it."""
     found = replayed.frames["findings"].filter(pl.col("setting") == _EXCLUDE)
     if found.is_empty() or found["value"][0] != "false":
@@ -72,7 +72,7 @@ def _braking(replayed: Run) -> list[str]:
 
 
 def _prior_lines(replayed: Run) -> list[str]:
-    lines = _proposals(replayed) if _can_weigh(replayed) else []
+    lines = _proposal_lines(replayed) if _can_weigh(replayed) else []
     if not lines:
         return []
     return [
@@ -83,7 +83,7 @@ def _prior_lines(replayed: Run) -> list[str]:
     ]
 
 
-def _proposals(replayed: Run) -> list[str]:
+def _proposal_lines(replayed: Run) -> list[str]:
     """A line a term: as wide as what was found, and what it is known to."""
     priors = replayed.provenance.settings.priors.model_dump()
     lines: list[str] = []

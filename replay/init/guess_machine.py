@@ -17,7 +17,7 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.recognise.joints import recognise_joints
 from replay.recognise.profile import FieldProfile, profiles
-from replay.recognise.proposals import ChannelProposal, Recognised
+from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.table import recognise
 from replay.recognise.words import meaning
 
@@ -87,8 +87,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    told = recognise(log) if is_table else _joints(log, topics)
-    guesses = [*_recognise_columns(told), *_guesses(topics)]
+    told = recognise(log) if is_table else _recognise_joints(log, topics)
+    guesses = [*_recognise_columns(told), *_best_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
     open_columns = {each.column for each in told.channels if each.is_comment}
@@ -96,10 +96,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     formulas = {each.column: each.derive for each in told.channels if not each.is_comment}
     derived = {column: formula for column, formula in formulas.items() if formula}
     found |= set(derived)
-    derived |= _derivations(found)
+    derived |= _derivable_channels(found)
     found |= set(derived)
     kinematic = "specific_force_x_m_s2" not in found
-    lacking = [*told.questions, *_lacking(found, told.questions, kinematic=kinematic)]
+    lacking = [*told.questions, *_lacking_sentences(found, told.questions, kinematic=kinematic)]
     lines = [
         f"# A first machine file for {_one_line(log.path.name)}: check every line of it.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
@@ -158,7 +158,7 @@ def _log_lines(time: TimeAxis) -> list[str]:
     return [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
 
 
-def _recognise_columns(told: Recognised) -> list[Guess]:
+def _recognise_columns(told: Recognition) -> list[Guess]:
     return [
         Guess(each.column, each.topic, each.field, each.unit, each.reason)
         for each in told.channels
@@ -217,9 +217,9 @@ def _or_scale(guess: Guess) -> str:
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
-def _joints(log: Log, topics: pl.DataFrame) -> Recognised:
+def _recognise_joints(log: Log, topics: pl.DataFrame) -> Recognition:
     """What the joints of all JointStates fill."""
-    found = Recognised()
+    found = Recognition()
     for row in topics.sort("messages", descending=True).iter_rows(named=True):
         is_joints = row["type"].rpartition("/")[2] == "JointState"
         if is_joints and row["messages"] and not row["problem"]:
@@ -227,15 +227,15 @@ def _joints(log: Log, topics: pl.DataFrame) -> Recognised:
     return found
 
 
-def _guesses(topics: pl.DataFrame) -> Iterator[Guess]:
+def _best_guesses(topics: pl.DataFrame) -> Iterator[Guess]:
     taken: set[str] = set()
-    for guess in _candidates(topics):
+    for guess in _list_candidates(topics):
         if guess.column not in taken:
             taken.add(guess.column)
             yield guess
 
 
-def _candidates(topics: pl.DataFrame) -> Iterator[Guess]:
+def _list_candidates(topics: pl.DataFrame) -> Iterator[Guess]:
     for row in topics.sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:
             continue
@@ -251,7 +251,7 @@ def _candidates(topics: pl.DataFrame) -> Iterator[Guess]:
                 yield Guess(column, row["topic"], field)
 
 
-def _derivations(found: set[str]) -> dict[str, str]:
+def _derivable_channels(found: set[str]) -> dict[str, str]:
     derived: dict[str, str] = {}
     if "speed_x_m_s" not in found:
         if {"speed_left_m_s", "speed_right_m_s"} <= found:
@@ -268,7 +268,7 @@ def _derivations(found: set[str]) -> dict[str, str]:
     return derived
 
 
-def _lacking(found: set[str], asked: list[str], *, kinematic: bool) -> list[str]:
+def _lacking_sentences(found: set[str], asked: list[str], *, kinematic: bool) -> list[str]:
     lacking: list[str] = []
     if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
         lacking.append("a force: channels.force_x_N, or both wheel torques")

@@ -5,15 +5,12 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
 from analysis.stages.signals.timestamps import assign_timestamps
+from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
 from replay.logs import Log
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: The topic (None in a table) and the field of a column.
 Source = tuple[str | None, str]
@@ -38,15 +35,15 @@ def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
     if not set(_AXES) <= set(sources):
         return []
     try:
-        t_ns, force = _read(log, [sources[name] for name in _AXES])
-        speed = _speed(log, sources)
+        t_ns, force = _read_fields(log, [sources[name] for name in _AXES])
+        speed = _read_speed(log, sources)
     except LogError:
         return []
     guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
-    return [] if guess is None else _lines(guess)
+    return [] if guess is None else _mounting_lines(guess)
 
 
-def _lines(guess: MountingGuess) -> list[str]:
+def _mounting_lines(guess: MountingGuess) -> list[str]:
     """Every angle with what it rests on; as comments where a slope may explain them."""
     where = "at standstill" if guess.stood else "on average over the drive"
     found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
@@ -71,16 +68,16 @@ def _lines(guess: MountingGuess) -> list[str]:
     return [*lines, ""]
 
 
-def _speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
+def _read_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
     """The machine's speed, or the mean of its sides'; None where there is neither."""
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
         return None
-    t_ns, v = _read(log, [sources[name] for name in names])
+    t_ns, v = _read_fields(log, [sources[name] for name in names])
     return (t_ns, v.mean(axis=1)) if t_ns.size > 1 else None
 
 
-def _read(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
+def _read_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
     """Stamps (n,) and fields (n, fields) of one topic, finite, one row a stamp.
 
     Raises:

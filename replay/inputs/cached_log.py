@@ -6,7 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from analysis.model.run_record import Loss
-from replay.logs import Checked, Log
+from replay.logs import Log, LogCheck
 
 
 class CachedLog(Log):
@@ -43,7 +43,7 @@ class CachedLog(Log):
         """What the log says of whose it is."""
         return self._log.machine_ids()
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Check the log."""
         return self._log.check()
 

@@ -22,8 +22,8 @@ from pydantic import BaseModel, ConfigDict
 from analysis.model.machine import Machine
 from analysis.model.run_record import Loss
 from estimators.errors import LogError, OutputError, PayscopeError
-from replay.inputs.channel_inputs import channel_fields, input_files, versions
-from replay.logs import TABLE, Checked, Log, TableHints, TimeAxis, open_log
+from replay.inputs.channel_inputs import channel_fields, input_files, package_versions
+from replay.logs import TABLE, Log, LogCheck, TableHints, TimeAxis, open_log
 from replay.machines.machine_file import time_axis
 
 #: Hidden beside what is made of the logs.
@@ -110,13 +110,13 @@ class DecodedLog(Log):
         """What the log says of whose it is."""
         return self._machine_ids
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Check the log itself."""
         with open_log(self.path, time=self._time) as log:
             return log.check()
 
 
-def decoded(
+def decode_logs(
     logs: Sequence[Log],
     machine: Machine,
     folder: Path,
@@ -135,21 +135,23 @@ def decoded(
         OutputError: the folder cannot be written.
     """
     time = time_axis(machine)
-    wanted = {log: _held(log, channel_fields(machine)) for log in logs}
-    places = {log: folder / _key(log, wanted[log], time) for log in logs}
+    wanted = {log: _fields_of_log(log, channel_fields(machine)) for log in logs}
+    places = {log: folder / _cache_key(log, wanted[log], time) for log in logs}
     _sweep(folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
     on_log(len(logs) - len(missing))
-    large = len(missing) > 1 and sum(map(_size, missing)) > _WORTH_A_PROCESS
+    large = len(missing) > 1 and sum(map(_log_bytes, missing)) > _WORTH_A_PROCESS
 
-    def make(log: Log) -> None:
+    def decode_missing(log: Log) -> None:
         if large:
             _by_process(log, wanted[log], places[log], time)
         else:
             decode(log, wanted[log], places[log])
 
     with ThreadPoolExecutor(min(os.cpu_count() or 1, len(missing)) if large else 1) as pool:
-        for done, _ in enumerate(pool.map(make, missing), start=len(logs) - len(missing) + 1):
+        for done, _ in enumerate(
+            pool.map(decode_missing, missing), start=len(logs) - len(missing) + 1
+        ):
             on_log(done)
     return [DecodedLog(log, places[log], time) for log in logs]
 
@@ -196,7 +198,7 @@ def _by_process(
     """Decode by a process that has this log alone in its memory, and ends with it."""
     asked = {
         "path": str(log.path),
-        "time": _plain(time),
+        "time": _time_axis_values(time),
         "fields": fields,
         "place": str(place),
     }
@@ -214,7 +216,7 @@ def _by_process(
         raise LogError(f"{log.path}: cannot be decoded: {why[0]}")
 
 
-def _held(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
+def _fields_of_log(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
     """What of these fields a log has, by topic: another table may have the other columns."""
     found: dict[str, Sequence[str]] = {}
     for topic, has in log.topics().select("topic", "fields").iter_rows():
@@ -224,23 +226,23 @@ def _held(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[s
     return found
 
 
-def _key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -> str:
+def _cache_key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -> str:
     """A digest of all that the decoded log depends on."""
     whole: dict[str, Any] = {
         "files": [(each.name, each.sha256) for each in input_files(log)],
         "fields": fields,
-        "time": _plain(time),
-        "versions": versions(),
+        "time": _time_axis_values(time),
+        "versions": package_versions(),
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def _plain(time: TimeAxis | None) -> list[Any] | None:
+def _time_axis_values(time: TimeAxis | None) -> list[Any] | None:
     """Where a table keeps its time, as JSON has it."""
     return None if time is None else [time.column, time.unit, asdict(time.table)]
 
 
-def _size(log: Log) -> int:
+def _log_bytes(log: Log) -> int:
     return sum(path.stat().st_size for path in log.files)
 
 

@@ -9,7 +9,7 @@ from estimators.errors import LogError
 from replay.logs import Log
 
 
-def identified(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
+def identify_machine(logs: Sequence[Log], machine: Machine) -> tuple[Machine, str]:
     """The machine with its serial number, and that in the logs' metadata.
 
     Args:
@@ -62,7 +62,7 @@ def logged_id(logs: Sequence[Log], known: str | None) -> str:
 
 
 def is_serial_number(text: str) -> bool:
-    """Whether a machine file could have it: recorders write what they like."""
+    """Whether a text can be a serial number in a machine file; recorders write anything."""
     try:
         TypeAdapter(MachineId).validate_python(text)
     except ValidationError:

@@ -9,7 +9,7 @@ from analysis.model.machine import Channel, Machine
 from analysis.model.run_record import Loss
 from analysis.simulation import SimulatedLog
 from estimators.errors import LogError, nearest
-from replay.logs import Checked, Log
+from replay.logs import Log, LogCheck
 
 _STAMPS = ("log_time_ns", "header_stamp_ns")
 _FORMAT = "simulation in memory"
@@ -65,9 +65,9 @@ class MemoryLog(Log):
             frame = frame.filter(time <= end_ns)
         return frame.select(*_STAMPS, *fields).sort("log_time_ns", maintain_order=True)
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """What is in memory needs no check."""
-        return Checked(sum(frame.height for frame in self._frames.values()), 0, 0)
+        return LogCheck(sum(frame.height for frame in self._frames.values()), 0, 0)
 
     def losses(self) -> tuple[Loss, ...]:
         """None."""

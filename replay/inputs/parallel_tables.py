@@ -10,7 +10,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.run_record import Loss
 from estimators.errors import LogError, nearest
-from replay.logs import TABLE, Checked, Log
+from replay.logs import TABLE, Log, LogCheck
 
 #: Begins the topic of a table that is one of several side by side.
 _NAMED: Final = f"{TABLE}/"
@@ -59,7 +59,7 @@ class _NamedTable(Log):
         """What the table says of whose it is."""
         return self._log.machine_ids()
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Check the table."""
         return self._log.check()
 

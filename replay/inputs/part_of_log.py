@@ -6,7 +6,7 @@ from pathlib import Path
 import polars as pl
 
 from analysis.model.run_record import Loss
-from replay.logs import Checked, Log
+from replay.logs import Log, LogCheck
 
 
 class PartOfLog(Log):
@@ -45,7 +45,7 @@ class PartOfLog(Log):
         whole = self._log.read_many(fields)
         return {topic: frame.filter(*bounds) for topic, frame in whole.items()}
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Check the whole log."""
         return self._log.check()
 

@@ -45,7 +45,7 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
     # one log given twice counts once
     if len({log.digests for log in logs}) < len(logs):
         return none
-    has = [_held(table, wanted) for table in tables.values()]
+    has = [_fields_by_topic(table, wanted) for table in tables.values()]
     if not any(one & other for one, other in combinations(has, 2)):
         return none
     if len(set(has)) > 1:
@@ -110,7 +110,7 @@ def _first_ns(table: pl.DataFrame) -> int:
     return int(table["start_ns"].to_numpy().min())
 
 
-def _held(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:
+def _fields_by_topic(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:
     """The topics that a log has; of a table, the columns."""
     return frozenset(
         (topic, field)

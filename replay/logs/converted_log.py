@@ -12,7 +12,7 @@ from estimators.errors import LogError, nearest
 from estimators.file_digest import file_sha256
 from replay.logs.converted.converted_topics import ConvertedFieldError, ConvertedTopics
 from replay.logs.converted.description import DESCRIPTION, FORMAT, ConvertedDescription
-from replay.logs.log import Checked, Log
+from replay.logs.log import Log, LogCheck
 from replay.logs.messages.message_types import LeafField
 from replay.logs.storage import LossList
 
@@ -113,7 +113,7 @@ class ConvertedLog(Log):
         """Those of the log that was converted, and what a check found."""
         return (*self._about.losses, *self._losses)
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Read every part, and compare its digest."""
         self._check_open()
         messages = message_bytes = 0
@@ -130,7 +130,7 @@ class ConvertedLog(Log):
                     message_bytes += int(rows.estimated_size())
             except LogError as error:
                 self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), topic)
-        return Checked(messages, message_bytes, crcs=0)
+        return LogCheck(messages, message_bytes, crcs=0)
 
 
 def _describe_folder(path: Path) -> ConvertedDescription:

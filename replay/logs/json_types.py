@@ -20,6 +20,7 @@ _KINDS: Final = {
 }
 #: how times and durations are written
 _STAMPS: Final = ({"sec", "nsec"}, {"sec", "nanosec"})
+#: Depth of nested objects, and fields of a schema: beyond, it is refused.
 _DEEPEST: Final = 32
 _MOST_FIELDS: Final = 20_000
 
@@ -57,7 +58,7 @@ class _Schema:
 
     def field(self, schema: Any, depth: int) -> FieldType | None:
         """The type of a value; None for one that can be of several, which is left out."""
-        schema = self._referred(schema)
+        schema = self._resolve_reference(schema)
         self._left -= 1
         if self._left < 0 or depth > _DEEPEST:
             raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields, or {_DEEPEST} levels")
@@ -74,13 +75,15 @@ class _Schema:
             raise BrokenBytesError("the properties in its JSON schema are no JSON object")
         if set(properties) in _STAMPS:
             return Scalar("stamp")
-        fields = ((_text(name), self.field(inner, depth + 1)) for name, inner in properties.items())
+        fields = (
+            (_valid_text(name), self.field(inner, depth + 1)) for name, inner in properties.items()
+        )
         return RecordType(
             str(schema.get("title", "object")),
             tuple((name, kind) for name, kind in fields if kind is not None),
         )
 
-    def _referred(self, schema: Any) -> dict[str, Any]:
+    def _resolve_reference(self, schema: Any) -> dict[str, Any]:
         for _ in range(_DEEPEST):
             if not isinstance(schema, dict):
                 return {}
@@ -105,7 +108,7 @@ def _kind(schema: dict[str, Any]) -> str | None:
     return kinds.pop() if len(kinds) == 1 else None
 
 
-def _text(value: Any) -> str:
+def _valid_text(value: Any) -> str:
     """A string: JSON can spell half of a character, which no column and no name of one holds."""
     text = str(value)
     try:
@@ -126,7 +129,7 @@ def _get(message: Any, name: str) -> Any:
     return message.get(name) if isinstance(message, dict) else None
 
 
-def _elements(values: Any) -> Sequence[Any]:
+def _require_list(values: Any) -> Sequence[Any]:
     if not isinstance(values, list):
         raise BrokenBytesError(f"{type(values).__name__} in the place of a list")
     return values
@@ -134,7 +137,7 @@ def _elements(values: Any) -> Sequence[Any]:
 
 def _convert(value: Any, kind: str) -> Any:
     if kind == "string":
-        return _text(value)
+        return _valid_text(value)
     try:
         number = CONVERT.get(kind, int)(value)
     except (TypeError, ValueError, OverflowError) as error:
@@ -149,4 +152,4 @@ def _stamp_ns(stamp: Any) -> int:
     return int64(_convert(stamp["sec"], "int64") * 10**9 + _convert(nanoseconds, "int64"))
 
 
-JSON: Final = Library("json", _get, _stamp_ns, _elements, _convert)
+JSON: Final = Library("json", _get, _stamp_ns, _require_list, _convert)

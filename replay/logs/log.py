@@ -18,7 +18,7 @@ from estimators.errors import LogError
 from estimators.file_digest import file_sha256
 from replay.logs.tables import TableHints, TimeAxis
 
-__all__ = ["TABLE", "Checked", "Log", "TableHints", "TimeAxis"]
+__all__ = ["TABLE", "Log", "LogCheck", "TableHints", "TimeAxis"]
 
 if TYPE_CHECKING:
     from replay.logs.messages.message_types import LeafField
@@ -28,7 +28,7 @@ TABLE: Final = "table"
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class LogCheck:
     """What was read to check a log."""
 
     messages: int
@@ -269,7 +269,7 @@ class Log(ABC):
         return ()
 
     @abstractmethod
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Read everything and believe no index; what is wrong is then among the losses.
 
         Every message of every topic is walked or decoded to its end, every CRC compared, and what

@@ -18,6 +18,7 @@ KEYS: Final = frozenset(
         "vin",
     }
 )
+#: Characters of a machine's number.
 _LONGEST: Final = 64
 _SEPARATORS: Final = re.compile(r"[^a-z0-9]+")
 #: Of a preamble's line: "# Machine ID: CAT262C-0042", "machine_id;CAT262C-0042;;".

@@ -254,13 +254,14 @@ def value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
 
 
 def _decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:
-    decode = store.deserialize_ros1 if connection.encoding == "ros1" else store.deserialize_cdr
+    ros1 = connection.encoding == "ros1"
+    deserialize = store.deserialize_ros1 if ros1 else store.deserialize_cdr
 
-    def decoded(data: bytes) -> Any:
+    def decode(data: bytes) -> Any:
         try:
-            return decode(data, connection.type)
+            return deserialize(data, connection.type)
         # the last: rosbags writes code for a long double that calls what it does not have
         except (SerdeError, *BROKEN_BYTES, NameError) as error:
             raise BrokenBytesError(error) from error
 
-    return decoded
+    return decode

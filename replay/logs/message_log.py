@@ -14,7 +14,7 @@ from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from replay.logs.decoding.decoder import Tally, schema_of
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
-from replay.logs.log import Checked, Log
+from replay.logs.log import Log, LogCheck
 from replay.logs.machine_ids import machine_ids
 from replay.logs.message_definitions import DefinitionError, compile_type
 from replay.logs.messages.message_fields import OWN_COLUMNS, Field, FieldError, resolve
@@ -220,7 +220,7 @@ class MessageLog(Log):
                 topic,
             )
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Read and decode everything; see `Log.check`."""
         self._check_open()
         # without a field to gather, a message is still walked to its end
@@ -229,7 +229,7 @@ class MessageLog(Log):
         times = {key: [no_times()] for key in topics}
         message_bytes = 0
 
-        def counted() -> Iterator[list[RawBatch]]:
+        def count_messages() -> Iterator[list[RawBatch]]:
             nonlocal message_bytes
             for group, _ in self._container.groups(list(topics), None, None):
                 for batch in group:
@@ -238,7 +238,7 @@ class MessageLog(Log):
                 yield [batch for batch in group if topics[batch.connection_id] in streams]
 
         group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
-        self._take_all(counted(), group_by_key)
+        self._take_all(count_messages(), group_by_key)
         for topic, stream in streams.items():
             stream.finish()
             self._note(topic, stream.tally)
@@ -246,7 +246,7 @@ class MessageLog(Log):
         found = {key: np.concatenate(parts) for key, parts in times.items()}
         if not self._container.losses:  # which would be why they differ
             self._compare_index(found)
-        return Checked(sum(each.size for each in found.values()), message_bytes, crcs)
+        return LogCheck(sum(each.size for each in found.values()), message_bytes, crcs)
 
     def _compare_index(self, found: Mapping[int, NDArray[np.int64]]) -> None:
         """Say where the log times (n,) of the messages, by connection, are not the index's."""

@@ -44,7 +44,7 @@ class MessageTail:
         """What could not be read so far."""
         return [*self._tail.losses, *self._losses]
 
-    def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:  # noqa: ARG002 a message says where it ends
+    def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
         """The rows of each topic that became whole since, in the order of the file.
 
         Raises:
@@ -61,6 +61,8 @@ class MessageTail:
                 what = f"messages cannot be decoded: {decoded.first_fault}"
                 self._losses.note(self._path, what, connection.topic)
             found.setdefault(connection.topic, []).append(decoded.frame)
+        if is_whole:
+            self._tail.end()
         return {topic: pl.concat(frames) for topic, frames in found.items()}
 
     def close(self) -> None:

@@ -24,6 +24,7 @@ _KINDS: Final = {
     FieldDescriptor.CPPTYPE_STRING: "string",
 }
 _STAMPS: Final = ("google.protobuf.Timestamp", "google.protobuf.Duration")
+#: Fields of a schema: beyond, it is refused.
 _MOST_FIELDS: Final = 20_000
 
 

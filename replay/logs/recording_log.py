@@ -10,7 +10,7 @@ from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from recordings.rrd.reader import opened
 from recordings.rrd.stored_frames import StoredFrame
-from replay.logs.log import Checked, Log
+from replay.logs.log import Log, LogCheck
 
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 _RAW: Final = "raw/"
@@ -102,10 +102,10 @@ class RecordingLog(Log):
                 found[topic] = frame
         return found
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Read every channel."""
         read = self.read_many(self._fields)
-        return Checked(sum(frame.height for frame in read.values()), 0, 0)
+        return LogCheck(sum(frame.height for frame in read.values()), 0, 0)
 
     def machine_ids(self) -> tuple[str, ...]:
         """That of the log that was recorded."""

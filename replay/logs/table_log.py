@@ -10,7 +10,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
-from replay.logs.log import TABLE, Checked, Log, TimeAxis
+from replay.logs.log import TABLE, Log, LogCheck, TimeAxis
 from replay.logs.machine_ids import ids_among, ids_in_preamble
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.storage import LossList
@@ -305,7 +305,7 @@ class TableLog(Log):
 
     def _values(self, values: pl.Series) -> pl.Series:
         if isinstance(self._columns, CsvColumns):
-            return self._typed(values) if values.dtype == pl.String else values
+            return self._guess_type(values) if values.dtype == pl.String else values
         if values.dtype.is_float() or values.dtype.is_decimal():
             return values.cast(pl.Float64)
         if values.dtype.is_integer() and values.dtype != pl.UInt64:
@@ -318,7 +318,7 @@ class TableLog(Log):
         keeps = values.dtype.is_integer() or values.dtype == pl.Boolean
         return values if keeps else values.cast(pl.String)
 
-    def _typed(self, text: pl.Series) -> pl.Series:
+    def _guess_type(self, text: pl.Series) -> pl.Series:
         """Integers, numbers, booleans or text: the first that at least half of the cells are."""
         text = text.str.strip_chars()
         present = text.filter(text.is_not_null() & (text != ""))
@@ -340,7 +340,7 @@ class TableLog(Log):
             )
         return numbers
 
-    def check(self) -> Checked:
+    def check(self) -> LogCheck:
         """Read every column; see `Log.check`."""
         self._check_open()
         self._look()
@@ -354,7 +354,7 @@ class TableLog(Log):
                 self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
             else:
                 message_bytes += int(column.estimated_size())
-        return Checked(sum(self._times(t).count() for t in self._parts), message_bytes, crcs=0)
+        return LogCheck(sum(self._times(t).count() for t in self._parts), message_bytes, crcs=0)
 
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""

@@ -53,6 +53,11 @@ class TailParts:
             batches = self._poll_part()
         return batches
 
+    def end(self) -> None:
+        """See `Tail.end`."""
+        if self._tail is not None:
+            self._tail.end()
+
     def close(self) -> None:
         """Release the file."""
         if self._tail is not None:
@@ -60,6 +65,7 @@ class TailParts:
 
     def _open(self, path: Path) -> None:
         if self._tail is not None:
+            self._tail.end()
             self._losses += self._tail.losses
             self._tail.close()
         self.paths.append(path)

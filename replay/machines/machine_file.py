@@ -1,8 +1,7 @@
 """Machine files: TOML in, a validated `Machine` out, every fault in one line."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from analysis.model.machine import LogSection, Machine
 from analysis.model.physical_units import to_si
@@ -22,6 +21,9 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         path: a TOML file, or the name of one that payscope ships (`cat262c.toml`).
         overrides: `key=value` with dotted keys, values as TOML writes them (a bare word is text).
 
+    Warns:
+        OldNameWarning: a key has a name that it had before; `payscope migrate` rewrites the file.
+
     Raises:
         MachineError: one line with the file, the fault, the choices and the remedy.
     """
@@ -33,11 +35,9 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
             "drafts one"
         )
     content = read_toml(path, MachineError)
-    _refuse_moved(f"{path}: settings", content)
     for override in overrides:
         _refuse_bare(override)
         set_value(content, override, MachineError)
-        _refuse_moved(f"--set {override}", content)
     machine = validate(path, content, Machine, MachineError)
     for name, channel in machine.channels.items():
         try:
@@ -50,14 +50,6 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
             where = "" if said.startswith("channels.") else f"channels.{name}: "
             raise MachineError(f"{path}: {where}{said}") from error
     return machine
-
-
-def _refuse_moved(where: str, content: Mapping[str, Any]) -> None:
-    """Name the new key of a setting of the flat table."""
-    try:
-        Settings.refuse_moved(content.get("settings"))
-    except ValueError as error:
-        raise MachineError(f"{where}: {error}") from None
 
 
 def _refuse_bare(override: str) -> None:

@@ -2,6 +2,7 @@
 
 import reprlib
 import tomllib
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import UnionType
@@ -10,6 +11,13 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 
 from estimators.errors import PayscopeError, nearest
+from replay.machines.old_names import (
+    OLD_NAMES,
+    BothNamesError,
+    OldNameWarning,
+    rename_old_keys,
+    renames_text,
+)
 
 _IN_TOML = {
     "tuple_type": "input should be a list",
@@ -21,15 +29,31 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
-    """The content of a TOML file; `error` in one line where there is none."""
+    """Read a TOML file, its keys under the names that they have now.
+
+    Warns:
+        OldNameWarning: one had its old name.
+
+    Raises:
+        PayscopeError: as `error`, in one line: there is no such file, it is no TOML, or has a key
+            under its old and its new name.
+    """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as fault:
         raise error(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
         raise error(f"{path}: is no TOML: not UTF-8") from None
     except ValueError as fault:  # a TOMLDecodeError, or a number of thousands of digits
         raise error(f"{path}: is no TOML: {fault}") from None
+    try:
+        renamed = rename_old_keys(content)
+    except BothNamesError as fault:
+        raise error(f"{path}: {fault}") from None
+    if renamed:
+        remedy = f"`payscope migrate {path}` rewrites the file"
+        warnings.warn(f"{path}: {renames_text(renamed)}; {remedy}", OldNameWarning, stacklevel=3)
+    return content
 
 
 def read_value(text: str) -> Any:
@@ -50,7 +74,12 @@ def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]
     if not equals or not key.strip():
         raise error(f"--set {override}: write it as key=value, as settings.align.rate_hz=50")
     value = read_value(text)
-    *sections, name = key.strip().split(".")
+    key = key.strip()
+    if key in OLD_NAMES:
+        warnings.warn(
+            f"--set {override}: {renames_text({key: OLD_NAMES[key]})}", OldNameWarning, stacklevel=3
+        )
+    *sections, name = OLD_NAMES.get(key, key).split(".")
     place = content
     for section in sections:
         place = place.setdefault(section, {})

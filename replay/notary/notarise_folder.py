@@ -32,8 +32,11 @@ QUIET_S: Final = 60.0
 #: A log by its suffix; a recording is made of one.
 _SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
 _METADATA: Final = "metadata.yaml"
+#: Files of a folder that are looked at.
 _MOST_ENTRIES: Final = 1_000_000
+#: Characters of a machine's number.
 _LONGEST_ID: Final = 64
+#: Nanoseconds of a microsecond, to which file systems agree on times.
 _US: Final = 1000
 
 
@@ -158,8 +161,8 @@ def _head(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
     assert isinstance(head, NotaryHead)
     if head.public_key != key.public.text or not held.lines[-1].by(key.public):
         raise EvidenceError(
-            f"{held.path}: is kept with another key than {key.public.key_id[:12]}…; a list has one "
-            "key: begin another list with --list"
+            f"{held.path}: is signed with another key than {key.public.key_id[:12]}…; "
+            "a list has one key: start another list with --list"
         )
     if machine_id and head.machine_id != machine_id:
         raise EvidenceError(

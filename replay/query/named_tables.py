@@ -53,10 +53,10 @@ class NamedTables:
         if name in self.tables:
             fault = f"query: two tables are named '{name}', one of {where}; query them apart"
 
-            def refused() -> pl.LazyFrame:
+            def refuse() -> pl.LazyFrame:
                 raise QueryError(fault)
 
-            self.tables[name] = refused
+            self.tables[name] = refuse
         else:
             self.tables[name] = table
 

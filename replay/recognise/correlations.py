@@ -6,14 +6,12 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.physical_units import to_si
+from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import TABLE, Log
-from replay.recognise.proposals import ChannelProposal, LogColumn, Recognised
-
-Floats = NDArray[np.float64]
+from replay.recognise.proposals import ChannelProposal, LogColumn, Recognition
 
 #: Rows that correlations are taken over, at most, and the span of a slope, in s.
 _ROWS: Final = 200_000
@@ -45,7 +43,7 @@ _AGAINST_PLACE: Final = (
 _OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
 
 
-def _axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
+def _accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     """The three axes of the one accelerometer; none where there are several, or axes missing."""
     found = [c for c in columns if c.said.quantity == "acceleration" and c.said.axis]
     axes = sorted(c.said.axis for c in found if c.said.axis)
@@ -59,9 +57,9 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
         log: an opened table.
         columns: of it.
     """
-    axes = [column for column in _axes(columns) if column.unit is None]
+    axes = [column for column in _accelerometer_axes(columns) if column.unit is None]
     for column in axes if len(axes) == len(_AXES) else ():
-        middle = abs(_median(log, column))
+        middle = abs(_median_reading(log, column))
         for unit, (low, high) in (("m/s**2", _GRAVITY_M_S2), ("standard_gravity", _GRAVITY_G)):
             if low <= middle <= high:
                 reason = f"gravity is on '{column.field}' ({middle:.2f}): in {unit}"
@@ -71,7 +69,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
 
 def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     """Fields of an accelerometer of which no axis shows gravity: a program took it off."""
-    axes = [column for column in _axes(columns) if column.unit is not None]
+    axes = [column for column in _accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
         return set()
     total = 0.0
@@ -79,19 +77,19 @@ def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
         assert column.unit is not None
         if not column.fits("acc_x_m_s2"):
             return set()
-        total += (_median(log, column) * to_si(column.unit, "m/s²")[0]) ** 2
+        total += (_median_reading(log, column) * to_si(column.unit, "m/s²")[0]) ** 2
     return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
 
 
-def _median(log: Log, column: LogColumn) -> float:
+def _median_reading(log: Log, column: LogColumn) -> float:
     try:
-        _, x = _series(log, column.topic, column.field)
+        _, x = _read_series(log, column.topic, column.field)
     except (LogError, pl.exceptions.PolarsError):
         return 0.0
     return float(np.median(x)) if x.size else 0.0
 
 
-def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognised) -> Recognised:
+def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition) -> Recognition:
     """Say how forces and accelerations go with the change of the speed, and speeds of the place."""
     by_name = {each.column: each for each in found.channels if each.field}
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
@@ -126,7 +124,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognised) 
     return found
 
 
-def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Recognised) -> None:
+def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Recognition) -> None:
     """Ask which side turns backwards, where two speeds of one machine go against each other.
 
     A motor is often mounted mirrored; the mean of both would be nothing.
@@ -136,11 +134,11 @@ def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Rec
         if left is None or right is None or left.field is None or right.field is None:
             continue
         try:
-            t, x = _series(log, left.topic, left.field)
-            at, y = _series(log, right.topic, right.field)
+            t, x = _read_series(log, left.topic, left.field)
+            at, y = _read_series(log, right.topic, right.field)
         except (LogError, pl.exceptions.PolarsError):
             continue
-        goes = _goes(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
+        goes = _correlate(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
         if goes is not None and goes < -_CLEAR:
             found.ask("sign", _MIRRORED.format(left.field, right.field, goes))
 
@@ -150,18 +148,18 @@ def _correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> floa
     assert one.field is not None
     assert other.field is not None
     try:
-        t, x = _series(log, one.topic, one.field)
-        at, y = _series(log, other.topic, other.field)
+        t, x = _read_series(log, one.topic, one.field)
+        at, y = _read_series(log, other.topic, other.field)
     except (LogError, pl.exceptions.PolarsError):
         return None
     if t.size < _FEWEST or at.size < _FEWEST:
         return None
     half = _SPAN_S / 2
     slope = np.interp(t + half, at, y) - np.interp(t - half, at, y)
-    return _goes(x, slope)
+    return _correlate(x, slope)
 
 
-def _goes(x: Floats, y: Floats) -> float | None:
+def _correlate(x: Floats, y: Floats) -> float | None:
     # what has a square beyond a float64 is scaled to 1 first
     x, y = (each / (float(np.abs(each).max()) or 1.0) for each in (x, y))
     if not (np.isfinite(y).all() and x.std() > 0 and y.std() > 0):
@@ -169,7 +167,7 @@ def _goes(x: Floats, y: Floats) -> float | None:
     return float(np.corrcoef(x, y)[0, 1])
 
 
-def _series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
+def _read_series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
     """Seconds from the first row, and the readings, where they are numbers."""
     frame = log.read(topic or TABLE, [name]).head(_ROWS)
     x = frame[name].cast(pl.Float64).to_numpy()

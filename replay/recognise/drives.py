@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from replay.recognise.proposals import LogColumn, Recognised
+from replay.recognise.proposals import LogColumn, Recognition
 
 _GEAR: Final = "the gear ratio between motor and wheel: GEAR in channels.{}.derive"
 _RADIUS: Final = "machine.wheel_radius_m"
@@ -14,20 +14,20 @@ _SLOWEST: Final = 0.3
 _TURNS: Final = ("rpm", "rad/s", "Hz")
 
 
-def propose_drives(columns: Sequence[LogColumn], found: Recognised) -> None:
+def propose_drives(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Sketch force and speed from what motors and wheels report, where no column has them."""
     if not {"force_x_N"} & found.taken and not _has_both(found, "torque_{}_N_m"):
-        sketches = (_unnamed_sides, _motor_force, _pressure, _power)
+        sketches = (_unnamed_sides, _motor_force, _recognise_pressure, _recognise_power)
         any(propose(columns, found) for propose in sketches)
     if "speed_x_m_s" not in found.taken and not _has_both(found, "speed_{}_m_s"):
         any(propose(columns, found) for propose in (_wheel_speeds, _motor_speed))
 
 
-def _has_both(found: Recognised, name: str) -> bool:
+def _has_both(found: Recognition, name: str) -> bool:
     return {name.format(side) for side in _SIDES} <= found.taken
 
 
-def _unnamed_sides(columns: Sequence[LogColumn], found: Recognised) -> bool:
+def _unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Two torques of wheels without a side."""
     torques = [
         c
@@ -50,7 +50,7 @@ def _unnamed_sides(columns: Sequence[LogColumn], found: Recognised) -> bool:
     return True
 
 
-def _motor_force(columns: Sequence[LogColumn], found: Recognised) -> bool:
+def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from a motor's torque, or from its current."""
     for quantity, unit, name, factor in (
         ("torque", "N*m", "motor_torque_N_m", ""),
@@ -87,7 +87,7 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognised) -> bool:
     return False
 
 
-def _pressure(columns: Sequence[LogColumn], found: Recognised) -> bool:
+def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from the pressures of a hydrostatic drive: not those of boom and bucket."""
     drive = [c for c in columns if c.quantity == "pressure" and c.unit and not c.said.is_linkage]
     if not drive or len(drive) > 2:
@@ -112,7 +112,7 @@ def _pressure(columns: Sequence[LogColumn], found: Recognised) -> bool:
     return True
 
 
-def _power(columns: Sequence[LogColumn], found: Recognised) -> bool:
+def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from the drive's power, or from the battery's current and voltage, over the speed."""
     power = next((c for c in columns if c.quantity == "power" and c.is_in("W")), None)
     if power is not None:
@@ -134,7 +134,7 @@ def _power(columns: Sequence[LogColumn], found: Recognised) -> bool:
     return True
 
 
-def _wheel_speeds(columns: Sequence[LogColumn], found: Recognised) -> bool:
+def _wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Speeds of wheels in revolutions: of both sides, or of one wheel."""
     wheels = [
         c
@@ -161,7 +161,7 @@ def _wheel_speeds(columns: Sequence[LogColumn], found: Recognised) -> bool:
     return True
 
 
-def _motor_speed(columns: Sequence[LogColumn], found: Recognised) -> bool:
+def _motor_speed(columns: Sequence[LogColumn], found: Recognition) -> bool:
     turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
         (c for c in columns if c.quantity == "speed" and c.unit in _TURNS), None
     )

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from replay.logs import Log
-from replay.recognise.proposals import ChannelProposal, Recognised
+from replay.recognise.proposals import ChannelProposal, Recognition
 from replay.recognise.words import Meaning, meaning
 
 #: Joints of a message that are looked at.
@@ -16,7 +16,7 @@ _MOST_JOINTS: Final = 64
 _SIDES: Final = ("left", "right")
 
 
-def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognised) -> None:
+def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) -> None:
     """Add what the joints of a topic fill.
 
     Which of its arrays a JointState fills is up to who sends it; the first message tells.
@@ -28,26 +28,26 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognised) -> 
         found: what is added to.
     """
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
-    wheels, turns = _wheels(names)
+    names = list(dict.fromkeys(str(n) for n in _first_values(log, topic, places, start_ns) if n))
+    wheels, turns = _find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
             _fill_side(log, topic, start_ns, side, joints, found, turns=turns)
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
-            for field in _sent(log, topic, array, names, start_ns):
-                _fill(found, column, topic, field)
+            for field in _filled_fields(log, topic, array, names, start_ns):
+                _propose_field(found, column, topic, field)
 
 
 def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
     """The readings of each joint that the first message has, as fields: `effort[left]`."""
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = list(dict.fromkeys(str(n) for n in _first(log, topic, places, start_ns) if n))
+    names = list(dict.fromkeys(str(n) for n in _first_values(log, topic, places, start_ns) if n))
     arrays = ("position", "velocity", "effort")
-    return [each for array in arrays for each in _sent(log, topic, array, names, start_ns)]
+    return [each for array in arrays for each in _filled_fields(log, topic, array, names, start_ns)]
 
 
-def _wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
+def _find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     """Joints of each side, where both have as many, and whether their names say that they turn."""
     said: dict[str, Meaning] = {name: meaning(name) for name in names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
@@ -66,26 +66,26 @@ def _fill_side(
     start_ns: int,
     side: str,
     joints: Sequence[str],
-    found: Recognised,
+    found: Recognition,
     *,
     turns: bool,
 ) -> None:
-    efforts = _sent(log, topic, "effort", joints, start_ns)
+    efforts = _filled_fields(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in found.taken:
         parts = _fill_parts(found, topic, efforts, torque)
         if len(parts) > 1:
-            _derive(found, torque, " + ".join(parts), f"the {side} wheels' torques")
-    velocities = _sent(log, topic, "velocity", joints, start_ns)
+            _propose_formula(found, torque, " + ".join(parts), f"the {side} wheels' torques")
+    velocities = _filled_fields(log, topic, "velocity", joints, start_ns)
     if speed in found.taken or not velocities:
         return
     if not turns:
-        _fill(found, speed, topic, velocities[0])
+        _propose_field(found, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
     parts = _fill_parts(found, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
-    _derive(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
+    _propose_formula(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
     found.ask("radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive")
     found.ask(
         "unit",
@@ -94,33 +94,35 @@ def _fill_side(
     )
 
 
-def _fill_parts(found: Recognised, topic: str, fields: Sequence[str], whole: str) -> list[str]:
+def _fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str) -> list[str]:
     """Fill a channel with one field, or one a field, numbered before the side."""
     quantity, _, behind = whole.partition("_")
     many = len(fields) > 1
     names = [f"{quantity}_{k}_{behind}" if many else whole for k in range(1, len(fields) + 1)]
     for name, field in zip(names, fields, strict=True):
-        _fill(found, name, topic, field)
+        _propose_field(found, name, topic, field)
     return names
 
 
-def _fill(found: Recognised, column: str, topic: str, field: str) -> None:
+def _propose_field(found: Recognition, column: str, topic: str, field: str) -> None:
     if column not in found.taken:
         found.channels.append(ChannelProposal(column, topic, field, None, "the name of its joint"))
 
 
-def _derive(found: Recognised, column: str, formula: str, reason: str) -> None:
+def _propose_formula(found: Recognition, column: str, formula: str, reason: str) -> None:
     found.channels.append(ChannelProposal(column, None, None, None, reason, formula))
 
 
-def _sent(log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int) -> list[str]:
+def _filled_fields(
+    log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int
+) -> list[str]:
     """The fields of an array that the first message fills."""
     fields = [f"{array}[{joint}]" for joint in joints]
-    values = _first(log, topic, fields, start_ns)
+    values = _first_values(log, topic, fields, start_ns)
     return [field for field, value in zip(fields, values, strict=False) if value is not None]
 
 
-def _first(log: Log, topic: str, fields: Sequence[str], start_ns: int) -> tuple[Any, ...]:
+def _first_values(log: Log, topic: str, fields: Sequence[str], start_ns: int) -> tuple[Any, ...]:
     """Fields of a topic's first message, in this order; none where there are none to read."""
     if not fields:
         return ()

@@ -9,11 +9,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.errors import LogError
 from replay.logs import Log
 from replay.recognise.joints import joint_fields
-
-Floats = NDArray[np.float64]
 
 #: Characters of a course, and the bars it is drawn with.
 _CELLS: Final = 16

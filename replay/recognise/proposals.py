@@ -69,7 +69,7 @@ class ChannelProposal:
 
 
 @dataclass(slots=True)
-class Recognised:
+class Recognition:
     """Channels, and questions by what they ask for."""
 
     channels: list[ChannelProposal] = field(default_factory=list)

@@ -16,7 +16,7 @@ from analysis.stages.signals.derive import unit_of
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import add_correlations, units_by_gravity, without_gravity
 from replay.recognise.drives import propose_drives
-from replay.recognise.proposals import LogColumn, Recognised
+from replay.recognise.proposals import LogColumn, Recognition
 from replay.recognise.words import meaning
 
 _KNOWN: Final = frozenset(column.name for column in CHANNEL_COLUMNS)
@@ -34,14 +34,14 @@ _CALLED_BY_UNIT: Final = {
 }  # fmt: skip
 
 
-def recognise(log: Log) -> Recognised:
+def recognise(log: Log) -> Recognition:
     """Recognise the channels of a table.
 
     Args:
         log: an opened table.
     """
-    columns = _columns(log)
-    found = Recognised()
+    columns = _list_columns(log)
+    found = Recognition()
     for column in columns:
         if column.field in _KNOWN:
             found.fill(column, column.field, "its name", unit_of(column.field))
@@ -71,20 +71,23 @@ def recognise(log: Log) -> Recognised:
     return add_correlations(log, columns, found)
 
 
-def _columns(log: Log) -> list[LogColumn]:
+def _list_columns(log: Log) -> list[LogColumn]:
     found: list[LogColumn] = []
     for row in log.topics().iter_rows(named=True):
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
         for name in row["fields"]:
-            said, unit = meaning(_bare(name)), units.get(name) or _CALLED_BY_UNIT.get(name.lower())
+            said, unit = (
+                meaning(_name_without_unit(name)),
+                units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
+            )
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else meaning(name)
             found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
     return found
 
 
-def _bare(name: str) -> str:
+def _name_without_unit(name: str) -> str:
     """The words of a name, without its unit."""
     cut = name
     for opening in "[(":
@@ -166,7 +169,7 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
 }
 
 
-def _by_unit_alone(columns: Sequence[LogColumn], found: Recognised) -> None:
+def _by_unit_alone(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Columns whose names say nothing, the only ones in a unit of force or of speed."""
     units = Counter(_quantity("", column.unit) for column in columns if column.unit)
     for column in columns:
@@ -186,7 +189,7 @@ _WITHOUT_UNIT: Final = {
 }
 
 
-def _without_unit(columns: Sequence[LogColumn], found: Recognised) -> None:
+def _without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
     """A column whose name says what it is, and nothing its unit."""
     given = {each.column for each in found.channels}
     for quantity, channel in _WITHOUT_UNIT.items():

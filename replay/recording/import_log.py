@@ -77,10 +77,10 @@ def _fields(log: Log, row: dict[str, object]) -> Iterator[str]:
         if "[]" not in field:
             yield field
         elif field.endswith("[]") and field.count("[]") == 1 and not field.endswith("name[]"):
-            yield from _elements(log, topic, field.removesuffix("[]"), fields, row["start_ns"])
+            yield from _element_paths(log, topic, field.removesuffix("[]"), fields, row["start_ns"])
 
 
-def _elements(
+def _element_paths(
     log: Log, topic: str, field: str, fields: list[object], start_ns: object
 ) -> Iterator[str]:
     assert isinstance(start_ns, int)

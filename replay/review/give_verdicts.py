@@ -9,11 +9,12 @@ from typing import Final
 import polars as pl
 from pydantic import ValidationError
 
+from analysis.model.physical_units import NS_PER_S
 from estimators.errors import RecordingError, ReviewError
 from estimators.file_digest import file_sha256
 from recordings import read_frame
 from recordings.report.atomic_output import atomic_files
-from recordings.review.find_cycle import find_cycle
+from recordings.review.find_cycle import find_cycle, find_instant
 from recordings.review.review_state import RECORDING, ReviewState, read_state
 from recordings.review.reviewer_verdicts import (
     VERDICTS,
@@ -42,6 +43,9 @@ class GivenVerdicts:
         cycles: cycles that note and labels are of.
         note: of the cycles.
         labels: of the cycles, by name (`LABELS`); of the whole shift where no cycle is named.
+        spans: what the logs say of parts of the shift.
+        begin: local time from which on labels are of the shift's cycles.
+        end: local time up to which they are.
         author: who says so.
     """
 
@@ -51,10 +55,13 @@ class GivenVerdicts:
     note: str = ""
     labels: Mapping[str, str] = field(default_factory=dict[str, str])
     author: str = ""
+    begin: str = ""
+    end: str = ""
+    spans: Sequence[ShiftVerdict] = ()
 
     def __bool__(self) -> bool:
         """Whether anything is said."""
-        return bool(self.named or self.note or self._labels)
+        return bool(self.named or self.note or self._labels or self.spans)
 
     @property
     def named(self) -> list[tuple[str, bool | None]]:
@@ -79,6 +86,11 @@ class GivenVerdicts:
             raise ReviewError("a verdict on a cycle has an author: add --author NAME")
         if self.note and not self.named:
             raise ReviewError("a note is of a cycle: add --reject, --accept or --cycle WHEN")
+        if (self.begin or self.end) and (self.named or not self._labels):
+            raise ReviewError(
+                "--from and --to are of labels of the shift: add --product, --operator, --truck, "
+                "--customer or --stockpile, and no cycle"
+            )
         trial = {"id": "", "author": self.author or "-", "time": _now(), "note": self.note}
         try:
             CycleVerdict.model_validate(trial | self._labels)
@@ -97,14 +109,38 @@ class GivenVerdicts:
             state: of the review.
             folder: of the review.
         """
+        logged = [each for each in self.spans if each not in before.shift]
+        return [*logged, *self._said_by_person(before, rows, state, folder)]
+
+    def _said_by_person(
+        self, before: VerdictFile, rows: pl.DataFrame, state: ReviewState, folder: Path
+    ) -> list[CycleVerdict | ShiftVerdict]:
+        """Of these, what no log says; arguments as of `added_to`."""
         now = _now()
+        signed = {"author": self.author.strip() or None, "time": now}
+        if self.begin or self.end:
+            span = {
+                name: find_instant(text, state.clock)
+                for name, text in (("begin", self.begin), ("end", self.end))
+                if text
+            }
+            if len(span) == 2 and span["begin"] >= span["end"]:
+                raise ReviewError(f"--to {self.end} is not after --from {self.begin}")
+            said = ShiftVerdict.model_validate(self._labels | span | signed)
+            if not any(said.holds_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]):
+                raise ReviewError(
+                    f"no load is dumped from {self.begin or 'the beginning'} to "
+                    f"{self.end or 'the end'} of the shift"
+                )
+            return [said]
         if not self.named:
+            # labels of a part of the shift may say otherwise: the later one counts
+            in_parts = any(each.begin or each.end for each in before.shift)
             said = {
                 name: text
                 for name, text in self._labels.items()
-                if getattr(before.shift_labels, name) != text
+                if in_parts or getattr(before.shift_labels, name) != text
             }
-            signed = {"author": self.author.strip() or None, "time": now}
             return [ShiftVerdict.model_validate(said | signed)] if said else []
         standing = matched(before, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
@@ -115,8 +151,8 @@ class GivenVerdicts:
             said = kept | self._labels | ({"note": self.note} if self.note else {})
             said |= {} if reject is None else {"reject": reject}
             if said != kept:
-                signed = {"id": rows["id"][row], "author": self.author.strip(), "time": now}
-                found[row] = CycleVerdict.model_validate(said | signed)
+                by = {"id": rows["id"][row], "author": self.author.strip(), "time": now}
+                found[row] = CycleVerdict.model_validate(said | by)
         return list(found.values())
 
 

@@ -14,6 +14,8 @@ from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradiction
 from analysis.cycles.calibrated_payloads import calibrate_cycles
+from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
+from analysis.cycles.lost_cycles import holes
 from analysis.cycles.mixed_machines import find_mixed_machine
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -32,9 +34,14 @@ from recordings.review.review_state import (
 )
 from recordings.review.reviewer_verdicts import read_verdicts
 from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
-from replay.inputs.channel_inputs import channel_fields, input_files, resolved, versions
+from replay.inputs.channel_inputs import (
+    channel_fields,
+    input_files,
+    package_versions,
+    resolve_machine,
+)
 from replay.inputs.decode_cache import FOLDER as DECODED
-from replay.inputs.decode_cache import decoded
+from replay.inputs.decode_cache import decode_logs
 from replay.inputs.time_line import begins_ns
 from replay.logs import Log, logs_in, open_log
 from replay.machines.machine_file import load_machine, time_axis
@@ -131,7 +138,8 @@ def review(
                 write_recording(_thinned(made.run, full=options.full), stage / RECORDING)
                 digest = file_sha256(stage / RECORDING)
                 torn = torn_logs(opened, channel_fields(machine), made.run.provenance)
-                state = state_of(made.run, key, digest, plain, made.mixed, torn)
+                energy = _energy(made.run, machine)
+                state = state_of(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
                 assert before is not None
                 state = before
@@ -163,7 +171,7 @@ def _replayed(
     on_stage: Callable[[str], None],
 ) -> ReplayedShift:
     count = len(opened)
-    own = decoded(
+    own = decode_logs(
         opened, machine, folder / DECODED, lambda done: on_stage(f"decode {done} of {count}")
     )
     try:
@@ -188,6 +196,13 @@ def _mixed(made: Run, opened: list[Log], machine: Machine) -> str:
     begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
     found = find_mixed_machine(made.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.text(list(begins)[found.log].path.name)
+
+
+def _energy(made: Run, machine: Machine) -> ShiftEnergy:
+    """The energy of the shift, by the settings that it was replayed with."""
+    frames, settings = made.frames, made.provenance.settings
+    gaps = holes(frames["excitation"], frames["aligned"])
+    return shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 
 def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
@@ -246,9 +261,9 @@ def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:
     whole = {
         "format": FORMAT,
         "inputs": [each.sha256 for log in logs for each in input_files(log)],
-        "machine": resolved(machine),
+        "machine": resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "versions": versions(),
+        "versions": package_versions(),
         "full": full,
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
@@ -258,9 +273,9 @@ def _resolved(
     machine: Machine, options: ReviewOptions, by: MachineCalibration | None
 ) -> dict[str, Any]:
     return {
-        **resolved(machine),
+        **resolve_machine(machine),
         "settings": machine.settings.model_dump(mode="json"),
-        "versions": versions(),
+        "versions": package_versions(),
         "target_kg": options.target_kg,
         "decimal_comma": options.decimal_comma,
         "calibration": "none" if by is None else f"evidence {by.document.id}",

@@ -10,6 +10,7 @@ import polars as pl
 from analysis.cycles.label_totals import LabelTotal, label_totals
 from analysis.cycles.payload_target import TargetCheck, check_target
 from analysis.cycles.shift_totals import recount_shift
+from recordings.review.energy_columns import energy_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
 from recordings.review.review_state import STATE, ReviewState
@@ -66,6 +67,7 @@ class ShiftReview:
             "losses": list(self.state.losses),
             "warnings": [self.state.mixed_machines] if self.state.mixed_machines else [],
             "calibration": self.calibration._asdict(),
+            "energy": energy_dict(self.ledger, self.shift, self.state),
             "replayed": self.replayed,
         }
 
@@ -117,7 +119,7 @@ class CountedShift:
         """
         by_row = matched(verdicts, identities(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
-        rows = ledger(cycles, t0_unix_ns, by_row, verdicts.shift_labels)
+        rows = ledger(cycles, t0_unix_ns, by_row, verdicts.labels_at)
         totals = {name: label_totals(cycles, rows[name].to_list(), rejected) for name in LABELS}
         return cls(
             rows,

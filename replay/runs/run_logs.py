@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from analysis.model.answer import Answer, answer
 from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
-from recordings.report.atomic_output import keep_apart
+from recordings.report.atomic_output import refuse_input_as_output
 from recordings.rrd.viewer import start_viewer
 from recordings.rrd.writer import LiveView
 from replay.logs import open_log
@@ -78,7 +78,7 @@ def replay_logs(
         machine = by.checked(by.weighing(machine), machine_file)
     if output.path is not None:
         check_recording(output.path, force=output.force)
-        keep_apart(output.path, (path for path in logs if path.exists()))
+        refuse_input_as_output(output.path, (path for path in logs if path.exists()))
     # before the work: without a screen there is nothing to wait for
     viewer = output.viewer or (LiveView(start_viewer()) if output.live else None)
     with ExitStack() as stack:

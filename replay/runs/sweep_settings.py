@@ -1,8 +1,10 @@
-"""The command `sweep`: one log replayed over a grid of settings, a row a combination."""
+"""Replay logs under every combination of the values that `--over KEY=…` gives."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from decimal import Decimal
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +16,7 @@ from analysis.calibration.campaign.method_errors import run_errors
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine
 from analysis.model.run_record import Run
-from estimators.errors import DataError
+from estimators.errors import DataError, MachineError
 from replay.inputs.cached_log import CachedLog
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, time_axis
@@ -24,6 +26,9 @@ from replay.simulation.log_truth import has_truth, true_trials
 if TYPE_CHECKING:
     from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration
 
+#: A grid larger than this is a slip of the pen: days of replays.
+_LARGEST = 10_000
+_HOW = "write it as KEY=FROM:TO:STEP or KEY=A,B,C, as settings.gate.threshold_nat=0.5:1.5:0.2"
 #: Fewer loads are no calibration campaign: then raw masses are held against the truth.
 _LOADS_MIN = 3
 
@@ -139,13 +144,77 @@ def _true_errors(
     by_method = {str(method): part for (method,), part in errors.group_by("method")}
     return {
         name: {
-            method: _rms(by_method[method][column]) if weighs and method in by_method else None
+            method: _rms_error(by_method[method][column])
+            if weighs and method in by_method
+            else None
             for method in replayed.frames["masses"]["method"]
         }
         for name, column in names.items()
     }
 
 
-def _rms(errors: pl.Series) -> float | None:
+def _rms_error(errors: pl.Series) -> float | None:
     known = errors.drop_nulls().to_numpy()
     return float(np.sqrt((known**2).mean())) if known.size else None
+
+
+def combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
+    """Every combination of the values that are asked for.
+
+    Args:
+        over: `key=from:to:step` (both ends included) or `key=a,b,c`.
+
+    Returns:
+        Each as overrides of a machine file, `key=value`, in the order of `over`; the last varies
+        fastest.
+
+    Raises:
+        MachineError: in one line: what is no range or list, a key that is given twice.
+    """
+    axes = [_axis(each) for each in over]
+    keys = [axis[0].partition("=")[0] for axis in axes]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise MachineError(f"--over {key}: is given twice; put its values in one --over")
+    size = 1
+    for axis in axes:
+        size *= len(axis)
+    if size > _LARGEST:
+        raise MachineError(f"--over: makes {size:,} replays, at most {_LARGEST:,}; widen a step")
+    return list(product(*axes))
+
+
+def _axis(over: str) -> list[str]:
+    key, equals, text = (part.strip() for part in over.partition("="))
+    if not (key and equals and text):
+        raise MachineError(f"--over {over}: {_HOW}")
+    values = _parse_range(over, text) if ":" in text else _split_values(text)
+    if not all(values):
+        raise MachineError(f"--over {over}: a value is missing; {_HOW}")
+    return [f"{key}={value}" for value in values]
+
+
+def _parse_range(over: str, text: str) -> list[str]:
+    """The decimal numbers of `from:to:step`, as they would be written."""
+    try:
+        first, last, step = (Decimal(part.strip()) for part in text.split(":"))
+        steps = (last - first) / step
+    except (ArithmeticError, ValueError):
+        raise MachineError(f"--over {over}: {_HOW}") from None
+    if not steps.is_finite() or steps < 0:
+        raise MachineError(f"--over {over}: no step of {step} leads from {first} to {last}")
+    if steps >= _LARGEST:
+        raise MachineError(f"--over {over}: makes more than {_LARGEST:,} values; widen the step")
+    return [f"{first + k * step:f}" for k in range(int(steps) + 1)]
+
+
+def _split_values(text: str) -> list[str]:
+    """The values between commas; those inside brackets are one value."""
+    values, depth = [""], 0
+    for letter in text:
+        depth += (letter in "[{") - (letter in "]}")
+        if letter == "," and depth == 0:
+            values.append("")
+        else:
+            values[-1] += letter
+    return [value.strip() for value in values]

@@ -55,12 +55,14 @@ def scenario_text(scenario: Scenario) -> str:
 
 
 def _block(title: str, values: Mapping[str, Any]) -> str:
-    return "".join([f"{title}\n", *(f"{key} = {_value(value)}\n" for key, value in values.items())])
+    return "".join(
+        [f"{title}\n", *(f"{key} = {_toml_value(value)}\n" for key, value in values.items())]
+    )
 
 
-def _value(value: Any) -> str:
+def _toml_value(value: Any) -> str:
     if isinstance(value, dict):
-        inside = ", ".join(f"{key} = {_value(each)}" for key, each in value.items())
+        inside = ", ".join(f"{key} = {_toml_value(each)}" for key, each in value.items())
         return f"{{ {inside} }}"
     # numbers, texts and lists of them are written alike in JSON and TOML
     return json.dumps(value)

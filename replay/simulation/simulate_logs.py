@@ -1,11 +1,97 @@
-"""Simulate a scenario as logs with known truth."""
+"""Simulate a scenario as logs of any format, with the truth beside each."""
 
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
+from typing import Final
 
-from analysis.simulation import Scenario, simulate_campaign
+import polars as pl
+
+from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from estimators.errors import OutputError
-from replay.simulation.log_truth import write_shift_truth
-from replay.simulation.write_log import write_logs
+from recordings.report.atomic_output import atomic_files
+from replay.logs.writers.bag_writer import write_bag
+from replay.logs.writers.mcap_writer import write_mcap
+from replay.logs.writers.rosbag2_writer import METADATA, write_db3, write_rosbag2
+from replay.simulation.log_truth import truth_path, write_shift_truth, write_truth
+
+
+def write_csv(log: SimulatedLog, path: Path) -> None:
+    """Write `log` as CSV at `path`, where nothing is yet.
+
+    `time_s` counts from the start of the campaign, so that the tables of all loads make one time
+    line and every time is exact to the nanosecond, which unix seconds in a double are not. The
+    other columns are the machine file's channels, numbers written so that they read back exactly.
+    """
+    topics = (frame.drop("log_time_ns") for frame in log.topics.values())
+    table = next(topics)
+    for topic in topics:
+        table = table.join(topic, on="header_stamp_ns", how="full", coalesce=True)
+    time_s = (pl.col("header_stamp_ns") - log.origin_unix_ns) / 1e9
+    table.sort("header_stamp_ns").select(
+        time_s.alias("time_s"), pl.exclude("header_stamp_ns")
+    ).write_csv(path)
+
+
+#: A rosbag2 directory has no suffix.
+WRITERS: Final[dict[str, Callable[[SimulatedLog, Path], None]]] = {
+    ".bag": write_bag,
+    ".mcap": write_mcap,
+    ".db3": write_db3,
+    ".csv": write_csv,
+    "": write_rosbag2,
+}
+
+
+def write_logs(
+    logs: Iterable[SimulatedLog],
+    targets: Sequence[Path],
+    *,
+    force: bool = False,
+    beside: Mapping[Path, Callable[[Path], None]] = MappingProxyType({}),
+) -> None:
+    """Write each log to its target, and the truth to `TARGET.truth.json`: all of them, or none.
+
+    Args:
+        logs: as many as there are targets.
+        targets: in one folder; the suffix says the format.
+        force: whether outputs that are there may be replaced.
+        beside: further files of the same folder, each with what writes it when all logs are
+            written.
+
+    Raises:
+        OutputError: no format has that suffix, an output is there already, or the folder cannot
+            be written to.
+    """
+    for target in targets:
+        if target.suffix not in WRITERS:
+            raise OutputError(
+                f"{target}: no format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
+                "or no suffix for a rosbag2 directory"
+            )
+    with atomic_files([*targets, *map(truth_path, targets), *beside], force=force) as stage:
+        for log, target in zip(logs, targets, strict=True):
+            WRITERS[target.suffix](log, stage / target.name)
+            if log.torn_share:
+                tear(stage / target.name, log.torn_share)
+            write_truth(log, stage / target.name)
+        for target, write in beside.items():
+            write(stage / target.name)
+
+
+def tear(log: Path, share: float) -> None:
+    """Cut off so much of a log's file, at any byte; a directory loses its metadata as well.
+
+    Args:
+        log: a file, or a rosbag2 directory of one storage file.
+        share: from 0 to 1.
+    """
+    if log.is_dir():
+        (log / METADATA).unlink()
+        (log,) = log.iterdir()
+    size = log.stat().st_size
+    with log.open("r+b") as file:
+        file.truncate(size - round(size * share))
 
 
 def simulate(scenario: Scenario, output: Path, *, force: bool = False) -> list[Path]:
@@ -63,7 +149,9 @@ def log_paths(scenario: Scenario, output: Path) -> list[Path]:
     loads = scenario.campaign.loads_kg
     if len(loads) == 1:
         return [output]
-    return [output.with_name(f"{output.stem}_{_number(load)}kg{output.suffix}") for load in loads]
+    return [
+        output.with_name(f"{output.stem}_{_load_name(load)}kg{output.suffix}") for load in loads
+    ]
 
 
 def _number_outputs(output: Path, count: int) -> list[Path]:
@@ -76,6 +164,6 @@ def _number_outputs(output: Path, count: int) -> list[Path]:
     ]
 
 
-def _number(load_kg: float) -> str:
+def _load_name(load_kg: float) -> str:
     # a point would start a suffix
     return f"{load_kg:03.0f}" if load_kg.is_integer() else str(load_kg).replace(".", "_")

@@ -62,6 +62,7 @@ def straight_drives(
         "roll_rad": 0.01 * np.sin(t_s / 7),
         "boom_rad": 0.3 + 0.2 * np.sin(t_s / 20),
         "bucket_rad": 0.1 + 0.2 * np.sin(t_s / 20),
+        "fuel_rate_L_h": 12.0 + 2.0 * np.sin(t_s / 20),
         "latitude_deg": -33.0 + 1e-6 * t_s,
         "longitude_deg": -70.0 + 1e-6 * t_s,
         "force_x_N": force,

@@ -17,7 +17,7 @@ from recordings.signatures.signing import (
     PublicKey,
     SigningKey,
     envelope,
-    new_key_pair,
+    make_key_pair,
     pae,
     signing_key,
 )
@@ -154,7 +154,7 @@ def unsigned(made: Made, scratch: Path) -> Asked:
 
 
 def with_other_key(made: Made, scratch: Path) -> Asked:
-    _, public = new_key_pair()
+    _, public = make_key_pair()
     (scratch / "other.pem").write_bytes(public)
     return ("verify", made.bundle, "--key", scratch / "other.pem")
 

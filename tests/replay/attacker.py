@@ -32,7 +32,7 @@ from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     SigningKey,
     envelope,
-    new_key_pair,
+    make_key_pair,
     statement,
 )
 
@@ -40,7 +40,7 @@ from recordings.signatures.signing import (
 def key_files(folder: Path, name: str = "key") -> tuple[Path, Path]:
     """A new key: its private and its public file."""
     private, public = folder / f"{name}.pem", folder / f"{name}.pub.pem"
-    for path, half in zip((private, public), new_key_pair(), strict=True):
+    for path, half in zip((private, public), make_key_pair(), strict=True):
         path.write_bytes(half)
     return private, public
 

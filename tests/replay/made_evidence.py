@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from replay.calibration.calibrate_campaign import calibrate
-from replay.calibration.verify_bundle import Verified, verify
+from replay.calibration.verify_bundle import Verification, verify
 from tests.replay.attacker import key_files
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -30,9 +30,9 @@ class Made:
             calibrate(of, made, key_file=self.private, previous=before)
             before = made
 
-    def verify(self, bundle: Path, **more: Any) -> Verified:
+    def verify(self, bundle: Path, **more: Any) -> Verification:
         return verify(bundle, key_file=self.public, previous=self.first, **more)
 
 
-def items(found: Verified) -> str:
+def items(found: Verification) -> str:
     return "\n".join(map(str, found.findings))

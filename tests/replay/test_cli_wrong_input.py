@@ -8,7 +8,6 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.model.settings import MOVED
 from recordings import read_recording
 from tests.conftest import REPO
 from tests.replay.fewer_rights import obeying_modes
@@ -65,15 +64,6 @@ class TestWrongInput:
         one_line(said, "settings: unknown key 'window_sample'", "'settings.gate.window_samples'?")
         said = payscope("run", log, "-m", machine_file, "--set", "settings.gate.window=400")
         one_line(said, "settings.gate.window", "did you mean 'window_samples'?")
-
-    @pytest.mark.parametrize(("old", "new"), sorted(MOVED.items()))
-    def test_a_key_of_the_flat_table_is_answered_with_the_new_one(
-        self, payscope: Payscope, log: Path, machine_file: Path, old: str, new: str
-    ) -> None:
-        head, _, _ = machine_file.read_text().partition("[settings")
-        machine_file.write_text(f"{head}[settings]\n{old} = 1\n")
-        said = payscope("run", log, "-m", machine_file)
-        one_line(said, "sledge.toml", f"'{old}' is now 'settings.{new}'")
 
     @pytest.mark.parametrize(("stage", "meant"), [("gat", "gate"), ("smoth", "smooth")])
     def test_a_misspelt_stage_is_answered_with_the_stage(

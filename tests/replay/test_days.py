@@ -15,7 +15,7 @@ from recordings.calibration.timestamp import timestamp_request
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import public_key
 from replay.calibration.calibrate_campaign import calibrate
-from replay.calibration.verify_bundle import Verified, verify
+from replay.calibration.verify_bundle import Verification, verify
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge import Payscope, one_line
@@ -234,7 +234,7 @@ def test_a_forged_time_stamp_is_found(
     words: str,
 ) -> None:
     attack(made, bundle, authority, tmp_path_factory.mktemp("other"))
-    found: Verified = made.verify(bundle, tsa=authority / "ca.pem")
+    found: Verification = made.verify(bundle, tsa=authority / "ca.pem")
     assert found.outcome is outcome, items(found)
     assert words in items(found)
 

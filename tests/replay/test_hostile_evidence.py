@@ -20,7 +20,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.check_outcomes import BundleOutcome
 from replay.calibration.calibrate_campaign import calibrate
-from replay.calibration.verify_bundle import Verified, verify
+from replay.calibration.verify_bundle import Verification, verify
 from tests.replay.attack_list import JSON_FORMS, OUTSIDE
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.sledge import Payscope, one_line
@@ -34,13 +34,13 @@ def genuine(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "evidence"
 
 
-def changed(genuine: Path, tmp_path: Path, name: str, data: bytes) -> Verified:
+def changed(genuine: Path, tmp_path: Path, name: str, data: bytes) -> Verification:
     folder = Path(shutil.copytree(genuine, tmp_path / "b"))
     (folder / name).write_bytes(data)
     return verify(folder)
 
 
-def said(found: Verified) -> str:
+def said(found: Verification) -> str:
     return "\n".join(map(str, found.findings))
 
 

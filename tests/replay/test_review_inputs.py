@@ -18,7 +18,7 @@ from estimators.errors import LogError, ReviewError
 from recordings.review.review_page import UsedCalibration
 from recordings.review.review_state import RECORDING, FailedCheck
 from replay.calibration.apply_evidence import AskedCalibration
-from replay.calibration.calibrate_campaign import Calibrated, calibrate
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.commands.review import print_review
 from replay.logs import logs_in
 from replay.review.review_shift import ReviewOptions, review
@@ -52,7 +52,7 @@ def reviewed(folder: Path, machine: Path) -> ShiftReview:
 
 
 @pytest.fixture(scope="module")
-def evidence(folder: Path) -> Calibrated:
+def evidence(folder: Path) -> CalibrationOutcome:
     return calibrate(folder / "campaign.toml", folder / "evidence")
 
 
@@ -111,9 +111,13 @@ def test_ten_cuts_anywhere_give_the_ledger_of_the_whole(
 
 
 def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
-    folder: Path, machine: Path, reviewed: ShiftReview, evidence: Calibrated, tmp_path: Path,
+    folder: Path,
+    machine: Path,
+    reviewed: ShiftReview,
+    evidence: CalibrationOutcome,
+    tmp_path: Path,
     payscope: Payscope,
-) -> None:  # fmt: skip
+) -> None:
     out = tmp_path / "review"
     ask = ("-m", machine, "-o", out, "--calibration", evidence.folder)
     said = payscope("review", folder / "shift", *ask)
@@ -136,7 +140,7 @@ def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
 
 
 def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(
-    machine: Path, evidence: Calibrated, tmp_path: Path
+    machine: Path, evidence: CalibrationOutcome, tmp_path: Path
 ) -> None:
     sledge_shift((55.0, 95.0, 50.0)).write_csv(tmp_path / "heavy.csv")
     asked = ReviewOptions(calibration=AskedCalibration(evidence.folder))
@@ -147,7 +151,7 @@ def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(
 
 
 def test_evidence_that_is_not_of_this_shift_is_refused_in_a_line(
-    folder: Path, machine: Path, evidence: Calibrated, tmp_path: Path, payscope: Payscope
+    folder: Path, machine: Path, evidence: CalibrationOutcome, tmp_path: Path, payscope: Payscope
 ) -> None:
     def refused(*more: object, log: Path = folder / "shift/whole.csv", says: str) -> None:
         ask = ("-m", machine, "-o", tmp_path / "r", "--calibration", evidence.folder)

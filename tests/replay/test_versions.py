@@ -21,7 +21,7 @@ from recordings.calibration.released_defaults import (
 )
 from recordings.signatures.canonical_json import canonical
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
-from replay.calibration.verify_bundle import Verified, verify
+from replay.calibration.verify_bundle import Verification, verify
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
@@ -44,7 +44,7 @@ def released(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRe
     return unpacked(request.param, tmp_path_factory.mktemp("released"))
 
 
-def checked(released: Path, folder: Path) -> Verified:
+def checked(released: Path, folder: Path) -> Verification:
     key = released / "key.pub.pem"
     return verify(folder, key_file=key, previous=released / "first")
 

@@ -10,8 +10,8 @@ import polars as pl
 from analysis.calibration.campaign.campaign_fit import unfitted_points
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point
 from analysis.calibration.line.line_fit import fit_calibration
-from analysis.calibration.line.variance_components import Floats
 from analysis.model.schema import conform
+from estimators.arrays import Floats
 from estimators.errors import DataError
 
 #: Of a point, the columns of the frame.

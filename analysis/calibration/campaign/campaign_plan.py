@@ -71,7 +71,7 @@ class EvidenceSubject(BaseModel):
         "", description="whose place that is"
     )
     received: dt.date | None = Field(None, description="day when the machine was handed over")
-    deviations: Text = Field("", description='from the method; "none" where there are none')
+    deviations: Text = Field("", description='deviations from the method, or "none"')
     replaces: Id | Literal[""] = Field("", description="id of the evidence that this one replaces")
     replaces_reason: Text = Field("", description="why it is replaced")
     signer: Line = Field("", description="whose signing key it is, by name")
@@ -95,7 +95,7 @@ class CalibratedMachine(BaseModel):
     file: Line = Field(min_length=1, description="machine file, from the campaign file's folder")
     id: Id = Field(description="serial number: evidence is chained by it")
     make: Line = Field("", description="who built it")
-    model: Line = Field("", description="which model it is")
+    model: Line = Field("", description="model of the machine")
     condition: Line = Field("", description="its condition, such as tyres worn by a third")
     empty_mass_kg: float | None = Field(
         None, gt=0, description="its empty mass, where not the machine file's"
@@ -131,7 +131,7 @@ class ReferenceMass(BaseModel):
     )
     certificate_issuer: Line = Field("", description="laboratory that issued the certificate")
     certificate_signature: Line = Field(
-        "", description="who signed the dcc; written when it is read"
+        "", description="signer of the dcc; filled in when it is read"
     )
     source: Line = Field("", description="scale or certificate that several masses share")
     shared_u_kg: float = Field(
@@ -165,7 +165,7 @@ class CampaignRun(BaseModel):
 
     model_config = _FORBID
 
-    id: Id = Field(description="name of the run; of its number where there is none")
+    id: Id = Field(description="name of the run; its number if it has none")
     log: Line = Field(min_length=1, description="the log, from the campaign file's folder")
     from_s: float | None = Field(None, ge=0, description="begin, in seconds from the log's start")
     to_s: float | None = Field(None, gt=0, description="end, likewise")
@@ -202,7 +202,8 @@ class StatedComponent(BaseModel):
     component: Line = Field(min_length=1, description="name, such as tare or local gravity")
     u_kg: float | None = Field(None, ge=0, le=1e5, description="standard uncertainty, if known")
     absorbed: bool = Field(
-        default=False, description="a constant of the machine, which the line takes with it"
+        default=False,
+        description="whether it is constant for the machine, so that the line absorbs it",
     )
     known: Line = Field("stated in the campaign file", description="how it is known")
 
@@ -219,8 +220,8 @@ class CampaignMethod(BaseModel):
     )
     learn: bool = Field(
         default=True,
-        description="whether what the logs say together of the joint fit's nuisances becomes its "
-        "priors",
+        description="whether the nuisance terms of the joint fit get their priors from all logs "
+        "together",
     )
     confidence_1: float = Field(0.95, gt=0.5, lt=1, description="of every interval")
     day_known_kg: float | None = Field(
@@ -255,7 +256,7 @@ class LeftOutLog(BaseModel):
 
     model_config = _FORBID
 
-    number: int = Field(ge=1, lt=2**53, description="its number in the list")
+    number: int = Field(ge=1, lt=2**53, description="its line number in the list")
     reason: Line = Field(min_length=1, description="why it is none of the campaign")
 
 

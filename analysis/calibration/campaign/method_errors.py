@@ -7,7 +7,7 @@ from analysis.calibration.campaign.by_method import MethodReadings, by_method
 from analysis.calibration.line.calibration_points import campaign_of
 from analysis.calibration.line.line_fit import tested_line
 from analysis.calibration.line.point_errors import lines_left_out
-from analysis.calibration.line.variance_components import Floats
+from estimators.arrays import Floats
 from estimators.errors import DataError
 
 

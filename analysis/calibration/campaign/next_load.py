@@ -8,11 +8,11 @@ from analysis.calibration.line.calibration import Calibration, Point
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import DAY, DAYS_ENOUGH, Points, scatter_of
 from analysis.calibration.line.variance_components import (
-    Floats,
     Variances,
     WithinRunVariance,
     expected_information,
 )
+from estimators.arrays import Floats
 
 
 @dataclass(frozen=True, slots=True)

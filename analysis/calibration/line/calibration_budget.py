@@ -8,7 +8,7 @@ import numpy as np
 from analysis.calibration.line.calibration import BudgetRow, Component, StatedPart
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import DAY, LACK_OF_FIT, REFERENCES, REPEATABILITY, RUN
-from analysis.calibration.line.variance_components import Floats
+from estimators.arrays import Floats
 
 #: What a budget of weighing has to name, stated or not.
 EXPECTED: Final = ("wheel radius", "force share", "local gravity", "tare")

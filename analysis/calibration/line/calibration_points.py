@@ -7,7 +7,8 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.line.line_model import Points
-from analysis.calibration.line.variance_components import Floats, WithinRunVariance
+from analysis.calibration.line.variance_components import WithinRunVariance
+from estimators.arrays import Floats
 from estimators.errors import DataError, counted
 
 #: A line that is to show whether it is one needs a load more than it has parameters.

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.errors import DataError
-
-Floats = NDArray[np.float64]
 
 #: Iterations at most.
 _ITERATIONS: Final = 100

@@ -1,4 +1,4 @@
-"""Fit a calibration to the readings of a campaign."""
+"""Fit a calibration to the readings of a campaign: line, lack of fit, and notes for its reader."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 import polars as pl
+from scipy.special import fdtrc
 
 from analysis.calibration.line.calibration import (
     Calibration,
@@ -16,9 +17,8 @@ from analysis.calibration.line.calibration import (
     extra_kg2,
 )
 from analysis.calibration.line.calibration_budget import budget
-from analysis.calibration.line.calibration_notes import sentences
 from analysis.calibration.line.calibration_points import Campaign, campaign_of
-from analysis.calibration.line.lack_of_fit import LEVEL, lack_of_fit
+from analysis.calibration.line.distance_regression import distance_regression
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import (
     DAY,
@@ -26,15 +26,58 @@ from analysis.calibration.line.line_model import (
     RUN,
     FittedLine,
     Points,
+    estimated_effects,
     fit_line,
+    scatter_of,
 )
 from analysis.calibration.line.outliers import outliers
 from analysis.calibration.line.point_errors import attenuation, point_rows, rms, stated_ratio
 from analysis.calibration.line.unlike_driving import RunResponse, line_responses
-from analysis.calibration.line.variance_components import Floats
+from analysis.calibration.line.variance_components import restricted_likelihood
+from estimators.arrays import Floats
 from estimators.errors import DataError
 
+#: A ratio less likely than this is taken for a lack of fit.
+LEVEL: Final = 0.05
 _NEEDED: Final = ("run_id", "load_id", "day", "mass_kg", "used")
+
+
+def lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
+    """Compare a mean a load with the line.
+
+    Args:
+        points: means of runs.
+        day_known_kg: deviation from day to day where it is known, in kg of m̂.
+    """
+    design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
+    loads, count = design.shape[1], points.y_kg.size
+    names = estimated_effects(points, loads, day_known=day_known_kg is not None)
+    above = loads - 2
+    below = count - loads - (points.days - 1 if DAY in names else 0)
+    against = "run to run, at the same load"
+    if RUN not in names:
+        below, against = points.within.freedom, "repeatability; run to run would look the same"
+    if above < 1 or below < 1 or not names:
+        return LackOfFit(
+            None,
+            None,
+            None,
+            "nothing: no load has two runs, nor a run two readings",
+            separate=False,
+        )
+    scatter = scatter_of(points, names, day_known_kg)
+    found = restricted_likelihood(
+        points.y_kg, design, scatter.by_squares, scatter.known, points.within
+    )
+    y_cov = scatter.covariance(found.transformed(scatter.squares).value)
+    x_cov = points.x_cov_kg2
+    fitted = distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
+    weight = np.linalg.inv(y_cov + fitted.slope**2 * x_cov)
+    means = np.linalg.solve(design.T @ weight @ design, design.T @ weight @ points.y_kg)
+    left = points.y_kg - design @ means
+    ratio = max(fitted.chi2 - float(left @ weight @ left), 0.0) / above
+    p = float(fdtrc(above, below, ratio))
+    return LackOfFit(ratio, p, (above, below), against, separate=RUN in names)
 
 
 def fit_calibration(
@@ -211,3 +254,61 @@ def _beta_interval(inversion: Inversion, confidence_1: float) -> tuple[float | N
     found = inversion.exact(0.0, confidence_1)
     low, high = float(found.low_kg[0]), float(found.high_kg[0])
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)
+
+
+def sentences(calibration: Calibration) -> tuple[str, ...]:
+    """One sentence a matter, the heaviest first."""
+    found = [*_about_days(calibration), *_about_line(calibration)]
+    found += [
+        f"{one.test}: {one.about} stands out (p = {one.p_1:.2g}); it is in the fit"
+        for one in calibration.outliers
+    ]
+    return tuple(found)
+
+
+def _about_days(calibration: Calibration) -> list[str]:
+    days = len({point.day for point in calibration.points if point.readings})
+    if calibration.day_freedom is None and calibration.day_kg is not None:
+        return []
+    if days == 1:
+        common = (
+            f"; the {calibration.common_kg / abs(calibration.c1_1):.3g} kg that priors and scale "
+            "leave open count once instead"
+            if calibration.common_kg
+            else "; the intervals hold for that day"
+        )
+        return [f"day to day: unknown, all runs are of one day{common}"]
+    if calibration.day_kg is None:
+        return ["day to day: the runs do not tell it apart, so that run to run has it in it"]
+    if calibration.day_freedom is not None and calibration.day_freedom < 4:
+        return [
+            f"day to day: {days} days tell it with {calibration.day_freedom} degrees of freedom; "
+            "more days would narrow every interval"
+        ]
+    return []
+
+
+def _about_line(calibration: Calibration) -> list[str]:
+    found: list[str] = []
+    middle_kg = sum(calibration.range_kg) / 2.0
+    share = calibration.beta_kg / middle_kg if middle_kg else 0.0
+    if abs(share) > 0.5:
+        found.append(
+            f"{share:.0%} of a calibrated mass is the offset beta: the estimate moves it "
+            "by little, an error of beta stays whole, and outside the references the line "
+            "says nothing"
+        )
+    if None in calibration.alpha_interval_1:
+        found.append("the slope cannot be told from 0: no mass has an interval")
+    test = calibration.lack_of_fit
+    if test.p_1 is not None and test.p_1 < LEVEL:
+        found.append(
+            f"lack of fit: the loads' means are not on a line within their scatter (p = "
+            f"{test.p_1:.2g}, against {test.against})"
+        )
+    if calibration.attenuation_1 is not None:
+        found.append(
+            "(19) fitted to single readings instead of load means would have alpha at "
+            f"{calibration.attenuation_1:.3f} of its size"
+        )
+    return found

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtri, stdtrit
 
-from analysis.calibration.line.line_model import DAY, REPEATABILITY, RUN, FittedLine, Ints
-from analysis.calibration.line.variance_components import Floats, Variances
+from analysis.calibration.line.line_model import DAY, REPEATABILITY, RUN, FittedLine
+from analysis.calibration.line.variance_components import Variances
+from estimators.arrays import Floats, Ints
 
 #: Rarer events are not told apart.
 _TAIL_MIN: Final = 1e-9

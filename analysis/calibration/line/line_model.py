@@ -4,17 +4,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.calibration.line.distance_regression import distance_regression
 from analysis.calibration.line.variance_components import (
-    Floats,
     Variances,
     WithinRunVariance,
     restricted_likelihood,
 )
-
-Ints = NDArray[np.int64]
+from estimators.arrays import Floats, Ints
 
 #: Rounds of line and variances at most.
 _ROUNDS: Final = 20

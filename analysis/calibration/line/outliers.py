@@ -8,7 +8,7 @@ from scipy.special import stdtr
 from analysis.calibration.line.calibration import Outlier
 from analysis.calibration.line.calibration_points import Campaign
 from analysis.calibration.line.line_model import FittedLine
-from analysis.calibration.line.variance_components import Floats
+from estimators.arrays import Floats
 
 #: Values less likely than this are named.
 _LEVEL: Final = 0.05

@@ -1,19 +1,24 @@
-"""What the points of a calibration err by: on the line, with their load left out, and on (19)."""
+"""The errors of a calibration's points: on the line, with their load left out, and on (19).
+
+(19) is the paper's calibration as printed: references regressed on estimates.
+"""
 
 from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis.calibration.line.calibration import Point
 from analysis.calibration.line.calibration_points import Campaign
 from analysis.calibration.line.distance_regression import StraightLine, distance_regression
 from analysis.calibration.line.line_model import FittedLine, Points
 from analysis.calibration.line.outliers import studentise
-from analysis.calibration.line.straight_line import line_of_19
-from analysis.calibration.line.variance_components import Floats
+from estimators.arrays import Floats
 
+#: A spread of estimates below this share of their size is rounding, not information.
+_SPREAD_MIN: Final = 1e-9
 #: What (19) goes from, and to.
 _OF_19: Final = ("mass_kg", "reference_kg")
 
@@ -107,3 +112,29 @@ def stated_ratio(campaign: Campaign) -> float | None:
     freedom = int(by_run["freedom"].sum())
     ratio = float(np.sqrt(float(by_run["chi2"].sum()) / freedom)) if freedom > 0 else np.nan
     return ratio if np.isfinite(ratio) else None
+
+
+def line_of_19(
+    estimate_kg: NDArray[np.float64], reference_kg: NDArray[np.float64]
+) -> tuple[float, float] | None:
+    """Fit m_c = alpha m + beta by least squares.
+
+    On load means it is nearly the line of `fit_calibration`; on single runs the noise of the
+    estimates flattens it.
+
+    Args:
+        estimate_kg: (points,) m.
+        reference_kg: (points,) m_c.
+
+    Returns:
+        alpha, and beta in kg; None where the estimates do not spread.
+
+    Source:
+        Equation (19).
+    """
+    x0, y0 = estimate_kg.mean(), reference_kg.mean()
+    x, y = estimate_kg - x0, reference_kg - y0
+    if np.abs(x).max() <= _SPREAD_MIN * np.abs(estimate_kg).max():
+        return None
+    alpha = float(x @ y / (x @ x))
+    return alpha, float(y0 - alpha * x0)

@@ -18,8 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from analysis.calibration.line.calibration import LineResponse
 from analysis.model.schema import SCALE
 from analysis.model.settings import LearnableTerm
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 
 class RunResponse(BaseModel):

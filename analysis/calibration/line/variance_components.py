@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: Scoring steps at most.
 _ITERATIONS: Final = 60
@@ -84,7 +83,7 @@ def restricted_likelihood(
         Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
         Variance Components, 6.6.
     """
-    value = _start(residual, design, effects, within) if start is None else start
+    value = _starting_variances(residual, design, effects, within) if start is None else start
     floor = _FLOOR * max(float(value.max()), float(known.diagonal().min()))
     value = np.maximum(value, floor)
     information = np.eye(value.size)
@@ -98,7 +97,9 @@ def restricted_likelihood(
     return Variances(value, np.asarray(np.linalg.pinv(information, hermitian=True), np.float64))
 
 
-def _start(residual: Floats, design: Floats, effects: Floats, within: WithinRunVariance) -> Floats:
+def _starting_variances(
+    residual: Floats, design: Floats, effects: Floats, within: WithinRunVariance
+) -> Floats:
     """Equal shares of what plain least squares leaves; the readings' own as they say it."""
     left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     freedom = max(residual.size - design.shape[1], 1)

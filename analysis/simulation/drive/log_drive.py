@@ -1,13 +1,13 @@
 """Drive the trials of a log one after the other: what the operator asks for, integrated."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from analysis.simulation.drive.machine_driver import STEP_S, WAVE_STEP_S, MachineDriver, StartOrder
-from analysis.simulation.drive.travel_speed import travel_legs
 from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.motion.solved_motion import ManoeuvreTimes
 from analysis.simulation.motion.timeline import DrivenManoeuvre
@@ -16,6 +16,7 @@ from analysis.simulation.plant.integrated_motion import FREE, IntegratedLog
 from analysis.simulation.plant.plant import DriveStage
 from analysis.simulation.scenario.manoeuvres import Excite, Manoeuvre, Rest, Start, Travel
 from analysis.simulation.scenario.scenario import Scenario
+from estimators.arrays import Floats
 from estimators.errors import ScenarioError
 
 #: Steps in the lag of a drive that a pedal follows; forces interpolated in one are 0.1 % off.
@@ -91,7 +92,7 @@ class _TrialDriver(MachineDriver):
             case Rest():
                 times = self.rest(manoeuvre.duration_s, self.mass_kg)
             case Start():
-                body = replace(body, coulomb_x_N=self.drawn_coulomb())
+                body = replace(body, coulomb_x_N=self.draw_coulomb())
                 sign = self._sign(manoeuvre)
                 direction = "forward" if sign > 0.0 else "reverse"
                 throttle = manoeuvre.throttle * self.throttle()
@@ -121,7 +122,7 @@ class _TrialDriver(MachineDriver):
                     f"campaign.manoeuvres.{number}: a {manoeuvre.kind} cannot be integrated"
                 )
         since = times.since(trial_begin_s)
-        body = self.warmed(body, times.start_s)
+        body = self.warm_body(body, times.start_s)
         self.driven.append(
             DrivenManoeuvre(trial, number, since, body, load_kg, load_end_kg, direction, throttle)
         )
@@ -201,3 +202,46 @@ class _TrialDriver(MachineDriver):
         sign = 1.0 if start.direction == "forward" else -1.0
         turned = self.scenario.starts.directions == "alternating" and self.starts % 2 == 1
         return -sign if turned else sign
+
+
+class Leg(NamedTuple):
+    """From standing, or from where the log begins, to the next stand, or to where the log ends.
+
+    Attributes:
+        wanted_m_s: (n,) the speed that is wanted, a value a step.
+        stand_s: how long the machine stands afterwards; None: it drives on.
+    """
+
+    wanted_m_s: Floats
+    stand_s: float | None
+
+
+def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Iterator[Leg]:
+    """The legs of a travel, which together take about its duration."""
+    left_s = travel.duration_s
+    speed = 0.0
+    parts: list[Floats] = []
+    first = travel.in_motion
+    while left_s > 0.0:
+        target = float(dice.uniform(travel.speed_least_m_s, travel.speed_most_m_s))
+        hold_s = float(dice.uniform(travel.hold_least_s, travel.hold_most_s))
+        stands = bool(dice.random() < travel.stop_share)
+        stand_s = float(dice.uniform(travel.stand_least_s, travel.stand_most_s))
+        if first:
+            speed, first = target, False
+        parts += [_ramp(speed, target, travel, step_s), np.full(round(hold_s / step_s), target)]
+        left_s -= (parts[-2].size + parts[-1].size) * step_s
+        speed = target
+        ends = left_s <= 0.0
+        if stands or (ends and not travel.in_motion):
+            parts.append(_ramp(speed, 0.0, travel, step_s))
+            yield Leg(np.concatenate(parts), 0.0 if ends else stand_s)
+            left_s -= parts[-1].size * step_s + stand_s
+            parts, speed = [], 0.0
+    if parts:
+        yield Leg(np.concatenate(parts), None)
+
+
+def _ramp(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:
+    steps = round(abs(end_m_s - begin_m_s) / travel.acceleration_m_s2 / step_s)
+    return np.linspace(begin_m_s, end_m_s, steps, endpoint=False)

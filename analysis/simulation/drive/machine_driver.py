@@ -14,8 +14,8 @@ from analysis.simulation.plant.plant_inputs import DriveStage, plant_of
 from analysis.simulation.plant.resistance import left_of_cold, rolling_resistance
 from analysis.simulation.plant.row_buffer import RowBuffer
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.random_streams import generator
+from estimators.arrays import Floats
 from estimators.errors import ScenarioError
 
 #: One step: a hundredth of the lag of the paper's machine; forces interpolated in it are 0.2 N off.
@@ -261,7 +261,7 @@ class MachineDriver:
         slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
         return self.facing * self._plant.gravity_m_s2 * math.sin(slope_rad)
 
-    def warmed(self, body: RigidBody, time_s: float) -> RigidBody:
+    def warm_body(self, body: RigidBody, time_s: float) -> RigidBody:
         """A body with the friction that is left at a time."""
         viscous, coulomb = self._left_of_cold(time_s)
         return replace(
@@ -276,8 +276,8 @@ class MachineDriver:
         warming_s = self._plant.warming_s
         return left_of_cold(time_s, viscous, warming_s), left_of_cold(time_s, coulomb, warming_s)
 
-    def drawn_coulomb(self) -> float:
-        """The Coulomb friction of the next start, on a cold machine."""
+    def draw_coulomb(self) -> float:
+        """Draw the Coulomb friction of the next start, on a cold machine."""
         drawn = self._random("start_coulomb").standard_normal()
         varied = self.scenario.starts.coulomb_std_N * float(drawn)
         return max(self.scenario.machine.coulomb_N + varied, 0.0)

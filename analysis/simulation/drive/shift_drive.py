@@ -198,7 +198,7 @@ class ShiftDriver(MachineDriver):
     def _start(self, way: float, distance_m: float, operator: np.random.Generator) -> None:
         """One start along the way (1) or against it (-1), and the stand after it."""
         sign = way * self.facing
-        body = replace(self._body(), coulomb_x_N=self.drawn_coulomb())
+        body = replace(self._body(), coulomb_x_N=self.draw_coulomb())
         throttle = self.throttle()
         open_s = _OPEN_S if distance_m > 2.0 * self.shift.back_m else _SHORT_OPEN_S
         # what is carried back sticks
@@ -243,7 +243,7 @@ class ShiftDriver(MachineDriver):
         shift = self.shift
         drawn = self._draw_load("shift_load").normal(shift.load_kg, shift.load_std_kg)
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
-        body = replace(self._body(), coulomb_x_N=self.drawn_coulomb())
+        body = replace(self._body(), coulomb_x_N=self.draw_coulomb())
         self._boom(_DIG, at_s=self.time_s)
         digging_s = shift.dig_s + _DIGGING_CRUISE_S
         order = StartOrder(
@@ -338,7 +338,7 @@ class ShiftDriver(MachineDriver):
                 self._cycle,
                 self._number,
                 times,
-                self.warmed(body, times.start_s),
+                self.warm_body(body, times.start_s),
                 begin_kg,
                 self._load_kg,
                 directions[math.copysign(1.0, sign) if sign else 0.0],

@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis.simulation.logs.simulated_campaign import SimulatedLog
 from analysis.simulation.scenario.drawn_designs import LOADER_KG, LOADER_N, Sections, join_designs
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 Frames = dict[str, pl.DataFrame]
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
@@ -26,7 +26,7 @@ def _keep_unchanged(_: Sections, __: float) -> Sections:
     return {}
 
 
-def _same(frames: Frames, _: float, __: np.random.Generator) -> Frames:
+def _leave_unchanged(frames: Frames, _: float, __: np.random.Generator) -> Frames:
     return frames
 
 
@@ -53,7 +53,7 @@ class Fault:
     causes: tuple[str, ...]
     said: str
     sections: Callable[[Sections, float], Sections] = _keep_unchanged
-    topics: Callable[[Frames, float, np.random.Generator], Frames] = _same
+    topics: Callable[[Frames, float, np.random.Generator], Frames] = _leave_unchanged
     needs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     ground: Callable[[Sections, float], Sections] | None = None
     last_runs: int = 0
@@ -94,7 +94,7 @@ def _clip(design: Sections, size: float) -> Sections:
     return {"defects": {"force_clip_N": share * design["campaign"]["throttle_force_N"]}}
 
 
-def _start(design: Sections, **keys: float) -> Sections:
+def _set_start(design: Sections, **keys: float) -> Sections:
     campaign = design["campaign"]
     names = ("start_s", "cruise_s")
     start = {"kind": "start", **{name: campaign[name] for name in names}, **keys}
@@ -104,13 +104,13 @@ def _start(design: Sections, **keys: float) -> Sections:
 
 def _little(design: Sections, size: float) -> Sections:
     throttle = max(0.05 / max(size, 0.3), 0.01)
-    return join_designs(_start(design, throttle=throttle), {"starts": {"throttle_least": 1.0}})
+    return join_designs(_set_start(design, throttle=throttle), {"starts": {"throttle_least": 1.0}})
 
 
 def _pile(design: Sections, size: float) -> Sections:
     force_N = design["campaign"]["throttle_force_N"]
     start_s = design["campaign"]["start_s"]
-    return _start(design, digging_N=(0.25 + 0.03 * size) * force_N, digging_s=start_s)
+    return _set_start(design, digging_N=(0.25 + 0.03 * size) * force_N, digging_s=start_s)
 
 
 def _fills(design: Sections, size: float) -> Sections:

@@ -13,15 +13,15 @@ from analysis.simulation.drive.shift_drive import BoomAngle, ShiftDriver
 from analysis.simulation.logs.shift_limits import check_shift
 from analysis.simulation.logs.simulated_campaign import SimulatedLog
 from analysis.simulation.motion.solved_motion import Channels
-from analysis.simulation.motion.timeline import DrivenManoeuvre, Hints, Timeline
+from analysis.simulation.motion.timeline import DrivenManoeuvre, Hints, Timeline, nanoseconds
 from analysis.simulation.plant import plant
 from analysis.simulation.plant.integrated_motion import IntegratedLog
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.random_streams import generator
 from analysis.simulation.sensors.recorder import phase_s, topics_of
 from analysis.simulation.sensors.sensors import measure
+from estimators.arrays import Floats
 
 #: Sensors look back so far at most.
 _LOOK_BACK_S: Final = 60.0
@@ -76,8 +76,8 @@ class ShiftSimulation:
 
     def logs(self) -> Iterator[SimulatedLog]:
         """The logs in order, once; the same scenario gives the same ones bit for bit."""
-        start_ns = _ns(self.scenario.log.start_unix_s)
-        planned = _spans(self.scenario, self.shift)
+        start_ns = nanoseconds(self.scenario.log.start_unix_s)
+        planned = _plan_log_spans(self.scenario, self.shift)
         heading_rad = 0.0
         for index, span in enumerate(planned):
             is_last = index == len(planned) - 1
@@ -91,7 +91,7 @@ class ShiftSimulation:
 
     def truth(self) -> ShiftTruth:
         """What is true, once all logs have been taken."""
-        start_ns = _ns(self.scenario.log.start_unix_s)
+        start_ns = nanoseconds(self.scenario.log.start_unix_s)
         cycles = pl.DataFrame([each._asdict() for each in self._driver.cycles])
         starts = [span.start_s for span in self._spans]
 
@@ -133,8 +133,8 @@ class ShiftSimulation:
             scenario, begins, mine, driver.kept.rows, driver.kept.stages, heading_rad
         )
         timeline = Timeline(
-            start_ns + _ns(span.start_s),
-            start_ns + _ns(span.end_s),
+            start_ns + nanoseconds(span.start_s),
+            start_ns + nanoseconds(span.end_s),
             start_ns + np.rint(begins * 1e9).astype(np.int64),
             _in_cycles(mine, begins),
             _Clock(motion, start_ns).sample,
@@ -185,7 +185,7 @@ def _in_cycles(driven: tuple[DrivenManoeuvre, ...], begins: Floats) -> tuple[Dri
     )
 
 
-def _spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
+def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
     """When the logs are recorded, and which are torn, by plan."""
     drawn = generator(scenario.sensors.seed, 0, 0, "shift_recorder")
     length_s = shift.duration_h * 3600.0 / shift.logs
@@ -208,7 +208,3 @@ def _unix(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
     return frame.with_columns(
         (pl.col(name) * 1e9).round().cast(pl.Int64) + start_ns for name in seconds
     ).rename({name: f"{name[:-2]}_ns" for name in seconds})
-
-
-def _ns(seconds: float) -> int:
-    return round(seconds * 1_000_000_000)

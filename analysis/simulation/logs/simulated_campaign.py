@@ -10,7 +10,7 @@ from functools import cached_property
 import polars as pl
 
 from analysis.model.schema import PHASE
-from analysis.simulation.motion.timeline import Timeline, continuous, repeated
+from analysis.simulation.motion.timeline import Timeline, continuous, nanoseconds, repeat_trial
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.recorder import TOPICS, instants_ns, phase_s
 from analysis.simulation.sensors.sensors import measure
@@ -66,7 +66,7 @@ class SimulatedLog:
     @property
     def origin_unix_ns(self) -> int:
         """When the campaign began: what the time of its tables counts from."""
-        return _ns(self.scenario.log.start_unix_s)
+        return nanoseconds(self.scenario.log.start_unix_s)
 
 
 def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
@@ -87,7 +87,7 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
 
 
 def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
-    start_ns = _ns(scenario.log.start_unix_s)
+    start_ns = nanoseconds(scenario.log.start_unix_s)
     for index, load_kg in enumerate(scenario.campaign.loads_kg):
         timeline = _timeline(scenario, load_kg, index, start_ns)
         yield SimulatedLog(
@@ -99,18 +99,14 @@ def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
             timeline=timeline,
             phase_s={topic: phase_s(scenario, topic, index) for topic in TOPICS},
         )
-        start_ns = timeline.end_ns + _ns(scenario.log.load_change_s)
+        start_ns = timeline.end_ns + nanoseconds(scenario.log.load_change_s)
 
 
 def _timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
     """The log of a load: one exact trial repeated where that can be, integrated otherwise."""
     if integrate_for(scenario) is None:
-        return repeated(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
+        return repeat_trial(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
     from analysis.simulation.drive.log_drive import integrate_log
 
     whole = integrate_log(scenario, load_kg, index)
     return continuous(scenario, whole.trial_s, whole.driven, whole.sample, start_ns)
-
-
-def _ns(seconds: float) -> int:
-    return round(seconds * 1_000_000_000)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulation.motion.body import RigidBody
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 
 class MotionState(NamedTuple):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.motion.solved_motion import Channels, ManoeuvreTimes, SolvedMotion
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 
 class DrivenManoeuvre(NamedTuple):
@@ -111,11 +111,11 @@ class Timeline:
                     "run": each.trial,
                     "manoeuvre": each.number,
                     "kind": times.kind,
-                    "start_ns": begin_ns + _ns(times.start_s),
+                    "start_ns": begin_ns + nanoseconds(times.start_s),
                     "drive_ns": _after(begin_ns, times.drive_s),
                     "steady_ns": _after(begin_ns, times.steady_s),
                     "braking_ns": _after(begin_ns, times.braking_s),
-                    "end_ns": begin_ns + _ns(times.end_s),
+                    "end_ns": begin_ns + nanoseconds(times.end_s),
                     "load_kg": each.load_kg,
                     "load_end_kg": each.load_end_kg,
                     "mass_kg": each.body.mass_kg,
@@ -135,7 +135,9 @@ class Timeline:
         return pl.DataFrame(rows, infer_schema_length=None).cast(kinds)  # pyright: ignore
 
 
-def repeated(scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int) -> Timeline:
+def repeat_trial(
+    scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns: int
+) -> Timeline:
     """The same solved trial again and again, then a rest."""
     trials = scenario.campaign.runs
     period_ns = math.ceil(motion.duration_s * 1e9)
@@ -154,7 +156,7 @@ def repeated(scenario: Scenario, load_kg: float, motion: SolvedMotion, start_ns:
         for trial in range(trials)
         for number, times in enumerate(motion.manoeuvres)
     )
-    end_ns = int(trial_ns[-1]) + _ns(scenario.campaign.rest_s)
+    end_ns = int(trial_ns[-1]) + nanoseconds(scenario.campaign.rest_s)
     return Timeline(start_ns, end_ns, trial_ns, driven, sample)
 
 
@@ -179,13 +181,14 @@ def continuous(
     def sample(time_ns: NDArray[np.int64]) -> Channels:
         return motion((time_ns - start_ns) * np.float64(1e-9))
 
-    end_ns = int(trial_ns[-1]) + _ns(scenario.campaign.rest_s)
+    end_ns = int(trial_ns[-1]) + nanoseconds(scenario.campaign.rest_s)
     return Timeline(start_ns, end_ns, trial_ns, driven, sample)
 
 
 def _after(start_ns: int, seconds: float | None) -> int | None:
-    return None if seconds is None else start_ns + _ns(seconds)
+    return None if seconds is None else start_ns + nanoseconds(seconds)
 
 
-def _ns(seconds: float) -> int:
+def nanoseconds(seconds: float) -> int:
+    """Seconds as whole nanoseconds."""
     return round(seconds * 1_000_000_000)

@@ -22,7 +22,7 @@ from analysis.simulation.plant.resistance import (
     left_of_cold,
     rolling_resistance,
 )
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 from estimators.compiled import compiled, inlined
 
 #: The state: position, speed of wheels and body, stretch between them, forces, pitch.
@@ -202,7 +202,7 @@ def _keep(row: Floats, t: float, y: Floats, out: Floats, stands: float) -> None:
 
 
 @compiled
-def _step(  # noqa: PLR0913 - compiled, as above
+def _integrate_step(  # noqa: PLR0913 - compiled, as above
     t: float,
     dt: float,
     y: Floats,
@@ -281,7 +281,7 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
         _keep(rows[kept], t, y, k[0], stands)
         kept += 1
         dt = stage.begin_s + (number + 1) * step - t
-        _step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+        _integrate_step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
         crosses = grip != 0.0 and made[WHEEL] * grip < 0.0
         if crosses and not stops and k[0, _CAPACITY] <= _LEAST_GRIP:
             grip = -grip
@@ -291,12 +291,12 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
             least, most = 0.0, dt
             for _ in range(_HALVINGS):
                 middle = 0.5 * (least + most)
-                _step(t, middle, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+                _integrate_step(t, middle, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
                 if made[WHEEL] * grip < 0.0:
                     most = middle
                 else:
                     least = middle
-            _step(t, least, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+            _integrate_step(t, least, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
             if plant.resonance_rad_s == 0.0:
                 made[BODY] = 0.0
             made[WHEEL] = 0.0

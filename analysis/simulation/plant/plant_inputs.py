@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 
 class Plant(NamedTuple):

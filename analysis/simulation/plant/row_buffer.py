@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulation.plant import plant
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 
 class RowBuffer:

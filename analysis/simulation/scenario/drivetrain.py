@@ -1,4 +1,4 @@
-"""Between motor and ground: limits of the motor, losses, rotating parts, a soft driveline."""
+"""Between motor and ground: drivetrain, brakes and rolling resistance; and the sprung body."""
 
 from typing import Self
 
@@ -80,3 +80,111 @@ class SimulatedDrivetrain(BaseModel):
         if any(not 0.0 <= mass_kg <= 1e5 for mass_kg in rotating_kg):
             raise ValueError("gear_rotating_kg: a mass is between 0 and 1e5 kg")
         return self
+
+
+class SimulatedBrakes(BaseModel):
+    """Friction of the brakes that the torque sensors do not see."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    drag_N: float = Field(default=0.0, ge=0, le=1e6, description="drag throughout")
+    release_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=60,
+        description="time constant with which they let go from a start's beginning; 0: at once",
+    )
+    release_N: float = Field(
+        default=2000.0, ge=0, le=1e6, description="drag at the start of such a release"
+    )
+    gentle_m_s2: float = Field(
+        default=0.0,
+        ge=0,
+        le=5,
+        description="deceleration that brakes no force sensor sees add to friction's, down to the "
+        "stand, in place of campaign.braking_m_s2; 0: those",
+    )
+    gentle_lead_s: float = Field(
+        default=0.5,
+        ge=0,
+        le=60,
+        description="how long before the throttle is shut these begin, within the cruise",
+    )
+
+
+class SimulatedChassis(BaseModel):
+    """Pitching of the body, and the reaction of a boom that moves to and fro."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    squat_deg_s2_m: float = Field(
+        default=0.0, ge=-10, le=10, description="pitch, nose up, over forward acceleration"
+    )
+    squat_deg_s2_m_kg: float = Field(
+        default=0.0, ge=-0.1, le=0.1, description="what it is more a kg of load: soft rear springs"
+    )
+    pitch_deg_kg: float = Field(
+        default=0.0,
+        ge=-0.1,
+        le=0.1,
+        description="pitch, nose up, over the load, standing or driving",
+    )
+    squat_hz: float = Field(
+        default=0.0,
+        ge=0,
+        le=50,
+        description="natural frequency of that pitching; 0: it follows at once",
+    )
+    squat_damping: float = Field(default=0.3, ge=0, le=5, description="its damping ratio")
+    boom_kg: float = Field(
+        default=0.0, ge=0, le=1e5, description="mass, part of the machine's, that moves with a boom"
+    )
+    boom_stroke_m: float = Field(
+        default=0.2, ge=0, le=10, description="how far it goes ahead and back, as a sine"
+    )
+    boom_period_s: float = Field(
+        default=4.0, ge=0.1, le=1000, description="and how long that takes"
+    )
+
+
+class SimulatedRolling(BaseModel):
+    """Rolling resistance along the way; where the machine stands it grips as Coulomb friction."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    coefficient: float = Field(
+        default=0.0,
+        ge=0,
+        le=0.5,
+        description="resistance of a slow machine that goes straight, over its weight with load",
+    )
+    second_ground_more: float = Field(
+        default=0.0,
+        ge=-0.5,
+        le=0.5,
+        description="what the coefficient is more on a second ground, which alternates with the "
+        "first along the way",
+    )
+    ground_length_m: float = Field(
+        default=15.0,
+        ge=2.5,
+        le=10_000,
+        description="length of each of both; the first begins where a log or a shift begins",
+    )
+    growth_s_m: float = Field(
+        default=0.0, ge=0, le=1, description="part by which it grows a m/s of speed"
+    )
+    growth_s_rad: float = Field(
+        default=0.0, ge=0, le=100, description="part by which it grows a rad/s of yaw rate"
+    )
+
+    @model_validator(mode="after")
+    def _no_ground_drives(self) -> Self:
+        if self.coefficient + self.second_ground_more < 0.0:
+            raise ValueError("'second_ground_more' leaves a coefficient below 0")
+        return self
+
+    @property
+    def highest(self) -> float:
+        """The coefficient of the heavier ground."""
+        return self.coefficient + max(self.second_ground_more, 0.0)

@@ -67,7 +67,7 @@ class Arc(_Manoeuvre):
     yaw_rate_rad_s: float = Field(ge=-10, le=10, description="yaw rate held, positive to the left")
     duration_s: float = Field(default=10.0, ge=0.001, le=3600, description="how long both are held")
     ramp_s: float = Field(
-        default=4.0, ge=0.1, le=600, description="from standing to the arc, and back"
+        default=4.0, ge=0.1, le=600, description="time from standing to the arc, and back"
     )
 
 
@@ -79,7 +79,7 @@ class Excite(_Manoeuvre):
     """
 
     kind: Literal["excite"] = "excite"
-    duration_s: float = Field(default=60.0, ge=0.001, le=3600, description="how long it is driven")
+    duration_s: float = Field(default=60.0, ge=0.001, le=3600, description="duration of the drive")
     force: ForceWave | None = Field(default=None, description="waveform of the drive force")
     torque: TorqueWave | None = Field(default=None, description="waveform of the yaw torque")
 

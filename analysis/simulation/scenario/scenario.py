@@ -10,18 +10,22 @@ from typing import Self, overload
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from analysis.simulation.scenario.brakes import SimulatedBrakes
-from analysis.simulation.scenario.chassis import SimulatedChassis
-from analysis.simulation.scenario.defects import SimulatedDefects
-from analysis.simulation.scenario.drivetrain import SimulatedDrivetrain
-from analysis.simulation.scenario.instruments import SimulatedRecorder, SimulatedSensors
-from analysis.simulation.scenario.loading import SimulatedLoading
+from analysis.simulation.scenario.drivetrain import (
+    SimulatedBrakes,
+    SimulatedChassis,
+    SimulatedDrivetrain,
+    SimulatedRolling,
+)
+from analysis.simulation.scenario.instruments import (
+    SimulatedDefects,
+    SimulatedRecorder,
+    SimulatedSensors,
+)
 from analysis.simulation.scenario.manoeuvres import Manoeuvre, Rest, Start
-from analysis.simulation.scenario.rolling_resistance import SimulatedRolling
 from analysis.simulation.scenario.sampling import SimulatedSampling
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.scenario.starts import SimulatedStarts
-from analysis.simulation.scenario.waveforms import Floats
+from analysis.simulation.scenario.starts import SimulatedLoading, SimulatedStarts
+from estimators.arrays import Floats
 
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -61,7 +65,7 @@ class SimulatedMachine(BaseModel):
         default=0.0, ge=0, lt=1, description="likewise of the Coulomb friction"
     )
     warming_s: float = Field(
-        default=60.0, gt=0, le=1e5, description="time constant of both: exponential towards warm"
+        default=60.0, gt=0, le=1e5, description="time constant of both, cold to warm"
     )
     inertia_z_kg_m2: float = Field(
         default=4000.0, gt=0, le=1e7, description="yaw inertia about the origin"
@@ -140,7 +144,7 @@ class SimulatedCampaign(BaseModel):
     )
     rest_s: float = Field(default=5.0, ge=0, le=600, description="standstill after the last run")
     manoeuvres: tuple[Manoeuvre, ...] = Field(
-        default=(), max_length=100, description="what a run is; none: a rest and a start"
+        default=(), max_length=100, description="manoeuvres of a run; none: a rest and a start"
     )
 
     @property

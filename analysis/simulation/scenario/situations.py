@@ -9,7 +9,7 @@ five seconds of every start.
 from typing import Any, Final
 
 
-def _start(**keys: Any) -> dict[str, Any]:
+def _start_sections(**keys: Any) -> dict[str, Any]:
     rest = {"kind": "rest", "duration_s": 5.0}
     return {"campaign": {"manoeuvres": [rest, {"kind": "start", **keys}]}}
 
@@ -49,7 +49,7 @@ MACHINE: Final[dict[str, dict[str, Any]]] = {
     },
     "Coulomb friction, 0.05 m/s²": {
         "machine": {"coulomb_N": 300.0},
-        **_start(throttle=0.085, start_s=10.0),
+        **_start_sections(throttle=0.085, start_s=10.0),
     },
     "slip 80 kN": {"machine": {"slip_stiffness_N": 80_000.0}},
     "slip with relaxing tyres": {
@@ -143,7 +143,7 @@ HARMLESS: Final[dict[str, dict[str, Any]]] = {
     "swapped messages": {"log": {"swapped_share": 0.1}},
     "speed quantised to 0.05 m/s": {"sensors": {"speed_lsb_m_s": 0.05}},
     "boom motion": {"chassis": {"boom_kg": 200.0}},
-    "coasting": _start(coast_s=2.0),
+    "coasting": _start_sections(coast_s=2.0),
     "restless stick": {"starts": {"stick_share": 0.3}},
     "throttle and direction differ": {
         "starts": {"throttle_least": 0.5, "directions": "alternating"}
@@ -171,7 +171,7 @@ WITHHELD: Final[dict[str, dict[str, Any]]] = {
     "standstill only": {"campaign": {"manoeuvres": [{"kind": "rest"}]}},
     # a pile lies before the bucket
     "digging": {
-        **_start(digging_N=3000.0, digging_s=3.0),
+        **_start_sections(digging_N=3000.0, digging_s=3.0),
         "starts": {"directions": "as listed"},
     },
     "IMU low-passed 200 ms": {"defects": {"imu_lag_s": 0.2}},

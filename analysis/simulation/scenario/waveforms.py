@@ -9,10 +9,10 @@ from abc import ABC, abstractmethod
 from typing import Literal, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-Floats: TypeAlias = NDArray[np.float64]
+from estimators.arrays import Floats
+
 Shape: TypeAlias = Literal["triangular", "sinusoidal", "polynomial"]
 
 
@@ -28,7 +28,7 @@ class Waveform(ABC, BaseModel):
     )
     period_s: float = Field(default=15.0, ge=0.1, le=3600, description="period")
     peak_s: float = Field(
-        default=0.0, ge=0, le=3600, description="when it is first highest, after the drive begins"
+        default=0.0, ge=0, le=3600, description="time of the first peak after the drive begins"
     )
 
     @property

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from analysis.simulation.motion.timeline import Hints, Timeline
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.random_streams import Streams
+from estimators.arrays import Floats
 
 #: Mean radius of the earth (IUGG).
 _EARTH_M: Final = 6_371_008.8

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 #: A stream's number is its place here: append, never insert.
 _STREAMS: Final = (

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from analysis.simulation.motion.timeline import Timeline
 from analysis.simulation.scenario.sampling import TopicName
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.random_streams import Streams, generator
+from estimators.arrays import Floats
 
 TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
 

@@ -16,12 +16,14 @@ from analysis.simulation.motion.solved_motion import Channels
 from analysis.simulation.motion.timeline import Timeline
 from analysis.simulation.scenario.sampling import TopicName
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.scenario.waveforms import Floats
 from analysis.simulation.sensors.hint_sensors import boom, gnss, odometry
-from analysis.simulation.sensors.low_pass import low_pass
 from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import instants_ns, phase_s, rate_hz, record, topics_of
+from estimators.arrays import Floats
 
+#: Between two steps of the filter a signal is taken for a straight line.
+_STEP_S: Final = 0.001
+_STEPS_A_LAG: Final = 10
 _SIDES: Final = (("left", -1.0), ("right", 1.0))
 
 
@@ -59,7 +61,7 @@ class _White(NamedTuple):
     lsb: float
 
 
-def _read(value: Floats, streams: Streams, name: str, white: _White) -> Floats:
+def _measure(value: Floats, streams: Streams, name: str, white: _White) -> Floats:
     reading = value + streams.normal(name, white.std)
     return np.rint(reading / white.lsb) * white.lsb if white.lsb else reading
 
@@ -104,7 +106,7 @@ def _imu(
         "roll_rad": _White(sensors.roll_noise_rad, sensors.angle_lsb_rad),
     }
     return {
-        name: _read(value, streams, name, white.get(name, acc if "force" in name else gyro))
+        name: _measure(value, streams, name, white.get(name, acc if "force" in name else gyro))
         for name, value in made.items()
     }
 
@@ -176,7 +178,9 @@ def _torque(
             sensors.force_drift_N * lever_m / math.sqrt(2),
             sensors.force_drift_s * rate_hz(scenario, "torque"),
         )
-        reading = _read(signals[name] + drift, streams, name, _White(noise, sensors.torque_lsb_N_m))
+        reading = _measure(
+            signals[name] + drift, streams, name, _White(noise, sensors.torque_lsb_N_m)
+        )
         readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
     readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain
     return _sides(scenario, "torque_{}_N_m", readings)
@@ -206,7 +210,7 @@ def _speed(
     signals = _signals(timeline, at_ns, times_s, lambda motion, _: _speed_signals(scenario, motion))
     # the mean of both sides has the scenario's noise
     white = _White(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
-    readings = {name: _read(value, streams, name, white) for name, value in signals.items()}
+    readings = {name: _measure(value, streams, name, white) for name, value in signals.items()}
     return _sides(scenario, "speed_{}_m_s", readings)
 
 
@@ -259,3 +263,34 @@ _READERS: Final[Mapping[TopicName, _Reader]] = {
     "odometry": odometry,
     "gnss": gnss,
 }
+
+
+def low_pass(
+    signals: Callable[[NDArray[np.int64]], Mapping[str, Floats]],
+    at_ns: NDArray[np.int64],
+    lag_s: float,
+) -> Mapping[str, Floats]:
+    """Signals behind a first-order low-pass, at rest before the first of the times.
+
+    Args:
+        signals: columns (m,) at m times in ns.
+        at_ns: (n,) times, ascending.
+        lag_s: time constant; 0: the signals themselves.
+    """
+    if not lag_s or not at_ns.size:
+        return signals(at_ns)
+    from scipy.signal import lfilter
+
+    step_ns = max(round(min(_STEP_S, lag_s / _STEPS_A_LAG) * 1e9), 1)
+    grid_ns = np.arange(at_ns[0], at_ns[-1] + 2 * step_ns, step_ns)
+    keeps = math.exp(-step_ns * 1e-9 / lag_s)
+    # exact for a signal that is a straight line from step to step
+    mean = (1.0 - keeps) * lag_s / (step_ns * 1e-9)
+    taken = [1.0 - mean, mean - keeps]
+    since_s, grid_s = (at_ns - grid_ns[0]) * 1e-9, (grid_ns - grid_ns[0]) * 1e-9
+    made: dict[str, Floats] = {}
+    for name, values in signals(grid_ns).items():
+        first = float(values[0])
+        filtered = lfilter(taken, [1.0, -keeps], values, zi=[(1.0 - taken[0]) * first])[0]
+        made[name] = np.interp(since_s, grid_s, filtered)
+    return made

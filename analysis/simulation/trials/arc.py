@@ -10,7 +10,7 @@ import numpy as np
 from analysis.simulation.motion.body import Pair, RigidBody, Values
 from analysis.simulation.motion.solved_motion import ManoeuvreTimes, MotionPhase, MotionState
 from analysis.simulation.scenario.manoeuvres import Arc
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 
 def arc_phases(
@@ -24,7 +24,7 @@ def arc_phases(
     def state(time_s: Floats) -> MotionState:
         up = np.clip((time_s - begin_s) / manoeuvre.ramp_s, 0.0, None)
         down = np.clip((time_s - down_s) / manoeuvre.ramp_s, 0.0, None)
-        level = _step(up) - _step(down)
+        level = _smooth_step(up) - _smooth_step(down)
         slope = (_rate(up) - _rate(down)) / manoeuvre.ramp_s
         turned = manoeuvre.yaw_rate_rad_s * manoeuvre.ramp_s * (_area(up) - _area(down))
         rate = Pair(manoeuvre.speed_m_s * level, manoeuvre.yaw_rate_rad_s * level)
@@ -59,7 +59,7 @@ def _along(total: Values, rate: Values) -> Values:
     return np.where(total * rate >= 0.0, total, 0.0)
 
 
-def _step(part: Floats) -> Floats:
+def _smooth_step(part: Floats) -> Floats:
     part = np.minimum(part, 1.0)
     return part**3 * (10.0 + part * (6.0 * part - 15.0))
 

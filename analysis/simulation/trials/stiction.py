@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.simulation.motion.body import Pair, RigidBody
 from analysis.simulation.motion.solved_motion import MotionPhase, MotionState
-from analysis.simulation.scenario.waveforms import Floats
+from estimators.arrays import Floats
 
 #: Less friction, in N or N·m, is lost in rounding before it holds anything.
 LEAST_GRIP: Final = 1e-6

@@ -1,12 +1,9 @@
 """The numbers that a verdict looks at: how well the ungated samples of an axis fit its model."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Bools, Floats
 from estimators.methods import pooled
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: Fewer samples than parameters times this decide nothing.
 ENOUGH = 10

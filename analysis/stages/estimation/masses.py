@@ -4,7 +4,6 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.axes import Axis, X, Z, axes, regressor, rows_of, theta_columns, theta_of
 from analysis.model.machine import Machine
@@ -14,9 +13,8 @@ from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.noise.column_noise import axis_noise, systematic
+from estimators.arrays import Floats
 from estimators.methods.window_mean import mean_estimate
-
-Floats = NDArray[np.float64]
 
 
 def masses(
@@ -87,7 +85,7 @@ def pooled_over_log(
     noise: AxisNoise,
     method: Method = METHODS["pooled"],
 ) -> tuple[Floats, Floats]:
-    """Parameters (p,) and deviations (p,) of one fit over every accepted sample of an axis."""
+    """Fit every accepted sample of an axis: parameters (p,), standard deviations (p,)."""
     A, f = regressor(axis, excitation, settings)
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():

@@ -16,7 +16,8 @@ from analysis.model.settings import Settings
 from analysis.stages.gating.gate import settled_windows
 from analysis.stages.gating.segments import pooled_samples
 from analysis.stages.noise.column_noise import axis_noise, least_std, systematic
-from estimators.estimate import Floats, Ints, Trace
+from estimators.arrays import Floats, Ints
+from estimators.estimate import Trace
 
 
 def trace(
@@ -44,7 +45,9 @@ def trace(
     }
     t_ns = excitation["t_ns"].to_numpy()
     return {
-        method: _frame({axis: traces[method] for axis, traces in axes_traced.items()}, t_ns)
+        method: _estimates_frame(
+            {axis: traces[method] for axis, traces in axes_traced.items()}, t_ns
+        )
         for method in settings.trace.methods
     }
 
@@ -112,7 +115,7 @@ def _by_load(
     return replace(longest, **joined)
 
 
-def _frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
+def _estimates_frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
     """One method's `estimates`: rows of all axes in order of time, each of one axis alone."""
     parts = [
         pl.DataFrame({"t_ns": t_ns[rows.index], **trace_columns(axis, rows)}).with_columns(

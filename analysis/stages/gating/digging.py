@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.axes import X, regressor
 from analysis.model.machine import Machine
@@ -23,10 +22,7 @@ from analysis.model.schema import build
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats, Ints
 
 #: A resistance that grows by this share of the force that the log drives with, over one start,
 _GROWS: Final = 0.2
@@ -149,7 +145,9 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
             least_N = max(_GROWS * largest_N, SURELY * std_N)
             if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
-                stops = _next(ends[way], int(rows[-1])) <= _next(goes_on, int(rows[-1]))
+                stops = _first_after(ends[way], int(rows[-1])) <= _first_after(
+                    goes_on, int(rows[-1])
+                )
                 stops &= float(np.abs(speed[rows]).max()) <= _FASTEST_M_S
                 found.append(_PileContact(row, way, stops))
     return found
@@ -167,7 +165,7 @@ def _piles(met: list[_PileContact]) -> list[_PileContact]:
     return piles if against < _CONTRADICTS * len(piles) else []
 
 
-def _next(rows: Ints, after: int) -> float:
+def _first_after(rows: Ints, after: int) -> float:
     """The first of these rows after one; infinite where there is none."""
     place = int(np.searchsorted(rows, after, "right"))
     return float(rows[place]) if place < rows.size else np.inf

@@ -2,7 +2,6 @@
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.axes import Axis, X, axes, regressor
 from analysis.model.schema import PHASE, REASON, build, values
@@ -11,12 +10,9 @@ from analysis.model.windows import samples_of, windows_with
 from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide, is_braking, row_flags
 from analysis.stages.motion.phases import beside_speed_rate, span_rows, yaw_pace
 from analysis.stages.noise.column_noise import axis_noise
+from estimators.arrays import Bools, Floats, Ints
 from estimators.methods import ls
 from estimators.numerics import nearest_neighbours
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 #: Standard gravity, in m/s² (ISO 80000-3).
 _STANDARD_GRAVITY_M_S2 = 9.80665

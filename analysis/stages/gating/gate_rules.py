@@ -14,12 +14,10 @@ from analysis.model.schema import PHASES
 from analysis.model.settings import GateSettings
 from analysis.stages.motion.labels import first_index
 from analysis.stages.motion.phases import TURNS
+from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics.mutual_information import gaussian_information, information_index
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Codes = NDArray[np.uint8]
 
 #: The code of a phase that is not known; the others are their places in `PHASES`.

@@ -2,7 +2,6 @@
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.axes import Axis, X, Z, axes, regressor, trace_columns
 from analysis.model.methods import METHODS
@@ -11,8 +10,7 @@ from analysis.model.settings import Settings
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.motion.phases import TURNS
 from analysis.stages.noise.column_noise import axis_noise
-
-Ints = NDArray[np.int64]
+from estimators.arrays import Ints
 
 #: A straight manoeuvre is named after the first of these that it contains.
 _TELLING = ("accelerating", "braking", "cruising", "standstill")

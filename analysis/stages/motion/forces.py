@@ -8,8 +8,7 @@ from analysis.model.axes import YAW_COLUMNS
 from analysis.model.machine import Body, Machine
 from analysis.model.schema import FRAMES, build, values
 from analysis.stages.motion.phases import phases, speed_rate
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 
 def forces(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame:

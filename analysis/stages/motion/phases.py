@@ -7,15 +7,12 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.schema import PHASE, values
 from analysis.model.settings import Settings
 from analysis.stages.motion.labels import first_that_holds
 from analysis.stages.motion.smooth import trailing_mean
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats
 
 #: Over so long, in s, a stop takes off more speed than its noise; a cruise before it does not.
 _STOP_SPAN_S: Final = 1.0

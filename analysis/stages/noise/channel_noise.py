@@ -24,9 +24,6 @@ from analysis.stages.noise.grid_noise import is_hidden_by_grid, own_noise
 from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, bound
 from analysis.stages.noise.noise_spectra import (
     LAGS,
-    Bools,
-    Floats,
-    Ints,
     block_ends,
     block_power,
     covariances,
@@ -43,6 +40,7 @@ from analysis.stages.noise.noise_spectra import (
     trim_to_settled,
 )
 from analysis.stages.signals.mounting import Series
+from estimators.arrays import Bools, Floats, Ints
 
 #: What is said of a source that is not the usual one.
 _INSTEAD: Final[Mapping[str, str]] = {

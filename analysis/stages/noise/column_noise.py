@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, Floats, X, Z
+from analysis.model.axes import Axis, X, Z
 from analysis.model.methods import AxisNoise, Method
 from analysis.model.schema import NOISE_COLUMNS
 from analysis.model.settings import NoiseSettings, Settings
-from estimators.estimate import Ints
+from estimators.arrays import Floats, Ints
 from estimators.methods.attenuation import DOUBT, window_attenuations
 from estimators.methods.ls import residual_noise, solve_windows
 from estimators.methods.tls import TlsOptions

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model.machine import Machine
-from analysis.stages.noise.noise_spectra import Floats
 from analysis.stages.signals import filters
+from estimators.arrays import Floats
 
 Complexes = NDArray[np.complex128]
 

@@ -17,8 +17,6 @@ from scipy.fft import next_fast_len
 from analysis.model.machine import Machine
 from analysis.stages.noise.noise_spectra import (
     LAGS,
-    Floats,
-    Ints,
     block_ends,
     block_power,
     fast_band,
@@ -29,6 +27,7 @@ from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.align import align
 from analysis.stages.signals.derive import UNFILTERED, derive
 from analysis.stages.signals.grid_rate import PAPER_HZ
+from estimators.arrays import Floats, Ints
 from estimators.errors import DataError
 
 #: Rows of noise that covariances are taken from: sums over all lags are right to 5 %.

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.stages.noise.noise_spectra import Bools, Floats
+from estimators.arrays import Bools, Floats
 
 #: An estimate is too large when it exceeds its limit by more than its own error.
 _EXCEEDS: Final = 1.25

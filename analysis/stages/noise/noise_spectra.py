@@ -6,10 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.model.windows import runs_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats, Ints
 
 #: Covariances are given for lags below this.
 LAGS: Final = 64
@@ -237,11 +234,11 @@ def quantum(x: Floats, of: Bools) -> float | None:
     """
     held = of.copy()
     held[1:] &= x[1:] == x[:-1]
-    step = _step(x[held], int(of.sum()))
-    return _step(x[of], int(of.sum())) if step is None else step
+    step = _quantisation_step(x[held], int(of.sum()))
+    return _quantisation_step(x[of], int(of.sum())) if step is None else step
 
 
-def _step(taken: Floats, of: int) -> float | None:
+def _quantisation_step(taken: Floats, of: int) -> float | None:
     """What readings are multiples of that occur again and again among so many."""
     every = max(taken.size // _LOOKED_AT, 1)
     taken, of = taken[::every], of // every

@@ -12,9 +12,8 @@ from analysis.model.machine import Machine
 from analysis.model.schema import HINTS, build
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.rates import ChannelSeries
+from estimators.arrays import Ints
 from estimators.errors import DataError
-
-Ints = NDArray[np.int64]
 
 #: Longer holes keep only their first and last row: a clock jump must not make a billion rows.
 _LONGEST_HOLE_S = 60.0

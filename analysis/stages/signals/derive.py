@@ -216,7 +216,7 @@ def _angle(
     """An angle of the machine from the orientation of its IMU."""
     assert channel.angle_of is not None
     angle, quaternion = channel.angle_of
-    parts = np.stack([_numbers(name, channel, field, frame) for field in channel.fields])
+    parts = np.stack([_field_numbers(name, channel, field, frame) for field in channel.fields])
     x = mounting.inclination(parts, machine.machine.imu)[angle]
     return _usable(name, channel, quaternion, frame, x, losses)
 
@@ -228,12 +228,12 @@ def _pick(
     field = str(channel.field)
     gain, offset = to_si(channel.unit, unit_of(name)) if channel.unit else (1.0, 0.0)
     with np.errstate(over="ignore"):  # what does not fit is no reading
-        x = _numbers(name, channel, field, frame) * channel.scale + channel.offset
+        x = _field_numbers(name, channel, field, frame) * channel.scale + channel.offset
         x = x * gain + offset
     return _usable(name, channel, field, frame, x, losses)
 
 
-def _numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
+def _field_numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
     dtype = frame[field].dtype
     if not (dtype.is_numeric() or dtype == pl.Boolean or dtype == pl.Null):
         where = f"{field} of {channel.topic or 'the table'}"
@@ -322,14 +322,14 @@ def _known_times(
         machine: their delays, and what is made of what.
     """
     filtered = {
-        name: filters.known(t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0])
+        name: filters.ready_ns(t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0])
         for name, (t, _) in read.items()
     }
     known: dict[str, filters.Ints] = {}
     for name, own in filtered.items():
         beside = mounting.turned_with(name, picked, machine.machine.imu)
         at = series[name][0]
-        each = [filters.known(picked[other][0], filtered[other], at) for other in beside]
+        each = [filters.ready_ns(picked[other][0], filtered[other], at) for other in beside]
         known[name] = np.max(each, axis=0) if each else own
     for name in machine.derivation_order():
         channel, sources = machine.channels[name], machine.channels[name].sources
@@ -337,6 +337,6 @@ def _known_times(
             # a central difference waits for the next sample
             wait_ns = 1 if channel.derivative_of else 0
             at = series[name][0] + wait_ns
-            each = [filters.known(series[source][0], known[source], at) for source in sources]
+            each = [filters.ready_ns(series[source][0], known[source], at) for source in sources]
             known[name] = np.max(each, axis=0)
     return known | {"direction_x_1": known["speed_x_m_s"]}

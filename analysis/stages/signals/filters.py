@@ -3,13 +3,10 @@
 from typing import Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals.resample import interpolate
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from estimators.arrays import Floats, Ints
 
 #: Rates that differ by less are one rate.
 OTHER_RATE: Final = 1.5
@@ -130,7 +127,7 @@ def interpolate_line(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> t
     return at_ns[found], values[found]
 
 
-def known(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
+def ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
     """When the line between samples is known at ascending instants: when its later end has come.
 
     Args:

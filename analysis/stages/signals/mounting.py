@@ -3,15 +3,13 @@
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.model.machine import ImuMounting
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
+from estimators.arrays import Floats, Ints
 from estimators.errors import DataError
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Series = tuple[Ints, Floats]
 
 _SPECIFIC_FORCE = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
@@ -72,8 +70,8 @@ def to_machine_axes(
             raise DataError(f"machine.imu is rotated, so all three axes are needed: add {missing}")
         t = series[triple[0]][0]
         for name in triple:
-            t = _at(series[name], t, settings)[0]
-        seen = np.stack([_at(series[name], t, settings)[1] for name in triple])
+            t = _interpolate_at(series[name], t, settings)[0]
+        seen = np.stack([_interpolate_at(series[name], t, settings)[1] for name in triple])
         out.update((name, (t, turned)) for name, turned in zip(triple, R @ seen, strict=True))
     return out
 
@@ -86,7 +84,7 @@ def turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str,
     return ()
 
 
-def _at(series: Series, t: Ints, settings: AlignSettings) -> Series:
+def _interpolate_at(series: Series, t: Ints, settings: AlignSettings) -> Series:
     return filters.interpolate_line(*series, t, filters.longest_step_ns(series[0], settings))
 
 

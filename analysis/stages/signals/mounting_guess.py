@@ -9,17 +9,13 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.machine import ImuMounting, Machine
 from analysis.model.schema import values
 from analysis.stages.signals.filters import stretches
 from analysis.stages.signals.mounting import rotation
 from analysis.stages.signals.resample import average
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats, Ints
 
 _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
 #: Where a mean specific force is no gravity: other units, or gravity taken off already.

@@ -10,7 +10,8 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.settings import AlignSettings
 from analysis.stages.signals import filters
-from analysis.stages.signals.resample import Floats, Ints, average, interpolate
+from analysis.stages.signals.resample import average, interpolate
+from estimators.arrays import Floats, Ints
 
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
 #: Steps of so many ns are short beside all that a machine does.
@@ -46,7 +47,7 @@ class ChannelSeries:
 
     def known_at(self, instants_ns: Ints) -> Ints:
         """When the values at ascending instants are known, (rows,)."""
-        return filters.known(self.t_ns, self.known_ns, instants_ns + self.width_ns // 2)
+        return filters.ready_ns(self.t_ns, self.known_ns, instants_ns + self.width_ns // 2)
 
     def newest(self, now_ns: Ints) -> Ints:
         """The latest instant whose value is known at each time, (rows,); far past before any."""

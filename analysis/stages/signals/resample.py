@@ -4,12 +4,9 @@ Stamps are integer nanoseconds throughout: a float holds unix time to a quarter 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def interpolate(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> Floats:

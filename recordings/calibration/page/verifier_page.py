@@ -36,13 +36,13 @@ _STYLE: Final = "verifier.css"
 
 def verifier_page() -> bytes:
     """The page, the same bytes whenever this version makes it."""
-    style = f"\n{_text(_STYLE)}"
-    script = "\n".join(('"use strict";', *(_text(name) for name in _SCRIPTS)))
-    page = _text(_PAGE)
+    style = f"\n{_read_part(_STYLE)}"
+    script = "\n".join(('"use strict";', *(_read_part(name) for name in _SCRIPTS)))
+    page = _read_part(_PAGE)
     parts = {
         "version": version("payscope"),
-        "style_hash": _digest(style),
-        "script_hash": _digest(script),
+        "style_hash": _policy_digest(style),
+        "script_hash": _policy_digest(script),
         "style": style,
         "script": script,
     }
@@ -56,10 +56,10 @@ def verifier_sha256() -> str:
     return hashlib.sha256(verifier_page()).hexdigest()
 
 
-def _text(name: str) -> str:
+def _read_part(name: str) -> str:
     return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 
-def _digest(text: str) -> str:
+def _policy_digest(text: str) -> str:
     """What the page's own policy lets run: this text and no other."""
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

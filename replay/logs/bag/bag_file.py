@@ -1,20 +1,45 @@
 """The container of a ROS 1 bag (version 2.0): by its index where it is whole, else from start."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
 from rosbags.typesys.msg import normalize_msgtype
 
 from estimators.errors import LogError
-from replay.logs.bag.bag_index import BagIndex, chunk_block, indexed_times, read_index
+from replay.logs.bag.bag_index import BagIndex, chunk_block, read_index, read_indexed_times
 from replay.logs.bag.bag_records import (
     BAG_HEADER,
+    CHUNK_INFO,
+    CONNECTION,
+    INDEX_DATA,
     MAGIC,
+    MESSAGE,
     VERSION,
     BagRecord,
     parse_fields,
     read_record,
 )
-from replay.logs.bag.bag_walk import BagWalk
-from replay.logs.blocks import Block, BlockFile, Grammar, torn_end, until
+from replay.logs.blocks import (
+    Block,
+    BlockFile,
+    BlockStore,
+    Describe,
+    Grammar,
+    LooseRecords,
+    resync,
+    torn_end,
+    until,
+)
 from replay.logs.storage import Connection
+
+#: By a field that it must have: a chunk whose op is damaged must not be passed over in silence.
+_KNOWN: Final = {
+    BAG_HEADER: b"index_pos",
+    INDEX_DATA: b"conn",
+    CHUNK_INFO: b"chunk_pos",
+    CONNECTION: b"conn",
+}
 
 
 class BagFile(BlockFile):
@@ -76,7 +101,7 @@ class BagFile(BlockFile):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
                 self._store.damage.lose(lost, "it is not where the index says")
                 continue
-            times = indexed_times(self._file, block, counts)
+            times = read_indexed_times(self._file, block, counts)
             if times is None:
                 unknown.append(block)
             else:
@@ -127,3 +152,41 @@ def make_connection(fields: dict[bytes, bytes], data: bytes) -> Connection | Non
         inner.get(b"message_definition", b"").decode(errors="replace"),
         "ros1msg",
     )
+
+
+@dataclass(slots=True)
+class BagWalk:
+    """Tells of connections that stand outside chunks, and yields the chunks."""
+
+    store: BlockStore
+    #: where the last whole record ends
+    whole: int
+    describe: Describe
+
+    def chunks(self) -> Iterator[Block]:
+        """Every chunk, the one that the end of the file tears among them."""
+        file = self.store.file
+        stretches = LooseRecords(self.store)
+        at = self.whole
+        while at < file.size:
+            record = read_record(file, at)
+            block = chunk_block(file, at, record)
+            end = at
+            if block is not None:
+                yield block
+                if block.is_torn:
+                    return
+                end = block.offset + block.stored_bytes
+            elif record is not None and record.op == MESSAGE:
+                end = stretches.add(at, record.end - at)
+            elif record is not None and _KNOWN.get(record.op) in record.fields:
+                end = record.end if record.end <= file.size else at
+                if record.op == CONNECTION:
+                    self.describe(CONNECTION, file.read(at, end - at), at)
+            if end == at:
+                found = resync(file, at, self.store.grammar.find)
+                if found is None:
+                    return
+                self.store.damage.skip(at, found)
+                end = found
+            self.whole = at = end

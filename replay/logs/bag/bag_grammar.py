@@ -16,6 +16,7 @@ _USUAL_HEADER: Final = 1024
 _PROVEN: Final = 3
 #: Names of fields with their equals sign, as little-endian numbers of 3 and of 5 bytes.
 _OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=", b"time="))
+#: Masks of the low bytes of a word.
 _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
@@ -79,7 +80,7 @@ def _scan(
 
 
 @compiled_for(scan_turns)
-def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - 7):
         at = first
         links = 0
@@ -96,4 +97,4 @@ def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     return -1
 
 
-GRAMMAR: Final = Grammar(_scan, _find)
+GRAMMAR: Final = Grammar(_scan, _find_record)

@@ -85,7 +85,7 @@ def chunk_block(file: FileBytes, offset: int, record: BagRecord | None) -> Block
     )
 
 
-def indexed_times(
+def read_indexed_times(
     file: FileBytes, block: Block, counts: dict[int, int]
 ) -> dict[int, NDArray[np.int64]] | None:
     """Log times in ns by connection, from the records behind a chunk; None unless all are there."""

@@ -13,6 +13,7 @@ from replay.logs.storage import FileBytes, ReadBuffer
 MAGIC: Final = b"#ROSBAG V"
 VERSION: Final = b"2.0\n"
 
+#: Opcodes of records (ROS bag format 2.0).
 MESSAGE: Final = 2
 BAG_HEADER: Final = 3
 INDEX_DATA: Final = 4

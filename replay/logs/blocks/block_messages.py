@@ -16,6 +16,7 @@ from replay.logs.storage import END_NS, KEY, TIME, FileBytes, Group, group_by_ke
 if TYPE_CHECKING:
     from replay.logs.blocks.select_messages import ChunkStats
 
+#: The last log time, ns.
 _INT64_MAX: Final = 2**63 - 1
 
 #: (opcode, bytes, offset): of what records say of the same thing, what stands first counts. They

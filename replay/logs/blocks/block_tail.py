@@ -40,6 +40,8 @@ class BlockTail(ABC):
         self._losses = LossList()
         #: where the first record begins that is not taken yet; 0 before the head of the file
         self._at = 0
+        #: whether the last poll came to something that is not whole
+        self._is_torn = False
 
     @staticmethod
     @abstractmethod
@@ -63,12 +65,21 @@ class BlockTail(ABC):
         """See `Tail.poll`."""
         self._file.look()
         batches: list[RawBatch] = []
+        self._is_torn = False
         while not self.is_finished and sum(batch.data.size for batch in batches) < _POLL_BYTES:
             found = self._step()
             if found is None:
+                self._is_torn = self._at < self._file.size
                 break
             batches += found
         return batches
+
+    def end(self) -> None:
+        """See `Tail.end`."""
+        if self._is_torn:
+            rest = self._file.size - self._at
+            what = f"it was cut in a record or chunk: its last {rest:,} bytes are not followed"
+            self._losses.note(self._file.path, what)
 
     def close(self) -> None:
         """Release the file."""

@@ -9,6 +9,7 @@ from replay.logs.blocks.block_messages import BlockStore
 from replay.logs.blocks.slabs import SLAB_BYTES, Find, SlabIndex
 from replay.logs.storage import LARGEST_BYTES, FileBytes
 
+#: Bytes that are read at first; a longer record widens them.
 _SMALLEST_WINDOW: Final = 65_536
 
 

@@ -6,12 +6,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Ints
 from estimators.interpreted import compiled
 from replay.logs.blocks.slabs import Slab
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME
 
-Ints = NDArray[np.int64]
+#: Later than any log time, ns.
 _INT64_MAX: Final = 2**63 - 1
 
 

@@ -91,6 +91,7 @@ SLAB_BYTES: Final = 8 * 2**20
 #: The first is small, so that there are rows soon, and each has so many times the bytes of the one
 #: before; until they have their size, one alone is prepared ahead.
 _FIRST_BYTES: Final = SLAB_BYTES // 32
+#: Bytes of a group over those of the group before, at most.
 _GROWTH: Final = 4
 #: Slabs below their size.
 _GROWING: Final = 3
@@ -115,17 +116,17 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> It
                 sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
                 or (prepared < _GROWING and len(waiting) > 1)
             ):
-                yield from _next(waiting, free)
+                yield from _take_slabs(waiting, free)
             prepared += 1
             recycled = free.pop() if free and size <= SLAB_BYTES else None
             waiting.append((pool.submit(_load, file, group, grammar, recycled), size))
         while waiting:
-            yield from _next(waiting, free)
+            yield from _take_slabs(waiting, free)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _next(
+def _take_slabs(
     waiting: deque[tuple[Future[Slab], int]], free: list[NDArray[np.uint8]]
 ) -> Iterator[Slab]:
     slab = waiting.popleft()[0].result()

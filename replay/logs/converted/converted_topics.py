@@ -118,7 +118,7 @@ class ConvertedTopics:
             index = int(element) if len(element) <= _MOST_DIGITS else 10**_MOST_DIGITS
             length = self._length(name, number)
             if length is not None and index >= length:
-                raise ConvertedFieldError(f"'{name}' is beyond its end; it has {length} elements")
+                raise ConvertedFieldError(f"'{name}' is out of range; it has {length} elements")
             return pl.lit(index)
         before = name[: [m.start() for m in _ELEMENT.finditer(name)][number]]
         parent = before.rpartition(".")[0]

@@ -6,9 +6,10 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from estimators.arrays import Ints
+
 #: pyarrow ships no types.
 Array: TypeAlias = Any
-Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 _INT64: Final[Any] = pa.int64()

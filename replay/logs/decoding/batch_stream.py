@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from replay.logs.decoding.decoder import Decoded, Decoder, Submit, Tally, at_once
-from replay.logs.decoding.gather_values import concatenated
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, Tally, at_once
+from replay.logs.decoding.gather_values import concatenate
 from replay.logs.messages.raw_batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
 #: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
@@ -32,7 +32,7 @@ class Stream:
         #: put aside until they are worth the overhead of a batch
         self._few: list[RawBatch] = []
         self._rows = self._bytes = 0
-        self._begun: list[Callable[[], Decoded]] = []
+        self._begun: list[Callable[[], DecodedBatch]] = []
         #: the log time of the last message, by connection: slabs hold several side by side
         self._last: dict[int, int] = {}
 
@@ -144,7 +144,7 @@ def drain_all(
 
 def _copy_batch(batch: RawBatch) -> RawBatch:
     """Its messages alone, since a container may use the memory again."""
-    data = concatenated(batch.data, batch.offsets, batch.lengths)
+    data = concatenate(batch.data, batch.offsets, batch.lengths)
     offsets = np.cumsum(batch.lengths) - batch.lengths
     return RawBatch(
         batch.connection_id, data, offsets, batch.lengths.copy(), batch.log_times.copy()

@@ -7,14 +7,12 @@ from collections.abc import Callable
 from typing import Any, Final, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Bytes
 from estimators.interpreted import Primitive
 
-Bytes = NDArray[np.uint8]
 
-
-def _unsigned(size: int) -> Callable[[Bytes, int], np.int64]:
+def _unsigned_reader(size: int) -> Callable[[Bytes, int], np.int64]:
     def load(data: Bytes, at: int) -> np.int64:
         return np.int64(int.from_bytes(data[at : at + size].tobytes(), "little"))
 
@@ -29,7 +27,7 @@ def _copy(data: Bytes, at: int, target: Bytes, to: int, size: int) -> None:
     target[to : to + size] = data[at : at + size]
 
 
-def _widened(bits: int) -> np.int64:
+def _widen(bits: int) -> np.int64:
     single = np.array(int(bits) & 0xFFFFFFFF, np.uint32).view(np.float32)
     return np.int64(single.astype(np.float64).view(np.int64))
 
@@ -57,12 +55,12 @@ def _primitive(name: str, interpreted: Callable[..., Any]) -> Any:
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
-load16 = cast("Callable[[Bytes, int], int]", _primitive("load16", _unsigned(2)))
-load32 = cast("Callable[[Bytes, int], int]", _primitive("load32", _unsigned(4)))
+load16 = cast("Callable[[Bytes, int], int]", _primitive("load16", _unsigned_reader(2)))
+load32 = cast("Callable[[Bytes, int], int]", _primitive("load32", _unsigned_reader(4)))
 load64 = cast("Callable[[Bytes, int], int]", _primitive("load64", _load64))
 #: (data, at, target, to, size): copy so many bytes
 copy = cast("Callable[[Bytes, int, Bytes, int, int], None]", _primitive("copy", _copy))
 #: (the bits of a number of single precision) -> those of the double that equals it
-widened = cast("Callable[[int], int]", _primitive("widened", _widened))
+widened = cast("Callable[[int], int]", _primitive("widened", _widen))
 #: (data, at): the processor may bring what lies there nearer
 fetch = cast("Callable[[Bytes, int], None]", _primitive("fetch", _fetch))

@@ -2,23 +2,129 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.arrays import of_times
-from replay.logs.decoding.batch_pass import BatchPass, WalkedBatch
 from replay.logs.decoding.decode_program import Program, Wanted, compile_program
-from replay.logs.decoding.decoder import Decoded, Submit, at_once, schema_of
+from replay.logs.decoding.decoder import DecodedBatch, Submit, at_once, schema_of
 from replay.logs.decoding.direct_fields import DirectFields, direct_fields
-from replay.logs.decoding.walk_program import TOO_SHORT, encapsulations
+from replay.logs.decoding.field_columns import Columns
+from replay.logs.decoding.one_pass import one_pass, room_for
+from replay.logs.decoding.walk_program import (
+    FAULTS,
+    TOO_SHORT,
+    Encoding,
+    Messages,
+    Outcome,
+    WalkNotes,
+    encapsulations,
+    no_template,
+)
 from replay.logs.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
 from replay.logs.messages.message_fields import ALL, OWN_COLUMNS, Field, resolve
 from replay.logs.messages.message_types import RecordType
 from replay.logs.messages.raw_batch import RawBatch
+
+#: Elements that lists have on the average, as a first guess; with more, the pass is repeated.
+_ELEMENTS: Final = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WalkedBatch:
+    """The columns of the messages that are whole, and which those are."""
+
+    columns: Columns
+    #: (n,)
+    whole: NDArray[np.bool_]
+    first_fault: str
+
+
+class BatchPass:
+    """A pass over messages of one encapsulation, with the memory that it needs.
+
+    The memory is there before it is done, since it may be done in another thread: what threads
+    allocate themselves is kept apart from all else, and used again by none of the others.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        direct: DirectFields,
+        data: Bytes,
+        begins: Ints,
+        sizes: Ints,
+        *,
+        swap: bool,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            program: of the messages' type and encoding.
+            direct: the fields that are gathered on the way.
+            data: (bytes,) what they lie in.
+            begins: (n,) where each begins, behind its encapsulation.
+            sizes: (n,) bytes of each from there on.
+            swap: whether their numbers are big-endian.
+        """
+        # a definition may say that messages are large, where the data has small ones only
+        rows = int(np.count_nonzero(sizes >= program.least_bytes))
+        self._program, self._direct, self._swap = program, direct, swap
+        self._messages = Messages(data, begins, sizes)
+        self._gathered = room_for(direct.gathering, rows)
+        self._outcome = Outcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
+        self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
+        room[0] = rows
+        self._noted = _room_for_marks(program, room)
+
+    def execute(self) -> None:
+        """Walk and gather; once more where there was too little memory for the marks."""
+        program, wire = self._program, self._program.wire
+        while True:
+            one_pass(
+                self._messages, Encoding(wire.cdr, self._swap, wire.counted),
+                program.steps, self._noted, no_template(program.nodes),
+                self._direct.gathering, self._gathered, self._outcome,
+            )  # fmt: skip
+            filled = self._noted.filled
+            if (filled <= self._room).all():
+                return
+            self._room = filled
+            self._noted = _room_for_marks(program, filled)
+            self._gathered.long_bytes[:] = 0
+
+    def result(self) -> WalkedBatch:
+        """What it found, once it is done."""
+        table, marks, filled, *_ = self._noted
+        noted = tuple(marks[base : base + filled[node]] for node, base, _ in table)
+        root, rows = self._program.root, int(filled[0])
+        columns = Columns(
+            self._messages.data, self._swap, root, noted, rows, self._direct, self._gathered
+        )
+        whole = self._outcome.faults == 0
+        if whole.all():
+            return WalkedBatch(columns, whole, "")
+        first = int(np.argmin(whole))
+        where = f"(at its byte {self._outcome.places[first] + self._program.wire.head})"
+        return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
+
+
+def _room_for_marks(program: Program, room: Ints) -> WalkNotes:
+    """Memory for the marks of so many elements of each node."""
+    nodes = program.mark_nodes
+    ends = np.cumsum(room[nodes])
+    return WalkNotes(
+        np.stack([nodes, ends - room[nodes], room[nodes]], axis=1),
+        marks=np.empty(int(ends[-1]) if ends.size else 0, np.int64),
+        filled=np.zeros(program.nodes, np.int64),
+        kept=np.empty(program.nodes, np.int64),
+        left=np.empty(program.depth, np.int64),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,27 +160,27 @@ class Plan:
             for wire in dict.fromkeys(self._wires.values())
         }
 
-    def decode(self, batch: RawBatch) -> Decoded:
+    def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages at once; one that is not whole costs its row."""
         return self.begin(batch, at_once)()
 
-    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
         """See `Decoder.begin`."""
         if self._ros1:
             kinds = np.zeros(batch.rows, np.int64)
         else:
             kinds = encapsulations(batch.data, batch.offsets, batch.lengths)
         if not batch.rows or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
-            return lambda: self._mixed(batch, kinds)
+            return lambda: self._decode_mixed(batch, kinds)
         finish = self._begin_part(batch, int(kinds[0]), submit)
 
-        def decoded() -> Decoded:
+        def decoded() -> DecodedBatch:
             part = finish()
-            return Decoded(part.frame, part.faulty.size, part.first_fault)
+            return DecodedBatch(part.frame, part.faulty.size, part.first_fault)
 
         return decoded
 
-    def _mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> Decoded:
+    def _decode_mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> DecodedBatch:
         """Decode messages of several encapsulations, or of none that is known."""
         chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
         parts = [
@@ -91,7 +197,7 @@ class Plan:
         if unknown.size:
             faults.append((unknown, _why_not(int(kinds[unknown[0]]))))
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
-        return Decoded(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
+        return DecodedBatch(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
     def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _Part]:
         """Begin to decode messages of one encapsulation."""

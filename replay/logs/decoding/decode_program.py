@@ -11,7 +11,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.logs.decoding.field_places import InSpan, Located, Nested, Strided, Text, Walked
+from replay.logs.decoding.field_places import (
+    InSpan,
+    Located,
+    NestedMessage,
+    StridedList,
+    Text,
+    WalkedList,
+)
 from replay.logs.decoding.spans import (
     NoPlanError,
     Span,
@@ -73,7 +80,7 @@ class Program:
     depth: int
     #: no message with fewer bytes is whole
     least_bytes: int
-    root: Nested
+    root: NestedMessage
 
 
 def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> Program:
@@ -110,14 +117,14 @@ class _Compiler:
     #: the last step's span, while more can be appended to it
     span: Span | None = None
 
-    def record(self, record: RecordType, wanted: Wanted | None) -> Nested:
+    def record(self, record: RecordType, wanted: Wanted | None) -> NestedMessage:
         """Compile the fields of a message."""
         fields: dict[str, Located] = {}
         for name, kind in members(record, self.wire):
             located = self._field(kind, None if wanted is None else wanted.get(name))
             if located is not None:
                 fields[name] = located
-        return Nested(fields)
+        return NestedMessage(fields)
 
     def _field(self, kind: FieldType, wanted: Wanted | None) -> Located | None:
         if isinstance(kind, RecordType):
@@ -155,7 +162,7 @@ class _Compiler:
         length = -1 if kind.length is None else kind.length
         fixed = fixed_size(kind.element, self.wire)
         if fixed is None:
-            return self._walked(kind.element, length, least, wanted)
+            return self._walked_list(kind.element, length, least, wanted)
         # arrays of a fixed size lie in spans
         assert kind.length is None
         if not least:
@@ -163,11 +170,11 @@ class _Compiler:
         one, value = fixed
         stride = mean_stride(one)
         self._step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)
-        return None if wanted is None else Strided(self._note(2), stride, value)
+        return None if wanted is None else StridedList(self._note(2), stride, value)
 
-    def _walked(
+    def _walked_list(
         self, element: FieldType, length: int, least: int, wanted: Wanted | None
-    ) -> Walked | None:
+    ) -> WalkedList | None:
         head = self._step(Op.LIST, size=least, length=length)
         mark = -1 if wanted is None else self._note(1)
         above, self.node = self.node, -1 if wanted is None else self.nodes
@@ -181,7 +188,7 @@ class _Compiler:
         inner, self.node = self.node, above
         if wanted is None or located is None:
             return None
-        return Walked(mark, inner, located)
+        return WalkedList(mark, inner, located)
 
     def _step(
         self,

@@ -20,7 +20,7 @@ def at_once(work: Callable[[], None]) -> Callable[[], object]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Decoded:
+class DecodedBatch:
     """The rows of a batch, in its order, without the messages that cannot be decoded."""
 
     frame: pl.DataFrame
@@ -43,7 +43,7 @@ class Tally:
 class Decoder(Protocol):
     """Knows one type and the fields asked for."""
 
-    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:
         """Begin to decode messages; what it gives ends that. One that cannot be costs its row.
 
         Work that needs no lock of the interpreter is submitted, to be done in the meantime.

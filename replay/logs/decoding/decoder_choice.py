@@ -1,14 +1,82 @@
-"""Which decoder a type gets: the columnar one, or a library's."""
+"""The decoder of a type: by columns, or message by message where no plan can express it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import polars as pl
 
 from replay.logs.decoding.decode_program import compile_program
-from replay.logs.decoding.decoder import Decoder
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, schema_of
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.wire import CDR
-from replay.logs.messages.decoding_libraries import ROSBAGS
-from replay.logs.messages.message_fields import Field
+from replay.logs.messages.broken_bytes import BrokenBytesError
+from replay.logs.messages.decoding_libraries import ROSBAGS, Library
+from replay.logs.messages.message_fields import ALL, Field, PathStep
 from replay.logs.messages.message_types import MessageType
+from replay.logs.messages.raw_batch import RawBatch
+
+
+class PerMessageDecoder:
+    """How to read fields of one type without a plan."""
+
+    def __init__(self, kind: MessageType, fields: Sequence[Field]) -> None:
+        self._kind = kind
+        self._fields = tuple(fields)
+
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], DecodedBatch]:  # noqa: ARG002 - objects need the lock
+        """See `Decoder.begin`."""
+        return lambda: self.decode(batch)
+
+    def decode(self, batch: RawBatch) -> DecodedBatch:
+        """Decode messages one by one; one that the library refuses costs its row."""
+        rows: list[tuple[Any, ...]] = []
+        faults: list[str] = []
+        times = batch.log_times.tolist()
+        for time, data in zip(times, batch.messages(), strict=True):
+            try:
+                rows.append((time, *self._values(data)))
+            except BrokenBytesError as error:
+                faults.append(str(error))
+        frame = pl.DataFrame(rows, schema=schema_of(self._fields), orient="row")
+        return DecodedBatch(frame, len(faults), faults[0] if faults else "")
+
+    def _values(self, data: bytes) -> tuple[Any, ...]:
+        message = self._kind.decode(data)
+        library = self._kind.library
+        stamp = None
+        if self._kind.record.has_header:
+            stamp = library.stamp_ns(library.get(library.get(message, "header"), "stamp"))
+        return (stamp, *(_value_at_path(library, message, f.steps, f.kind) for f in self._fields))
+
+
+def _value_at_path(library: Library, message: Any, steps: Sequence[PathStep], kind: str) -> Any:
+    for number, step in enumerate(steps, 1):
+        value = library.get(message, step.name)
+        if value is None:
+            return None
+        if step.element == ALL:
+            return [
+                _value_at_path(library, element, steps[number:], kind)
+                for element in library.elements(value)
+            ]
+        if step.element is not None:
+            is_by_name = isinstance(step.element, str)
+            names = library.elements(library.get(message, "name")) if is_by_name else ()
+            value = _pick(names, library.elements(value), step.element)
+        if value is None:
+            return None
+        message = value
+    return library.stamp_ns(message) if kind == "stamp" else library.convert(message, kind)
+
+
+def _pick(names: Sequence[Any], values: Sequence[Any], element: int | str) -> Any:
+    if isinstance(element, int):
+        number = element
+    elif element in names:
+        number = list(names).index(element)
+    else:
+        return None
+    return values[number] if number < len(values) else None
 
 
 def decoder_name(kind: MessageType) -> str:
@@ -29,6 +97,5 @@ def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
         from replay.logs.decoding.decode_plan import Plan
 
         return Plan(kind.record, ros1=kind.ros1, fields=fields)
-    from replay.logs.decoding.per_message import PerMessageDecoder
 
     return PerMessageDecoder(kind, fields)

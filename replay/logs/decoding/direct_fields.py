@@ -5,20 +5,19 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Ints
 from replay.logs.decoding.field_places import (
     Inline,
     InlineArray,
     InlineRecord,
     InSpan,
-    Nested,
+    NestedMessage,
     Text,
 )
 from replay.logs.decoding.gather_values import DTYPES, LOADS
 from replay.logs.messages.message_fields import ALL, Field, PathStep
 
-Ints = NDArray[np.int64]
 #: What tells a field of a type from the others.
 Steps: TypeAlias = tuple[PathStep, ...]
 
@@ -65,7 +64,7 @@ class _Found:
     value: Inline | InlineArray | Text
 
 
-def direct_fields(root: Nested, fields: Iterable[Field]) -> DirectFields:
+def direct_fields(root: NestedMessage, fields: Iterable[Field]) -> DirectFields:
     """Find those of some fields that are direct."""
     places = {field.steps: _place(root, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
@@ -93,9 +92,9 @@ def direct_fields(root: Nested, fields: Iterable[Field]) -> DirectFields:
     return DirectFields(gathering, tuple(values), tuple(arrays), tuple(texts))
 
 
-def _place(root: Nested, steps: Steps) -> _Found | None:
+def _place(root: NestedMessage, steps: Steps) -> _Found | None:
     """Where a field lies, if every message has it there."""
-    here: Nested | InlineRecord = root
+    here: NestedMessage | InlineRecord = root
     mark, offset = -1, 0
     for step in steps:
         below = here.fields[step.name]
@@ -115,7 +114,7 @@ def _place(root: Nested, steps: Steps) -> _Found | None:
             return None
         if isinstance(below, Inline):
             return _Found(mark, offset + below.offset, below)
-        if not isinstance(below, Nested | InlineRecord):
+        if not isinstance(below, NestedMessage | InlineRecord):
             return None
         here = below
     return None

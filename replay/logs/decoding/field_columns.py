@@ -11,6 +11,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Ints
 from replay.logs.decoding.arrays import (
     ELEMENT_TYPES,
     Array,
@@ -27,17 +28,16 @@ from replay.logs.decoding.field_places import (
     InlineValue,
     InSpan,
     Located,
-    Nested,
-    Strided,
+    NestedMessage,
+    StridedList,
     Text,
-    Walked,
+    WalkedList,
 )
-from replay.logs.decoding.gather_values import DTYPES, concatenated, find, numbers, values, views
-from replay.logs.decoding.one_pass import Gathered
+from replay.logs.decoding.gather_values import DTYPES, concatenate, find, numbers, values, views
+from replay.logs.decoding.one_pass import GatheredRows
 from replay.logs.decoding.wire import WIDTHS
 from replay.logs.messages.message_fields import ALL, Field
 
-Ints = NDArray[np.int64]
 _NO_TEXT: Final = np.empty(0, np.uint8)
 
 
@@ -67,13 +67,13 @@ class Columns:
 
     data: NDArray[np.uint8]
     swap: bool
-    root: Nested
+    root: NestedMessage
     #: by mark: what was noted for each element of its node
     noted: tuple[Ints, ...]
     #: whole messages
     rows: int
     direct: DirectFields
-    gathered: Gathered
+    gathered: GatheredRows
     _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
 
     def gathered_on_the_way(self) -> Iterator[Array]:
@@ -122,13 +122,13 @@ class Columns:
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineRecord)
             return replace(place, value=place.value.fields[name])
-        assert isinstance(place.located, Nested)
+        assert isinstance(place.located, NestedMessage)
         located = place.located.fields[name]
         if isinstance(located, InSpan):
-            return _Positions(located.value, self._noted(located.mark, place.chosen))
+            return _Positions(located.value, self._mark_of(located.mark, place.chosen))
         return _Elements(located, place.chosen)
 
-    def _noted(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
+    def _mark_of(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
         """A mark of chosen elements, `absent` for those that are not there."""
         if chosen is None:
             return self.noted[mark]
@@ -140,9 +140,9 @@ class Columns:
         if isinstance(place, _Positions):
             assert isinstance(place.value, InlineArray)
             return np.where(place.at < 0, -1, place.value.length)
-        assert isinstance(place.located, Walked | Strided)
-        mark = place.located.mark + isinstance(place.located, Strided)
-        return self._noted(mark, place.chosen)
+        assert isinstance(place.located, WalkedList | StridedList)
+        mark = place.located.mark + isinstance(place.located, StridedList)
+        return self._mark_of(mark, place.chosen)
 
     def _pick(self, place: _Place, number: int | Ints) -> _Place:
         """One element of each list: the same of all, or another of each."""
@@ -162,11 +162,11 @@ class Columns:
             array = place.value
             at = place.at + array.offset + number * array.stride
             return _Positions(array.element, np.where(number < 0, -1, at), place.offset)
-        if isinstance(place.located, Strided):
-            starts = self._noted(place.located.mark, place.chosen)
+        if isinstance(place.located, StridedList):
+            starts = self._mark_of(place.located.mark, place.chosen)
             at = np.where(number < 0, -1, starts + number * place.located.stride)
             return _Positions(place.located.element, at)
-        assert isinstance(place.located, Walked)
+        assert isinstance(place.located, WalkedList)
         counts = self.noted[place.located.mark]
         begins = np.cumsum(counts) - counts
         if place.chosen is not None:
@@ -176,7 +176,7 @@ class Columns:
     def _spread(self, place: _Place, counts: Ints) -> _Place:
         """Every element of each list."""
         match place:
-            case _Elements(located=Walked(element=element), chosen=None):
+            case _Elements(located=WalkedList(element=element), chosen=None):
                 return _Elements(element, None)
             case _:
                 pass
@@ -193,9 +193,9 @@ class Columns:
     def _by_name(self, place: _Place, name: str) -> Ints:
         """Where the list `name` of a message has a name, -1 where it does not."""
         assert isinstance(place, _Elements)
-        assert isinstance(place.located, Nested)
+        assert isinstance(place.located, NestedMessage)
         names = place.located.fields["name"]
-        assert isinstance(names, Walked)
+        assert isinstance(names, WalkedList)
         assert isinstance(names.element, Text)
         if (names.mark, name) not in self._found:
             text = names.element.mark
@@ -218,18 +218,18 @@ class Columns:
             starts = place.at + (place.offset + array.offset)
         else:
             array = place.located
-            assert isinstance(array, Strided)
-            starts = self._noted(array.mark, place.chosen)
+            assert isinstance(array, StridedList)
+            starts = self._mark_of(array.mark, place.chosen)
         assert isinstance(array.element, Inline)
         kind = array.element.kind
-        stored = concatenated(self.data, starts, counts * DTYPES[kind].itemsize)
+        stored = concatenate(self.data, starts, counts * DTYPES[kind].itemsize)
         return of_elements(numbers(stored, kind, swap=self.swap), kind)
 
     def _values(self, place: _Place) -> Array:
         if isinstance(place, _Elements):
             assert isinstance(place.located, Text)
-            starts = self._noted(place.located.mark, place.chosen)
-            sizes = self._noted(place.located.mark + 1, place.chosen, absent=0)
+            starts = self._mark_of(place.located.mark, place.chosen)
+            sizes = self._mark_of(place.located.mark + 1, place.chosen, absent=0)
             return of_strings(*views(self.data, starts, sizes), absent=starts < 0)
         value = place.value
         assert isinstance(value, Inline)
@@ -241,7 +241,7 @@ class Columns:
 def _is_contiguous(place: _Place) -> bool:
     array = place.value if isinstance(place, _Positions) else place.located
     return (
-        isinstance(array, InlineArray | Strided)
+        isinstance(array, InlineArray | StridedList)
         and isinstance(array.element, Inline)
         and array.element.kind in WIDTHS
     )

@@ -50,7 +50,7 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
-class Strided:
+class StridedList:
     """A sequence whose elements have one size: position as `mark`, their number as `mark + 1`."""
 
     mark: int
@@ -59,7 +59,7 @@ class Strided:
 
 
 @dataclass(frozen=True, slots=True)
-class Walked:
+class WalkedList:
     """A list whose elements are those of `node`, their number noted as `mark`."""
 
     mark: int
@@ -68,11 +68,11 @@ class Walked:
 
 
 @dataclass(frozen=True, slots=True)
-class Nested:
+class NestedMessage:
     """A message whose fields have marks of their own."""
 
     fields: "dict[str, Located]"
 
 
 InlineValue: TypeAlias = Inline | InlineRecord | InlineArray
-Located: TypeAlias = InSpan | Text | Strided | Walked | Nested
+Located: TypeAlias = InSpan | Text | StridedList | WalkedList | NestedMessage

@@ -9,11 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Bytes, Ints
 from estimators.interpreted import compiled
 from replay.logs.decoding.bytes_at import copy, load16, load32, load64, widened
-
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 
 #: Little-endian numbers of the kinds; a bool is a byte until it is compared with 0.
 DTYPES: Final = {
@@ -168,7 +166,9 @@ def _copy(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
 
 
 @compiled
-def _find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, found: Ints) -> None:
+def _find_names(
+    data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, found: Ints
+) -> None:
     first = 0
     for row in range(counts.size):
         found[row] = -1
@@ -198,7 +198,7 @@ def find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Int
     found = np.empty(counts.size, np.int64)
     # a copy, since numba would compile anew for an array that cannot be written
     encoded = np.array(bytearray(name.encode()))
-    _find(data, starts, sizes, counts, encoded, found)
+    _find_names(data, starts, sizes, counts, encoded, found)
     return found
 
 
@@ -217,7 +217,7 @@ def views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], B
     return out, text
 
 
-def concatenated(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
+def concatenate(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
     """Concatenate stretches of bytes, of so many bytes each, at some starts."""
     out = np.empty(int(sizes.sum()), np.uint8)
     _copy(data, starts, sizes, out)

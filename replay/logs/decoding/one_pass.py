@@ -9,18 +9,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Bytes, Ints
 from estimators.interpreted import uncounted
 from replay.logs.decoding.direct_fields import Gathering
 from replay.logs.decoding.gather_values import copy_equal, load, view
-from replay.logs.decoding.walk_program import Encoding, Messages, Noted, Outcome, Template, walk
+from replay.logs.decoding.walk_program import Encoding, Messages, Outcome, Template, WalkNotes, walk
 
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
-
+#: Messages that a thread takes at once.
 _ROWS_AT_ONCE: Final = 1024
 
 
-class Gathered(NamedTuple):
+class GatheredRows(NamedTuple):
     """What a pass gathers; of `n` rows those of whole messages are filled, the first ones."""
 
     #: (values, n) 64 bits each
@@ -36,11 +35,11 @@ class Gathered(NamedTuple):
     nowhere: Bytes
 
 
-def room_for(gathering: Gathering, rows: int) -> Gathered:
+def room_for(gathering: Gathering, rows: int) -> GatheredRows:
     """Memory for so many rows."""
     texts = gathering.text_marks.size
     views = np.empty((texts, rows, 4), np.uint32)
-    return Gathered(
+    return GatheredRows(
         np.empty((gathering.value_marks.size, rows), np.int64),
         np.empty(int(gathering.array_bytes.sum()) * rows, np.uint8),
         views,
@@ -55,10 +54,10 @@ def one_pass(
     messages: Messages,
     encoding: Encoding,
     steps: Ints,
-    noted: Noted,
+    noted: WalkNotes,
     template: Template,
     gathering: Gathering,
-    gathered: Gathered,
+    gathered: GatheredRows,
     outcome: Outcome,
 ) -> None:
     """Walk and gather messages.
@@ -85,9 +84,9 @@ def one_pass(
 @uncounted
 def _gather(
     data: Bytes,
-    noted: Noted,
+    noted: WalkNotes,
     gathering: Gathering,
-    gathered: Gathered,
+    gathered: GatheredRows,
     swap: bool,
     first: int,
     end: int,

@@ -10,13 +10,11 @@ array whose bytes do not follow one another is refused when the caller is compil
 from collections.abc import Callable
 from typing import Any, cast
 
-import numpy as np
 from llvmlite import ir  # which numba brings
 from numba.core import cgutils, types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.uint8]
+from estimators.arrays import Bytes
 
 
 def _are_bytes(*arrays: Any) -> bool:
@@ -53,7 +51,7 @@ def _copy(_: Any, data: Any, at: Any, target: Any, to: Any, size: Any) -> tuple[
     return (signature, generate) if _are_bytes(data, target) else None
 
 
-def _widened(_: Any, bits: Any) -> tuple[Any, Any]:
+def _widen(_: Any, bits: Any) -> tuple[Any, Any]:
     def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         word = builder.trunc(arguments[0], context.get_data_type(types.uint32))
         single = builder.bitcast(word, context.get_data_type(types.float32))
@@ -83,6 +81,6 @@ load64: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.int64)))
 #: (data, at, target, to, size): copy so many bytes
 copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_copy))
 #: (the bits of a number of single precision) -> those of the double that equals it
-widened: Callable[[int], int] = cast("Any", intrinsic(_widened))
+widened: Callable[[int], int] = cast("Any", intrinsic(_widen))
 #: (data, at): the processor may bring what lies there nearer
 fetch: Callable[[Bytes, int], None] = cast("Any", intrinsic(_fetch))

@@ -18,12 +18,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Bytes, Ints
 from estimators.interpreted import compiled, inlined, uncounted
 from replay.logs.decoding.bytes_at import fetch, load32, load64
 from replay.logs.decoding.decode_program import Op, Operand
-
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int64]
 
 # plain integers: numba freezes them into the machine code
 _SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)
@@ -78,7 +76,7 @@ class Encoding(NamedTuple):
     counted: int
 
 
-class Noted(NamedTuple):
+class WalkNotes(NamedTuple):
     """What a walk notes."""
 
     #: (marks, 3) of each mark: its node, where its values begin in `marks`, and for how many
@@ -133,7 +131,7 @@ def walk(
     end: int,
     encoding: Encoding,
     steps: Ints,
-    noted: Noted,
+    noted: WalkNotes,
     template: Template,
     outcome: Outcome,
 ) -> None:
@@ -170,7 +168,7 @@ def walk(
         _copy_counts(filled, kept)
         at = step = depth = fault = note_count = 0
         while step < steps.shape[0]:
-            place, count, told, stop, at, fault = _read(
+            place, count, told, stop, at, fault = _read_step(
                 data, begin, at, size, steps, step, encoding
             )
             if fault != 0:
@@ -312,7 +310,7 @@ def _follow(
 
 
 @inlined
-def _read(
+def _read_step(
     data: Bytes, begin: int, at: int, size: int, steps: Ints, step: int, encoding: Encoding
 ) -> tuple[int, int, int, int, int, int]:
     """Read what a step says that there is.
@@ -334,7 +332,7 @@ def _read(
     if fault != 0:
         return -1, -1, told, at, at, fault
     if op == _TEXT:
-        place, count, end, fault = _text(data, begin, at, size, count, encoding.cdr)
+        place, count, end, fault = _walk_text(data, begin, at, size, count, encoding.cdr)
         return place, count, told, end, end, fault
     if op == _STRIDED:
         place, end, fault = _strided(steps, step, at, size, count)
@@ -363,7 +361,7 @@ def _length(
 
 
 @inlined
-def _text(
+def _walk_text(
     data: Bytes, begin: int, at: int, size: int, length: int, cdr: bool
 ) -> tuple[int, int, int, int]:
     """Where a string begins, its bytes without a terminator, where it ends, and a fault."""

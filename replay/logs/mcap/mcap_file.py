@@ -1,19 +1,101 @@
 """The container of an MCAP file: by its index where that is whole, else from start to end."""
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from io import BytesIO
+from pathlib import Path
+from typing import Final
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.records import Channel, Schema
+from mcap.records import Channel, Metadata, Schema
 from rosbags.typesys.msg import normalize_msgtype
 
 from estimators.errors import LogError
-from replay.logs.blocks import Block, BlockFile, Grammar, torn_end, until
+from replay.logs.blocks import (
+    Block,
+    BlockFile,
+    BlockStore,
+    Describe,
+    Grammar,
+    LooseRecords,
+    resync,
+    torn_end,
+    until,
+)
 from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_times
-from replay.logs.mcap.mcap_records import CHANNEL, MAGIC, RECORD_HEAD, chunk_block
-from replay.logs.mcap.mcap_walk import McapWalk
+from replay.logs.mcap.mcap_records import (
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    DATA_END_BYTES,
+    FOOTER,
+    FOOTER_BYTES,
+    MAGIC,
+    MESSAGE,
+    METADATA,
+    RECORD_HEAD,
+    SCHEMA,
+    STATISTICS,
+    chunk_block,
+)
 from replay.logs.messages.broken_bytes import BROKEN_BYTES
-from replay.logs.storage import Connection
+from replay.logs.storage import Connection, FileBytes
+
+#: Bytes of a record that is read; what identifies a machine is short.
+_LARGEST_BYTES: Final = 2**20
+_HEAD: Final = RECORD_HEAD.size
+#: A chunk whose opcode is damaged must not end the file.
+_LENGTHS: Final = {FOOTER: FOOTER_BYTES, DATA_END: DATA_END_BYTES}
+
+
+@dataclass(slots=True)
+class McapWalk:
+    """Adds what stands outside chunks to a store, and yields the chunks."""
+
+    store: BlockStore
+    describe: Describe
+    #: where the last whole record ends
+    whole: int = len(MAGIC)
+    data_ended: bool = False
+    has_footer: bool = False
+    #: where the record begins that ends the data; 0 where there is none
+    data_end: int = 0
+    #: as the statistics say
+    message_count: int | None = None
+
+    def chunks(self) -> Iterator[Block]:
+        """Every chunk, the one that the end of the file tears among them."""
+        file = self.store.file
+        stretches = LooseRecords(self.store)
+        at = len(MAGIC)
+        while not self.has_footer and len(head := file.read(at, RECORD_HEAD.size)) == _HEAD:
+            opcode, length = RECORD_HEAD.unpack(head)
+            end = at + _HEAD + length
+            block = chunk_block(file, at) if opcode == CHUNK else None
+            if block is not None:
+                yield block
+                self.data_ended = False
+            elif opcode in (SCHEMA, CHANNEL, MESSAGE) and not self.data_ended:
+                end = stretches.add(at, _HEAD + length)
+            elif opcode in (0, CHUNK) or length != _LENGTHS.get(opcode, length):
+                end = at
+            if end > file.size and (block is not None or self.data_ended):
+                break
+            if end == at or end > file.size:
+                end = resync(file, at, self.store.grammar.find)
+                if end is None:
+                    break
+                self.store.damage.skip(at, end)
+            elif opcode in (DATA_END, FOOTER):
+                self.data_ended = True
+                self.data_end = at if opcode == DATA_END else self.data_end
+                self.has_footer = opcode == FOOTER
+            elif opcode in (SCHEMA, CHANNEL) and self.data_ended:
+                self.describe(opcode, file.read(at + _HEAD, length), at)
+            elif opcode == STATISTICS:
+                self.message_count = int.from_bytes(file.read(at + _HEAD, 8), "little")
+            self.whole = at = end
 
 
 class McapFile(BlockFile):
@@ -157,3 +239,25 @@ def make_connection(channel: Channel, schema: Schema | None) -> Connection:
         schema.data.decode(errors=errors),
         schema.encoding,
     )
+
+
+def metadata_records(path: Path) -> list[tuple[str, Mapping[str, str]]]:
+    """Name and texts of each metadata record that the summary points at; none where it is damaged.
+
+    A file that was torn off has no summary: what it may have said is then not looked for.
+    """
+    file = FileBytes(path)
+    try:
+        found: list[tuple[str, Mapping[str, str]]] = []
+        for index in Summary(file).metadata:
+            data = file.read(index.offset, min(index.length, _LARGEST_BYTES))
+            if len(data) < RECORD_HEAD.size or data[0] != METADATA:
+                continue
+            try:
+                record = Metadata.read(ReadDataStream(BytesIO(data[RECORD_HEAD.size :])))
+            except (McapError, *BROKEN_BYTES):
+                continue
+            found.append((record.name, record.metadata))
+        return found
+    finally:
+        file.close()

@@ -16,6 +16,7 @@ _MESSAGE_HEAD: Final = 22
 #: start, end, unpacked size u64, CRC u32, length of the compression's name u32, stored size u64
 _CHUNK_HEAD: Final = 40
 _LAST_OPCODE: Final = DATA_END
+#: Characters of a compression's name; the longest has four.
 _LONGEST_NAME: Final = 32
 #: So many records must follow each other for bytes to be taken for records again.
 _PROVEN: Final = 4
@@ -86,7 +87,7 @@ def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, 
 
 
 @compiled_for(scan_turns)
-def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
+def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - _HEAD + 1):
         at = first
         proof = 0
@@ -102,4 +103,4 @@ def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     return -1
 
 
-GRAMMAR: Final = Grammar(_scan, _find)
+GRAMMAR: Final = Grammar(_scan, _find_record)

@@ -9,6 +9,7 @@ from replay.logs.storage import FileBytes
 MAGIC: Final = b"\x89MCAP0\r\n"
 RECORD_HEAD: Final = struct.Struct("<BQ")
 
+#: Opcodes of records (MCAP specification).
 FOOTER: Final = 0x02
 SCHEMA: Final = 0x03
 CHANNEL: Final = 0x04
@@ -20,13 +21,16 @@ STATISTICS: Final = 0x0B
 METADATA: Final = 0x0C
 DATA_END: Final = 0x0F
 
+#: Bytes of these records behind their head.
 FOOTER_BYTES: Final = 8 + 8 + 4
 DATA_END_BYTES: Final = 4
 
 #: the log times of the first and last message, unpacked size, CRC, length of the compression's name
 _CHUNK: Final = struct.Struct("<QQQII")
 _STORED: Final = struct.Struct("<Q")
+#: Characters of a compression's name; the longest has four.
 _LONGEST_NAME: Final = 32
+#: The last log time, ns.
 _INT64_MAX: Final = 2**63 - 1
 
 

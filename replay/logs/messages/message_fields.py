@@ -126,6 +126,6 @@ def _check_element(walked: str, step: PathStep, kind: ListOf, parent: RecordType
             )
     elif kind.length is not None and step.element >= kind.length:
         raise FieldError(
-            f"'{walked}[{step.element}]' is beyond its end; it has {walked}[0] to "
+            f"'{walked}[{step.element}]' is out of range; it has {walked}[0] to "
             f"{walked}[{kind.length - 1}]"
         )

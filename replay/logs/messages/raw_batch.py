@@ -86,7 +86,9 @@ class RawBatch:
             yield self.data[start : start + size].tobytes()
 
 
-def joined(connection_id: int, log_times: Sequence[int], messages: Sequence[bytes]) -> RawBatch:
+def join_messages(
+    connection_id: int, log_times: Sequence[int], messages: Sequence[bytes]
+) -> RawBatch:
     """A batch of messages that come one by one."""
     lengths = np.fromiter(map(len, messages), np.int64, len(messages))
     return RawBatch(

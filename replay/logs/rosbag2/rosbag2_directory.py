@@ -177,12 +177,12 @@ class Rosbag2Directory:
                 continue
             stored = part.groups(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
-                stored = prefetch(self._unpacked(part, stored))
+                stored = prefetch(self._unpack(part, stored))
             for batches, floor_ns in stored:
                 renamed = [replace(b, connection_id=outer[b.connection_id]) for b in batches]
                 yield Group(renamed, min(floor_ns, behind))
 
-    def _unpacked(self, part: Container, stored: Iterator[Group]) -> Iterator[Group]:
+    def _unpack(self, part: Container, stored: Iterator[Group]) -> Iterator[Group]:
         lost: Counter[int] = Counter()
         floor_ns = UNKNOWN_NS
         for batches, next_floor_ns in stored:

@@ -73,7 +73,7 @@ def custom_data(data: bytes) -> Mapping[str, str]:
         content = _parse_yaml(data.decode())
         # the copy in an MCAP file has no heading
         information = content.get(_HEADING, content) if isinstance(content, dict) else None
-        custom = _value(information, "custom_data")
+        custom = _require_value(information, "custom_data")
     except (BrokenBytesError, UnicodeError):
         return {}
     texts = custom.items() if isinstance(custom, dict) else ()
@@ -118,39 +118,39 @@ def _other_layout() -> BrokenBytesError:
 
 
 def _parse(content: Any, folder: Path) -> Metadata:
-    information = _value(content, _HEADING)
+    information = _require_value(content, _HEADING)
     if not isinstance(information, dict):
         raise _other_layout()
     messages = information.get("message_count")
-    mode = _text(information.get("compression_mode") or "none").lower()
-    fmt = _text(information.get("compression_format") or "zstd")
+    mode = _require_text(information.get("compression_mode") or "none").lower()
+    fmt = _require_text(information.get("compression_format") or "zstd")
     if mode != "none" and fmt != "zstd":
         raise LogError(f"{folder}: compressed with {fmt}; only zstd can be read")
     return Metadata(
         tuple(
-            _inside(_text(name), folder)
-            for name in _list(_value(information, "relative_file_paths"))
+            _inside(_require_text(name), folder)
+            for name in _list(_require_value(information, "relative_file_paths"))
         ),
         mode == "message",
         tuple(
             _announced_count(entry)
-            for entry in _list(_value(information, "topics_with_message_count"))
+            for entry in _list(_require_value(information, "topics_with_message_count"))
         ),
         None if messages is None else _count(messages),
     )
 
 
 def _announced_count(entry: Any) -> AnnouncedTopic:
-    topic = _value(entry, "topic_metadata")
+    topic = _require_value(entry, "topic_metadata")
     return AnnouncedTopic(
-        _text(_value(topic, "name")),
-        _text(_value(topic, "type")),
-        _text(_value(topic, "serialization_format")),
-        _count(_value(entry, "message_count")),
+        _require_text(_require_value(topic, "name")),
+        _require_text(_require_value(topic, "type")),
+        _require_text(_require_value(topic, "serialization_format")),
+        _count(_require_value(entry, "message_count")),
     )
 
 
-def _value(mapping: Any, key: str) -> Any:
+def _require_value(mapping: Any, key: str) -> Any:
     if not isinstance(mapping, dict):
         raise _other_layout()
     if key not in mapping:
@@ -172,7 +172,7 @@ def _count(value: Any) -> int:
         raise _other_layout() from error
 
 
-def _text(value: Any) -> str:
+def _require_text(value: Any) -> str:
     """A value that is text: YAML also knows lists of lists of lists, and half characters."""
     if not isinstance(value, str):
         raise _other_layout()

@@ -7,7 +7,7 @@ from typing import Final
 
 import zstandard
 
-from replay.logs.messages.raw_batch import BATCH_BYTES, RawBatch, joined
+from replay.logs.messages.raw_batch import BATCH_BYTES, RawBatch, join_messages
 from replay.logs.storage import LARGEST_BYTES
 
 #: What a compressed file or message may grow to, in multiples of its size.
@@ -54,9 +54,9 @@ def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
         times.append(time)
         size += len(message)
         if size >= BATCH_BYTES:
-            yield joined(batch.connection_id, times, messages), failed
+            yield join_messages(batch.connection_id, times, messages), failed
             messages, times, failed, size = [], [], 0, 0
-    yield joined(batch.connection_id, times, messages), failed
+    yield join_messages(batch.connection_id, times, messages), failed
 
 
 def _unpack(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> bytes:

@@ -8,7 +8,7 @@ from typing import Final
 
 from analysis.model.loss import Loss
 from replay.logs.messages.broken_bytes import BrokenBytesError
-from replay.logs.messages.raw_batch import RawBatch, joined
+from replay.logs.messages.raw_batch import RawBatch, join_messages
 from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all, sqlite_call
 from replay.logs.sqlite.sqlite_file import connect, read_connections
 from replay.logs.storage import Connection, LossList
@@ -59,7 +59,10 @@ class Db3Tail:
                 contents.append(message)
             else:
                 self._losses.note(self._path, f"row {number} is no message of a known topic")
-        return [joined(topic, *parts) for topic, parts in messages.items()]
+        return [join_messages(topic, *parts) for topic, parts in messages.items()]
+
+    def end(self) -> None:
+        """A transaction is there or it is not."""
 
     def close(self) -> None:
         """Nothing stays open between two polls: a recorder may checkpoint and truncate."""

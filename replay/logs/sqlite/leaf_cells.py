@@ -62,7 +62,7 @@ def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
 
 
 @uncounted
-def _size(kind: int) -> int:
+def _value_bytes(kind: int) -> int:
     """Bytes of a value of a record's type; -1 for what is no type."""
     if kind >= _BLOB:
         return (kind - _BLOB) // 2
@@ -107,7 +107,7 @@ def parse_cell(
     column, topic, time, message, length = 0, 0, 0, 0, 0
     while field < head_end:
         kind, field = _varint(data, field, head_end)
-        size = _size(kind)
+        size = _value_bytes(kind)
         if field < 0 or size < 0 or size > at + payload - body:
             return damaged
         if column == layout.data:
@@ -115,10 +115,10 @@ def parse_cell(
             if with_data and (kind < _BLOB or kind % 2 == 1):
                 what = max(what, NO_MESSAGE)
         elif column == layout.topic:
-            topic, found = _integer(data, body, kind, size, stop)
+            topic, found = _read_integer(data, body, kind, size, stop)
             what = max(what, found)
         elif column == layout.time:
-            time, found = _integer(data, body, kind, size, stop)
+            time, found = _read_integer(data, body, kind, size, stop)
             what = max(what, found)
         body += size
         column += 1
@@ -156,7 +156,9 @@ def _open_cell(
 
 
 @uncounted
-def _integer(data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int) -> tuple[int, int]:
+def _read_integer(
+    data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int
+) -> tuple[int, int]:
     """An integer column, and whether it is one that a message has."""
     if kind in (_NULL, _FLOAT) or kind > _ONE:
         return 0, NO_MESSAGE

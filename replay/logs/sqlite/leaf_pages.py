@@ -10,6 +10,7 @@ from replay.logs.sqlite.database_pages import LEAF, PageLayout
 from replay.logs.sqlite.leaf_cells import big_endian
 from replay.logs.storage import FileBytes
 
+#: Kind of an interior page of a table, and bytes of its head (SQLite file format, 1.6).
 _INTERIOR: Final = 5
 _PAGE_HEAD: Final = 12
 #: Pages above leaves that are read at once.
@@ -37,7 +38,7 @@ def leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None
             return level[:0] if is_empty else level
         if len(kinds) > 1:
             return None
-        below = _below(file, layout, level)
+        below = _child_pages(file, layout, level)
         if below is None or below.max() > layout.pages or seen[below].any():
             return None
         met = int(np.count_nonzero(seen))
@@ -47,7 +48,7 @@ def leaf_pages(file: FileBytes, layout: PageLayout) -> NDArray[np.uint32] | None
         level = below
 
 
-def _below(
+def _child_pages(
     file: FileBytes, layout: PageLayout, level: NDArray[np.uint32]
 ) -> NDArray[np.uint32] | None:
     """The pages below a level of the tree, None where one of it is damaged."""

@@ -18,6 +18,7 @@ from replay.logs.sqlite.leaf_cells import (
 from replay.logs.sqlite.row_query import MOST_ID
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME
 
+#: Bytes of a leaf page's head (SQLite file format, 1.6).
 _PAGE_HEAD: Final = 8
 #: The row of ids in what `records` gives rows of.
 ID: Final = 4

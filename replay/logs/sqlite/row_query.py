@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
 
+#: The smallest and the largest rowid of SQLite.
 LEAST_ID: Final = -(2**63)
 MOST_ID: Final = 2**63 - 1
 #: A batch ends with either.
@@ -133,7 +134,7 @@ def _batches(
             rows, size = [], 0
 
 
-def _first(database: sqlite3.Connection, query: str, after: int) -> Row | None:
+def _first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row | None:
     """The first row behind an id.
 
     Raises:
@@ -150,7 +151,7 @@ def _singly(database: sqlite3.Connection, query: str, after: int) -> Iterator[Ro
     """Rows up to a fault, at most a batch."""
     for _ in range(_MOST_ROWS):
         try:
-            row = _first(database, query, after)
+            row = _first_row_after(database, query, after)
         except BrokenBytesError:
             return
         if row is None:
@@ -180,7 +181,7 @@ def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int 
     """The id behind which a row can be read again, None where there is none."""
 
     def first(gap: int) -> int | None:
-        row = _first(database, query, min(after + gap, MOST_ID))
+        row = _first_row_after(database, query, min(after + gap, MOST_ID))
         return None if row is None else row[0]
 
     fails, works, found = 0, 0, None

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+#: Bytes that are read at once.
 _STEP: Final = 2**20
 
 

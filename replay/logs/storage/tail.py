@@ -31,6 +31,10 @@ class Tail(Protocol):
         """
         ...
 
+    def end(self) -> None:
+        """Nothing comes any more: what is not whole by now is a loss."""
+        ...
+
     def close(self) -> None:
         """Release the file."""
         ...

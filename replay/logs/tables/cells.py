@@ -72,7 +72,7 @@ NUMERIC: Final = frozenset({"number", "grouped", "measure", "time"})
 
 
 def is_numeric(kinds: Sequence[str], *, empty: bool = False) -> bool:
-    """Whether most cells are numbers or times; `empty` where there are none."""
+    """Whether most cells are numbers or times; `empty` if there are no cells."""
     present = [each for each in kinds if each != "empty"]
     if not present:
         return empty

@@ -13,7 +13,7 @@ from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.tables.cells import is_numeric, kind, with_points
 from replay.logs.tables.dialect import BLANKS, sniff, some_cells
 from replay.logs.tables.hints import TableHints
-from replay.logs.tables.text import Utf8Text, as_utf8, head_lines, with_tabs, without_torn_quote
+from replay.logs.tables.text import Utf8Text, as_utf8, drop_torn_quote, head_lines, with_tabs
 
 #: Stands in no text: a line is one cell.
 _NO_SEPARATOR: Final = "\x1f"
@@ -50,12 +50,12 @@ class CsvColumns:
             self._dialect = sniff(head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
                 text, self._text = self._text, with_tabs(self._text)
-                _remove(text)
-            whole = without_torn_quote(self._text, self._dialect.separator)
+                _remove_copy(text)
+            whole = drop_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
             if whole is not None:
                 text, self._text = self._text, whole
-                _remove(text)
+                _remove_copy(text)
         except BaseException:
             self.close()
             raise
@@ -80,7 +80,7 @@ class CsvColumns:
 
     def close(self) -> None:
         """Remove the copy of the text, if there is one."""
-        _remove(self._text)
+        _remove_copy(self._text)
 
     @property
     def preamble(self) -> tuple[str, ...]:
@@ -159,14 +159,14 @@ class CsvColumns:
 
     def _read(self, names: Sequence[str], *others: pl.Expr) -> dict[str, pl.Series]:
         """Columns in a pass; a second one reads those as text that hold more than numbers."""
-        frame = self._collected(self._scan(self._types).select(*names, *others))
+        frame = self._collect(self._scan(self._types).select(*names, *others))
         self._check_height(frame)
         found = {series.name: series for series in frame.get_columns()}
         counts = {n: found[n].count() for n in names if found[n].dtype.is_numeric()}
         text = self._not_only_numbers({n: c for n, c in counts.items() if c < frame.height})
         if text:
             self._types.update(dict.fromkeys(text, pl.String()))
-            again = self._collected(self._scan({}).select(text))
+            again = self._collect(self._scan({}).select(text))
             self._check_height(again)
             found |= {series.name: series for series in again.get_columns()}
         return {name: self._plain(column) for name, column in found.items()}
@@ -176,7 +176,7 @@ class CsvColumns:
         if not numbers:
             return []
         cells = [(pl.col(name).str.strip_chars() != "").sum() for name in numbers]
-        counted = self._collected(self._scan({}).select(cells)).row(0)
+        counted = self._collect(self._scan({}).select(cells)).row(0)
         return [n for (n, c), cells in zip(numbers.items(), counted, strict=True) if cells > c]
 
     def _plain(self, column: pl.Series) -> pl.Series:
@@ -186,7 +186,7 @@ class CsvColumns:
         unit = self._cell_units.get(column.name)
         return with_points(column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped)
 
-    def _collected(self, frame: pl.LazyFrame) -> pl.DataFrame:
+    def _collect(self, frame: pl.LazyFrame) -> pl.DataFrame:
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
@@ -248,13 +248,13 @@ class CsvColumns:
             row_index_offset=self._dialect.data_line + 1,
         )
         odd_quotes = line.str.count_matches('"', literal=True) % 2 == 1
-        if self._collected(lines.select(odd_quotes.any())).item():
+        if self._collect(lines.select(odd_quotes.any())).item():
             return []
         # an empty line is a row without a time, which is counted there
         separators = line.str.count_matches(self._separator, literal=True)
         is_short = separators < len(self.names) - 1
         short = lines.filter(line.is_not_null() & is_short).select("number")
-        return self._collected(short).to_series().to_list()
+        return self._collect(short).to_series().to_list()
 
 
 def _kind(cells: Sequence[str]) -> pl.DataType:
@@ -266,7 +266,7 @@ def _kind(cells: Sequence[str]) -> pl.DataType:
     return pl.Float64() if all(map(_FLOAT.fullmatch, cells)) else pl.String()
 
 
-def _remove(text: Utf8Text) -> None:
+def _remove_copy(text: Utf8Text) -> None:
     if text.copy is not None:
         text.copy.cleanup()
 

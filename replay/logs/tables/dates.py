@@ -37,6 +37,7 @@ _WEEKDAY: Final = r"(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,?\s+)?"
 _COMPACT_CLOCK: Final = (
     r"(?P<h>\d{2})(?P<min>\d{2})(?P<s>\d{2})(?:[.,](?P<frac>\d{1,9})\d*)?(?P<zone>Z)?"
 )
+#: Nanoseconds of a day.
 DAY_NS: Final = 86_400 * 10**9
 #: Years that a clock may show, one that was never set included; beyond, another calendar counts.
 _YEARS: Final = (1900, 2200)

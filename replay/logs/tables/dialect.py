@@ -112,7 +112,7 @@ def sniff(lines: Sequence[str], hints: TableHints) -> Dialect:
     sound = [reading for reading in found if not reading.faults] or found
     best = [each for each in sound if each.faults <= min(e.faults for e in sound)]
     if not best:
-        return _no_numbers(lines, separators, hints)
+        return _dialect_without_numbers(lines, separators, hints)
     if len({each.separator for each in best}) > 1:
         said = " or ".join(_NAMED[each] for each in dict.fromkeys(e.separator for e in best))
         raise DialectError(f"its cells may be separated by {said}; set [log] separator")
@@ -273,7 +273,9 @@ def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: 
     return is_numeric(["number" if each == "maybe grouped" else each for each in kinds])
 
 
-def _no_numbers(lines: Sequence[str], separators: Sequence[str], hints: TableHints) -> Dialect:
+def _dialect_without_numbers(
+    lines: Sequence[str], separators: Sequence[str], hints: TableHints
+) -> Dialect:
     """A header without data, or nothing that is a table."""
     for separator in separators:
         rows = list(split_rows(lines, separator))

@@ -5,6 +5,7 @@ from typing import Final
 
 import polars as pl
 
+#: Nanoseconds of a day.
 _DAY_NS: Final = 86_400 * 10**9
 #: Seconds since 1970 of a log: from 2000 to 2041. No log is of a later day than today, and with
 #: this end no number is a day of two of these clocks.

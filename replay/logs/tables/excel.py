@@ -20,6 +20,7 @@ _SHEETS: Final = "xl/worksheets/"
 _MOST_CELLS: Final = 20_000_000
 #: Where a cell or a row is, in a sheet's XML.
 _PLACE: Final = re.compile(rb"\br=[\"']([A-Z]{0,3})(\d{1,7})[\"']")
+#: Bytes in which the longest reference of a cell fits.
 _LONGEST_PLACE: Final = 16
 #: A table has so many rows at least.
 _FEWEST_ROWS: Final = 2

@@ -118,7 +118,7 @@ def with_tabs(text: Utf8Text) -> Utf8Text:
     return _copy_lines(text.path, lines, text.notes)
 
 
-def without_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
+def drop_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:
     """A copy without a last row that ends behind an opening quote, at which polars panics.
 
     None where there is no such row.
@@ -182,6 +182,7 @@ def _recognise_encoding(path: Path) -> str:
 #: Three letters beyond ASCII in a row: no Western language writes them. They are looked for in the
 #: lines where names are, since damaged cells have them too.
 _OTHER_LETTERS: Final = re.compile(rb"[\x80-\xff]{3}")
+#: First lines of a text, where its names are.
 _NAMES_LINES: Final = 3
 #: Of a text in Latin letters so much is ASCII; what has less is no text.
 _MOSTLY_TEXT: Final = 0.7

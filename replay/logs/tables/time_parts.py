@@ -19,6 +19,7 @@ _CALENDAR: Final = (
     ("minute", "minutes", "min", "minuten"),
     ("second", "seconds", "sec", "ss", "sekunde", "sekunden"),
 )
+#: Parts of a date: year, month, day.
 _DAY_PARTS: Final = 3
 #: Names of a column of the fraction of a second.
 _FRACTIONS: Final = {
@@ -26,6 +27,7 @@ _FRACTIONS: Final = {
     **dict.fromkeys(("us", "usec", "usecs", "micros", "microsecond", "microseconds"), "us"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
 }
+#: Nanoseconds of a second.
 _NS: Final = 10**9
 
 

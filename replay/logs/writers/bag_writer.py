@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulation import SimulatedLog
-from replay.logs.writers.message_columns import Ints
+from estimators.arrays import Ints
 from replay.logs.writers.recorded_order import FullChunk, chunks, in_order
 from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
 _MAGIC: Final = b"#ROSBAG V2.0\n"
+#: Bytes of a chunk, and of the file's first record (ROS bag format 2.0).
 _CHUNK_BYTES: Final = 1 << 20
 _HEADER_BYTES: Final = 4096
+#: Opcodes of records.
 _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _INDEX_ROW: Final = np.dtype([("sec", "<u4"), ("nsec", "<u4"), ("offset", "<u4")])
 

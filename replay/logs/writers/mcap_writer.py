@@ -28,16 +28,18 @@ from mcap.records import (
 )
 
 from analysis.simulation import SimulatedLog
-from replay.logs.writers.message_columns import Ints
+from estimators.arrays import Ints
 from replay.logs.writers.recorded_order import FullChunk, RecordedTopic, chunks, in_order
 from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
+#: Bytes of a chunk.
 _CHUNK_BYTES: Final = 1 << 20
 #: Chunks that are packed at the same time, and those that wait for it.
 _PACKERS: Final = 2
 _MOST_WAITING: Final = 2 * _PACKERS
+#: Bytes before a message's data: channel, sequence, log and publish time.
 _MESSAGE_HEAD: Final = 22
 _INDEX_ROW: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
@@ -162,13 +164,13 @@ class ColumnMcap:
         waiting: deque[tuple[FullChunk, Future[_PackedChunk]]] = deque()
         with ThreadPoolExecutor(_PACKERS) as pool:
             for chunk in whole:
-                waiting.append((chunk, pool.submit(self._packed, chunk)))
+                waiting.append((chunk, pool.submit(self._pack_chunk, chunk)))
                 if len(waiting) > _MOST_WAITING:
                     yield waiting.popleft()
             while waiting:
                 yield waiting.popleft()
 
-    def _packed(self, chunk: FullChunk) -> _PackedChunk:
+    def _pack_chunk(self, chunk: FullChunk) -> _PackedChunk:
         if not self.packed:
             return _PackedChunk(chunk.data.tobytes(), 0)
         import zstandard

@@ -12,14 +12,15 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-Ints: TypeAlias = NDArray[np.int64]
+from estimators.arrays import Ints
+
 Column: TypeAlias = (
-    "NDArray[Any] | Ragged | Mapping[str, Column] | Sequence[Column] | str | float | None"
+    "NDArray[Any] | RaggedColumn | Mapping[str, Column] | Sequence[Column] | str | float | None"
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Ragged:
+class RaggedColumn:
     """Lists or texts whose lengths differ.
 
     Attributes:
@@ -31,7 +32,7 @@ class Ragged:
     content: Column
 
     @classmethod
-    def texts(cls, values: Sequence[str]) -> "Ragged":
+    def texts(cls, values: Sequence[str]) -> "RaggedColumn":
         """A text a message."""
         encoded = [value.encode() for value in values]
         lengths = np.fromiter(map(len, encoded), np.int64, len(encoded))
@@ -45,7 +46,7 @@ class Ragged:
 
 def shapes(column: Column) -> Ints | None:
     """Numbers (n,) that are equal where all lengths in a column are; None: they are everywhere."""
-    if isinstance(column, Ragged):
+    if isinstance(column, RaggedColumn):
         return _shapes_of_lists(column)
     if isinstance(column, Mapping):
         return _joint([shapes(each) for each in column.values()])
@@ -61,7 +62,7 @@ def _joint(found: Sequence[Ints | None]) -> Ints | None:
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _shapes_of_lists(column: Ragged) -> Ints:
+def _shapes_of_lists(column: RaggedColumn) -> Ints:
     inside, lengths = shapes(column.content), column.lengths
     if inside is None:
         return lengths

@@ -6,10 +6,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from estimators.arrays import Bytes, Ints
 from estimators.compiled import uncounted
 from replay.logs.decoding.unaligned import copy
-from replay.logs.writers.message_columns import Ints
-from replay.logs.writers.serialise_messages import Bytes, SameLayout
+from replay.logs.writers.serialise_messages import SameLayout
 
 #: Messages of a block: what is serialised at once stays in the processor's cache.
 BLOCK_ROWS: Final = 16_384

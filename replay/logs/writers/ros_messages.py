@@ -8,8 +8,9 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.simulation import Scenario, SimulatedLog
+from estimators.arrays import Ints
 from replay.logs.decoding.wire import CDR, ROS1
-from replay.logs.writers.message_columns import Column, Ints
+from replay.logs.writers.message_columns import Column
 from replay.logs.writers.recorded_order import RecordedTopic
 from replay.logs.writers.serialise_messages import SameLayout, serialise
 

@@ -11,8 +11,8 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, get_typestore
 
 from analysis.simulation import SimulatedLog
+from estimators.arrays import Ints
 from replay.logs.writers.mcap_writer import ChannelOf, ColumnMcap, channel_of, envelope
-from replay.logs.writers.message_columns import Ints
 from replay.logs.writers.recorded_order import RecordedTopic, in_order
 from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope

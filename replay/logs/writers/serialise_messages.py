@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
+from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.wire import Wire
-from replay.logs.writers.message_columns import Column, Ints, Ragged, shapes
+from replay.logs.writers.message_columns import Column, RaggedColumn, shapes
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-Bytes: TypeAlias = NDArray[np.uint8]
 #: What precedes a message of so many bytes in its container: bytes, or numbers (n,) of a type.
 Envelope: TypeAlias = Callable[[int], "Sequence[bytes | tuple[str, Ints]]"]
 _DTYPES: Final = {"bool": "?", "byte": "i1", "char": "u1", "octet": "u1"}
@@ -142,7 +142,7 @@ class _Layout:
             self._value(description, known.get(key), chosen)
 
     def put_bytes(self, data: bytes) -> None:
-        """The same bytes in every message."""
+        """Put the same bytes into every message."""
         self.constants.append((self.size, data))
         self.size += len(data)
 
@@ -167,11 +167,11 @@ class _Layout:
 
     def _text(self, column: Column, chosen: _Chosen) -> None:
         end = b"\0" if self.wire.cdr else b""
-        if isinstance(column, Ragged):
+        if isinstance(column, RaggedColumn):
             length = _length(column, chosen)
             self._count(length + len(end))
             if length:
-                self.put(np.dtype("u1"), _elements(column, chosen, length))
+                self.put(np.dtype("u1"), _elements_of_length(column, chosen, length))
             self.put_bytes(end)
         else:
             data = str(column or "").encode() + end
@@ -188,7 +188,7 @@ class _Layout:
                 self._numbers(_dtype(element[1][0]), column, chosen, length)
             return
         for number in range(length):
-            if isinstance(column, Ragged):
+            if isinstance(column, RaggedColumn):
                 at = column.starts[chosen] + number
                 self._value(element, column.content, at)
             else:
@@ -197,8 +197,8 @@ class _Layout:
 
     def _numbers(self, dtype: np.dtype[Any], column: Column, chosen: _Chosen, length: int) -> None:
         self._align(dtype.itemsize)
-        if isinstance(column, Ragged):
-            self.put(dtype, _elements(column, chosen, length))
+        if isinstance(column, RaggedColumn):
+            self.put(dtype, _elements_of_length(column, chosen, length))
         elif isinstance(column, np.ndarray):
             self.put(dtype, column[chosen])
         elif column is None:
@@ -219,13 +219,13 @@ def _dtype(kind: str) -> np.dtype[Any]:
     return np.dtype(_DTYPES.get(kind, kind)).newbyteorder("<")
 
 
-def _length(column: Ragged, chosen: _Chosen) -> int:
+def _length(column: RaggedColumn, chosen: _Chosen) -> int:
     lengths = column.lengths[chosen]
     return int(lengths[0]) if lengths.size else 0
 
 
 def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
-    if isinstance(column, Ragged):
+    if isinstance(column, RaggedColumn):
         length = _length(column, chosen)
     elif isinstance(column, np.ndarray):
         length = int(column.shape[1])
@@ -237,7 +237,7 @@ def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
     return length
 
 
-def _elements(column: Ragged, chosen: _Chosen, length: int) -> NDArray[Any]:
+def _elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
     """The elements (k, length) of lists of one length."""
     assert isinstance(column.content, np.ndarray)
     return column.content[column.starts[chosen][:, None] + np.arange(length)]

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.fleet.attention import needs_a_look
 from analysis.fleet.calibration_steps import FleetCalibration, line_changes
-from analysis.fleet.daily_figures import daily, sums, weekly, whole
+from analysis.fleet.daily_figures import daily, sum_machines, sums, weekly
 from analysis.fleet.fleet_tables import TABLES, table, table_schema
 from analysis.fleet.results_comparison import compare_results
 
@@ -100,7 +100,7 @@ def test_random_parts_add_up_in_squares_and_common_ones_as_they_are() -> None:
     assert m["payload_u_random_kg"] == pytest.approx(30.0 * 2**0.5)
     assert m["payload_u_common_kg"] == 80.0
     # what is common to one machine's recordings is not common to two machines
-    assert whole(machines)["payload_u_kg"] == pytest.approx(
+    assert sum_machines(machines)["payload_u_kg"] == pytest.approx(
         (m["payload_u_kg"] ** 2 + n["payload_u_kg"] ** 2) ** 0.5
     )
 

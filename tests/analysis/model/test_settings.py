@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from analysis.model.settings import MOVED, Settings, VerdictLimits
+from analysis.model.settings import Settings, VerdictLimits
 from tests.analysis.settings_by_name import settings_of
 
 
@@ -28,12 +28,6 @@ def test_every_setting_says_what_it_does():
 def test_no_two_stages_have_a_setting_of_one_name():
     names = [name for part in Settings.parts().values() for name in part.model_fields]
     assert len(names) == len(set(names))
-
-
-def test_every_key_of_the_flat_table_leads_to_a_setting():
-    for old, new in MOVED.items():
-        none = ("gate.s", "noise.")
-        assert Settings().value(new) is not None or new.startswith(none), old
 
 
 def test_settings_are_changed_by_their_dotted_names():

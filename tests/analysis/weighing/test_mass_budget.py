@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.model.uncertainty_sources import combined, unknown_scale
+from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
 from analysis.weighing.load_frames import budget_frame, loads, manoeuvre_frame, nuisances
 from analysis.weighing.mass_budget import budget
@@ -129,7 +129,7 @@ class TestFrames:
         load = log.load
         assert np.hypot(load["u_random_kg"], load["u_common_kg"]) == pytest.approx(load["u_kg"])
         sources = budget(log.weighing, log.machine, ONE)
-        assert combined(sources) == pytest.approx(load["u_kg"])
+        assert combine(sources) == pytest.approx(load["u_kg"])
         assert {each.kind for each in sources} == {"random", "common", "scale"}
 
     def test_every_term_is_a_row_with_prior_and_posterior(self, log):

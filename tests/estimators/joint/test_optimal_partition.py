@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.joint.optimal_partition import optimal_partition
+from estimators.joint.changepoints import optimal_partition
 
 
 def cost_of(state, level, weight, cost, spread):

@@ -303,8 +303,8 @@ SIGNED: dict[str, tuple[Forge, str]] = {
         ),
         "not a child",
     ),
-    "signature of a part": (put('URI=""', 'URI="#weight-1"'), "not of the whole"),
-    "no reference": (drop("<ds:Reference .*</ds:Reference>"), "not of the whole"),
+    "signature of a part": (put('URI=""', 'URI="#weight-1"'), "does not cover the whole"),
+    "no reference": (drop("<ds:Reference .*</ds:Reference>"), "does not cover the whole"),
     "XPath chooses what is signed": (
         put(
             "http://www.w3.org/2000/09/xmldsig#enveloped-signature",

@@ -7,7 +7,7 @@ import pytest
 
 from estimators.errors import ReviewError
 from recordings.review.review_state import STATE, ReviewState
-from recordings.review.shift_ledger import PARQUET, ledger
+from recordings.review.shift_ledger import PARQUET, ledger, with_motion
 from recordings.review.week_totals import WeekPart, read_week, sum_by, sum_week
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found
@@ -37,7 +37,7 @@ def reviewed(folder: Path, begins: dt.datetime, *, zone: str, machine: str = "A"
         timezone=zone,
     )
     folder.mkdir()
-    ledger(FRAMES, state.t0_unix_ns, {}).write_parquet(folder / PARQUET)
+    with_motion(ledger(FRAMES, state.t0_unix_ns, {}), state).write_parquet(folder / PARQUET)
     (folder / STATE).write_text(state.model_dump_json(), encoding="utf-8")
     return folder
 

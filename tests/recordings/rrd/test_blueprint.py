@@ -9,7 +9,7 @@ import pytest
 from analysis import Run
 from recordings import write_recording
 from recordings.rrd.blueprint import Page, Panel, _shares, blueprint
-from recordings.rrd.display_frames import Drawn, display_frames
+from recordings.rrd.display_frames import DisplayColumn, display_frames
 from recordings.rrd.recording_table import TABS, Kind
 
 
@@ -81,7 +81,7 @@ def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
     plots: int, lanes: tuple[int, ...]
 ) -> None:
     def panel(kind: Kind, count: int) -> Panel:
-        return Panel("any", kind, (Drawn("frame", "column", "label", "#000000"),) * count)
+        return Panel("any", kind, (DisplayColumn("frame", "column", "label", "#000000"),) * count)
 
     states = tuple(panel(Kind.STATES, count) for count in lanes)
     shares = _shares(Page("page", (*states, *(panel(Kind.LINES, 1) for _ in range(plots)))))
@@ -96,7 +96,7 @@ def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
 
 def test_a_panel_is_as_high_as_its_legend_needs() -> None:
     def panel(*labels: str, named_above: bool = False) -> Panel:
-        drawn = tuple(Drawn("frame", "column", label, "#000000") for label in labels)
+        drawn = tuple(DisplayColumn("frame", "column", label, "#000000") for label in labels)
         return Panel("any", Kind.LINES, drawn, named_above=named_above)
 
     five = panel("a", "b", "c", "d", "e")

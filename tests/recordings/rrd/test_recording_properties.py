@@ -15,7 +15,7 @@ from analysis import InputFile, Run
 from analysis.model.schema import conform
 from recordings import read_recording, write_recording
 from recordings.rrd.recording_properties import recording_properties
-from recordings.rrd.recording_table import component
+from recordings.rrd.recording_table import component_name
 from recordings.rrd.viewer import executable
 from tests.recordings.conftest import MASS_KG
 
@@ -117,7 +117,7 @@ def test_loads_and_findings_are_rows_in_time(told: Run, recording: Path) -> None
         begin = frame["start_t_ns"].fill_null(0) + told.provenance.t0_unix_ns
         assert [row["time"].value for row in rows] == begin.to_list()
         column = next(c for c, dtype in frame.schema.items() if dtype == pl.Float64)
-        stored = [row[component(column)] for row in rows]
+        stored = [row[component_name(column)] for row in rows]
         assert stored == [[] if value is None else [value] for value in frame[column]]
 
 

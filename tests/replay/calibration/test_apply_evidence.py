@@ -14,8 +14,8 @@ from recordings.calibration.derived_values import estimator_of
 from recordings.calibration.evidence_document import document_of
 from recordings.signatures.canonical_json import canonical
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
-from replay.calibration.calibrate_campaign import Calibrated, calibrate
-from replay.calibration.check_mass import Known, check_mass
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, key_files, tampered
@@ -36,11 +36,11 @@ def keys(folder: Path) -> tuple[Path, Path]:
 
 
 @pytest.fixture(scope="module")
-def made(folder: Path) -> Calibrated:
+def made(folder: Path) -> CalibrationOutcome:
     return calibrate(folder / "campaign.toml", folder / "evidence")
 
 
-def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: Calibrated) -> None:
+def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOutcome) -> None:
     learnt = made.document.learnt
     assert learnt is not None
     assert {each.log for each in learnt.logs} == {f"load-{number}.csv" for number in range(4)}
@@ -49,7 +49,7 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: Calibrated) -
     assert made.document.machine.settings.priors.learnt == {}
 
 
-def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: Calibrated) -> None:
+def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: CalibrationOutcome) -> None:
     assert not verify(made.folder, logs=folder).findings
 
 
@@ -65,7 +65,7 @@ def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Pat
 
 
 def test_the_calibrated_mass_stands_beside_the_raw_one_everywhere(
-    folder: Path, made: Calibrated, tmp_path: Path, payscope: Payscope
+    folder: Path, made: CalibrationOutcome, tmp_path: Path, payscope: Payscope
 ) -> None:
     recording = tmp_path / "two.rrd"
     ask = ("-m", folder / "sledge.toml", "--calibration", made.folder)
@@ -103,7 +103,7 @@ def test_the_calibrated_mass_stands_beside_the_raw_one_everywhere(
 
 def test_evidence_that_is_not_of_this_log_is_refused_in_a_line(
     folder: Path,
-    made: Calibrated,
+    made: CalibrationOutcome,
     keys: tuple[Path, Path],
     tmp_path: Path,
     payscope: Payscope,
@@ -125,11 +125,14 @@ def test_evidence_that_is_not_of_this_log_is_refused_in_a_line(
 
 
 def test_what_is_no_calibration_calibrates_nothing(
-    folder: Path, made: Calibrated, tmp_path: Path
+    folder: Path, made: CalibrationOutcome, tmp_path: Path
 ) -> None:
     check = tmp_path / "check"
     check_mass(
-        folder / "load-2.csv", Known(40.0, 0.1, "", "2026-05-09"), check, previous=made.folder
+        folder / "load-2.csv",
+        KnownMassOnBoard(40.0, 0.1, "", "2026-05-09"),
+        check,
+        previous=made.folder,
     )
     with pytest.raises(EvidenceError, match="is a check against one known mass"):
         load_calibration(AskedCalibration(check))
@@ -143,7 +146,7 @@ def test_what_is_no_calibration_calibrates_nothing(
         load_calibration(AskedCalibration(tmp_path / "pooled"))
 
 
-def test_evidence_expires_by_the_day_of_the_log(made: Calibrated) -> None:
+def test_evidence_expires_by_the_day_of_the_log(made: CalibrationOutcome) -> None:
     held = load_calibration(AskedCalibration(made.folder))
     last = int(pl.Series([held.document.expires]).cast(pl.Datetime("ns", "UTC"))[0].timestamp())
     held.check_day(last * 10**9, "a.bag")
@@ -152,7 +155,7 @@ def test_evidence_expires_by_the_day_of_the_log(made: Calibrated) -> None:
 
 
 def test_a_recording_made_without_it_is_of_other_priors(
-    folder: Path, made: Calibrated, tmp_path: Path, payscope: Payscope
+    folder: Path, made: CalibrationOutcome, tmp_path: Path, payscope: Payscope
 ) -> None:
     recording = tmp_path / "plain.rrd"
     ask = ("-m", folder / "sledge.toml")
@@ -162,7 +165,7 @@ def test_a_recording_made_without_it_is_of_other_priors(
 
 
 def test_the_machine_that_is_weighed_is_that_of_the_evidence(
-    folder: Path, made: Calibrated
+    folder: Path, made: CalibrationOutcome
 ) -> None:
     held = load_calibration(AskedCalibration(made.folder))
     weighing = held.weighing(load_machine(folder / "sledge.toml"))
@@ -173,7 +176,7 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
 
 
 def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
-    made: Calibrated, tmp_path: Path
+    made: CalibrationOutcome, tmp_path: Path
 ) -> None:
     def as_first(bundle: Bundle) -> None:
         bundle.evidence["format"] = form = bundle.evidence["format"].replace("/4", "/1")
@@ -193,7 +196,7 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
 
 
 def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
-    made: Calibrated, tmp_path: Path
+    made: CalibrationOutcome, tmp_path: Path
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]

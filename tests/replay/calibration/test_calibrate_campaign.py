@@ -14,8 +14,8 @@ from recordings import read_frame
 from recordings.calibration.bundle_folder import EVIDENCE, RECORDING, REPORT, STATEMENT
 from recordings.calibration.evidence_document import SCHEMA, schema_text
 from recordings.signatures.signing import KEY_VARIABLE
-from replay.calibration.calibrate_campaign import Calibrated, calibrate
-from replay.calibration.check_mass import Known, check_mass
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line, sledge
@@ -43,13 +43,13 @@ def keys(folder: Path) -> tuple[Path, Path]:
 
 
 @pytest.fixture(scope="module")
-def made(folder: Path, keys: tuple[Path, Path]) -> Calibrated:
+def made(folder: Path, keys: tuple[Path, Path]) -> CalibrationOutcome:
     return calibrate(
         folder / "campaign.toml", folder / "evidence", key_file=keys[0], recordings=True
     )
 
 
-def test_the_line_is_that_of_the_loads(made: Calibrated) -> None:
+def test_the_line_is_that_of_the_loads(made: CalibrationOutcome) -> None:
     line = made.document.calibration
     assert line is not None
     assert line.alpha_1 == pytest.approx(1.0, abs=0.02)
@@ -57,7 +57,7 @@ def test_the_line_is_that_of_the_loads(made: Calibrated) -> None:
     assert made.good
 
 
-def test_an_excluded_run_is_kept_with_its_reason(made: Calibrated) -> None:
+def test_an_excluded_run_is_kept_with_its_reason(made: CalibrationOutcome) -> None:
     left_out = made.rejected
     assert left_out["run_id"].unique().to_list() == ["again"]
     assert left_out["reason"].unique().to_list() == ["excluded: wheel slip"]
@@ -66,7 +66,7 @@ def test_an_excluded_run_is_kept_with_its_reason(made: Calibrated) -> None:
     assert "excluded: wheel slip" in page
 
 
-def test_the_recording_has_the_line_and_a_link_to_each_replay(made: Calibrated) -> None:
+def test_the_recording_has_the_line_and_a_link_to_each_replay(made: CalibrationOutcome) -> None:
     runs = read_frame(made.folder / RECORDING, "runs")
     assert runs.height == 5
     for name in runs["recording"]:
@@ -76,7 +76,7 @@ def test_the_recording_has_the_line_and_a_link_to_each_replay(made: Calibrated) 
     assert read_frame(made.folder / RECORDING, "line")["alpha_1"].item() == line.alpha_1
 
 
-def test_evidence_is_canonical_json_of_the_published_schema(made: Calibrated) -> None:
+def test_evidence_is_canonical_json_of_the_published_schema(made: CalibrationOutcome) -> None:
     import rfc8785
     from jsonschema import Draft202012Validator
 
@@ -141,18 +141,18 @@ def test_a_key_that_is_none_is_refused_in_one_line(
 
 
 def test_the_private_key_is_not_taken_for_the_public_one(
-    made: Calibrated, keys: tuple[Path, Path], payscope: Payscope
+    made: CalibrationOutcome, keys: tuple[Path, Path], payscope: Payscope
 ) -> None:
     one_line(payscope("verify", made.folder, "--key", keys[0]), "is a private key", "-pubout")
 
 
 def test_a_known_mass_shows_drift_or_none(
-    made: Calibrated, keys: tuple[Path, Path], tmp_path: Path
+    made: CalibrationOutcome, keys: tuple[Path, Path], tmp_path: Path
 ) -> None:
     table = sledge(mass_kg=130.0)
     table.write_csv(tmp_path / "as-before.csv")
     table.with_columns(pl.col("force_N") * 1.2).write_csv(tmp_path / "drifted.csv")
-    known = Known(30.0, 0.01, "K-7", "2026-06-01")
+    known = KnownMassOnBoard(30.0, 0.01, "K-7", "2026-06-01")
     for name, drifted in (("as-before", False), ("drifted", True)):
         checked = check_mass(
             tmp_path / f"{name}.csv",
@@ -173,7 +173,7 @@ def test_a_known_mass_shows_drift_or_none(
 
 
 def test_nothing_is_chained_to_tampered_evidence_or_another_machine(
-    made: Calibrated, folder: Path, tmp_path: Path, payscope: Payscope
+    made: CalibrationOutcome, folder: Path, tmp_path: Path, payscope: Payscope
 ) -> None:
     before = Path(shutil.copytree(made.folder, tmp_path / "before"))
     (before / "note.txt").touch()
@@ -185,7 +185,7 @@ def test_nothing_is_chained_to_tampered_evidence_or_another_machine(
     one_line(said, "is evidence of machine 'sledge-7'")
 
 
-def test_evidence_is_checked_within_seconds_without_its_logs(made: Calibrated) -> None:
+def test_evidence_is_checked_within_seconds_without_its_logs(made: CalibrationOutcome) -> None:
     verify(made.folder)
     began = time.process_time()
     verify(made.folder)

@@ -128,7 +128,7 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     assert [run["log"] for run in content["runs"]] == [f"logs/load-{k}.csv" for k in range(4)]
     assert content["machine"]["file"] == "logs/sledge.toml"
     left = payscope("calibrate", draft, "-o", tmp_path / "evidence")
-    one_line(left, "draft.toml", "campaign.intended_use: is left to complete")
+    one_line(left, "draft.toml", "campaign.intended_use: is not filled in yet")
     text = draft.read_text()
     undated, loads = ('day = "TODO"', "day = 2026-05-01"), ('["TODO"]', '["mass-1"]')
     countries = [

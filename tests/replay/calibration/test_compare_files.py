@@ -22,7 +22,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.calibration_recording import calibration_run, write_calibration
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.evidence_document import document_of
-from recordings.calibration.pdf_check import pdf_fault, table_heads, text_of, words_fault
+from recordings.calibration.pdf_check import first_difference, pdf_fault, table_heads, text_of
 from recordings.rrd.writer import write_recording
 from replay.calibration.calibrate_campaign import calibrate
 from replay.calibration.verify_bundle import verify
@@ -192,5 +192,7 @@ def test_heads_that_a_page_break_repeats_are_no_difference() -> None:
         ["run", "mass", "kg", "1", "2"],
         ["run", "mass", "kg", "1", "•", "run", "mass", "kg", "2"],
     )
-    assert words_fault(text_of(once, heads), text_of(twice, heads)) == ""
-    assert "12" in words_fault(text_of(once, heads), text_of(["run", "mass", "kg", "1"], heads))
+    assert first_difference(text_of(once, heads), text_of(twice, heads)) == ""
+    assert "12" in first_difference(
+        text_of(once, heads), text_of(["run", "mass", "kg", "1"], heads)
+    )

@@ -20,7 +20,7 @@ from recordings.dcc.dcc_document import DCC, parse_dcc
 from recordings.dcc.dcc_masses import certified_masses
 from recordings.dcc.dcc_signature import check_signature, trusted_key_id
 from recordings.dcc.write_dcc import dcc_of
-from replay.calibration.calibrate_campaign import Calibrated, calibrate
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.dcc_output import DccOutput, write_dcc_output
 from replay.calibration.verify_bundle import verify
@@ -101,7 +101,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(folder: Path) -> Calibrated:
+def made(folder: Path) -> CalibrationOutcome:
     campaign = certified_campaign(folder)
     (folder / "key.pem").write_bytes(ec_key().private)
     dcc = DccOutput(folder / "sledge.xml", folder / "key.pem")
@@ -168,7 +168,9 @@ def test_a_forged_certificate_stops_the_campaign_in_one_line(
     one_line(payscope("calibrate", path, "-o", tmp_path / "e"), "its signature does not hold")
 
 
-def test_the_certificate_has_the_numbers_of_the_evidence(made: Calibrated, folder: Path) -> None:
+def test_the_certificate_has_the_numbers_of_the_evidence(
+    made: CalibrationOutcome, folder: Path
+) -> None:
     root = etree.parse(folder / "sledge.xml").getroot()
     fitted = made.document.calibration
     assert fitted is not None
@@ -195,7 +197,7 @@ def test_units_are_those_of_the_si_format(folder: Path) -> None:
 
 
 def test_the_evidence_verifies_and_its_page_says_what_a_certificate_says(
-    made: Calibrated,
+    made: CalibrationOutcome,
 ) -> None:
     assert verify(made.folder).signed_by.how == "unsigned"
     assert not verify(made.folder).checked.faults
@@ -212,7 +214,7 @@ def test_the_evidence_verifies_and_its_page_says_what_a_certificate_says(
     assert "7.8 asks for it" not in page
 
 
-def test_the_page_has_the_weighings_max_and_min_of_r_51(made: Calibrated) -> None:
+def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome) -> None:
     page = (made.folder / "report.html").read_text()
     assert "Min of OIML R 51 Y(b), 10 e: 30.0 kg. Below it: 20.0005 kg." in page
     assert "the heaviest load that was judged: 40.0 kg" in page
@@ -228,7 +230,7 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: Calibrated) -> Non
     assert row["limit_kg"] == 1.5 * 3.0  # up to 50 e
 
 
-def test_the_certificate_is_signed_and_read_back(made: Calibrated, folder: Path) -> None:
+def test_the_certificate_is_signed_and_read_back(made: CalibrationOutcome, folder: Path) -> None:
     data = (folder / "sledge.xml").read_bytes()
     signed = check_signature(parse_dcc(data, "sledge.xml"), "sledge.xml")
     (folder / "own.pub.pem").write_bytes(public_pem(ec_key()))
@@ -248,7 +250,7 @@ def test_the_certificate_is_valid_after_the_official_schema(folder: Path, name: 
 
 
 @pytest.mark.skipif(not SCHEMA.exists(), reason="the schema of the DCC is not beside the checkout")
-def test_a_certificate_after_another_names_it_by_its_digest(made: Calibrated) -> None:
+def test_a_certificate_after_another_names_it_by_its_digest(made: CalibrationOutcome) -> None:
     before = Link(id="evidence-1", counter=1, sums_sha256="ab" * 32)
     chained = made.document.model_copy(update={"chain": Chain(counter=2, previous=before)})
     root = dcc_of(chained, "cd" * 32)
@@ -295,7 +297,7 @@ def test_a_certificate_needs_what_the_campaign_does_not_state(
     assert not (tmp_path / "e.xml").exists()
 
 
-def test_without_a_line_there_is_no_certificate(tmp_path: Path, made: Calibrated) -> None:
+def test_without_a_line_there_is_no_certificate(tmp_path: Path, made: CalibrationOutcome) -> None:
     without = made.document.model_copy(update={"calibration": None})
     dcc = DccOutput(tmp_path / "e.xml")
     remark = write_dcc_output(made.folder, without, dcc, None, force=False)
@@ -316,7 +318,7 @@ def test_a_key_that_signs_no_xml_is_refused(
     one_line(said, "needs an ECDSA or RSA key")
 
 
-def test_the_report_says_loudly_what_is_not_traceable(made: Calibrated) -> None:
+def test_the_report_says_loudly_what_is_not_traceable(made: CalibrationOutcome) -> None:
     values = json.loads(made.document.data)
     values["campaign"]["masses"][0]["u_kg"] = 0.0
     values["campaign"]["machine"]["make"] = ""

@@ -16,8 +16,8 @@ from estimators.errors import CampaignError, EvidenceError, LogError
 from recordings import read_provenance
 from recordings.calibration.check_outcomes import BundleOutcome
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
-from replay.calibration.calibrate_campaign import Calibrated, calibrate
-from replay.calibration.check_mass import Known, check_mass
+from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
+from replay.calibration.check_mass import KnownMassOnBoard, check_mass
 from replay.calibration.verify_bundle import verify
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import fleet_logs
@@ -66,11 +66,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(folder: Path) -> Calibrated:
+def made(folder: Path) -> CalibrationOutcome:
     return calibrate(folder / "campaign.toml", folder / "evidence")
 
 
-def test_evidence_keeps_what_each_log_calls_its_machine(made: Calibrated, folder: Path) -> None:
+def test_evidence_keeps_what_each_log_calls_its_machine(
+    made: CalibrationOutcome, folder: Path
+) -> None:
     assert [log.machine_id for log in made.document.logs] == [OWN, OWN, ""]
     found = verify(made.folder, logs=folder)
     assert not found.findings, items(found)
@@ -91,7 +93,7 @@ def test_a_campaign_of_a_sisters_log_or_machine_file_is_refused(tmp_path: Path) 
 
 
 def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
-    made: Calibrated, folder: Path, tmp_path: Path, payscope: Payscope
+    made: CalibrationOutcome, folder: Path, tmp_path: Path, payscope: Payscope
 ) -> None:
     """Test: settings and name are the same. Expected Result: exit 2, and both serial numbers."""
     words = f"its metadata say that it is of machine '{SISTER}', and machine.id is '{OWN}'"
@@ -113,13 +115,15 @@ def test_a_sisters_log_is_refused_by_run_sweep_review_and_check(
 
 def check_log(log: Path, tmp_path: Path, previous: Path) -> None:
     try:
-        check_mass(log, Known(20.0, 0.1, "", None), tmp_path / "check", previous=previous)
+        check_mass(
+            log, KnownMassOnBoard(20.0, 0.1, "", None), tmp_path / "check", previous=previous
+        )
     except LogError as error:
         raise CampaignError(str(error)) from error
 
 
 def test_a_sisters_log_is_refused_in_a_fleet_and_the_others_are_not(
-    made: Calibrated, folder: Path, tmp_path: Path
+    made: CalibrationOutcome, folder: Path, tmp_path: Path
 ) -> None:
     logs = tmp_path / "sledge"
     logs.mkdir()
@@ -143,7 +147,7 @@ def test_a_sisters_log_is_refused_in_a_fleet_and_the_others_are_not(
 
 
 def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
-    made: Calibrated, folder: Path, tmp_path: Path, payscope: Payscope
+    made: CalibrationOutcome, folder: Path, tmp_path: Path, payscope: Payscope
 ) -> None:
     file = tmp_path / "sledge.toml"
     text = (folder / "sledge.toml").read_text()
@@ -161,7 +165,7 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
 
 
 def test_a_log_that_does_not_name_its_machine_says_so_beside_the_mass(
-    made: Calibrated, folder: Path, tmp_path: Path, payscope: Payscope
+    made: CalibrationOutcome, folder: Path, tmp_path: Path, payscope: Payscope
 ) -> None:
     ask = ("-m", folder / "sledge.toml", "--calibration", made.folder)
     notes: dict[str, str] = {}
@@ -197,7 +201,7 @@ def without_names(bundle: Bundle) -> None:
     ],
 )
 def test_evidence_that_names_two_machines_is_irreproducible(
-    made: Calibrated, tmp_path: Path, tamper: Callable[[Bundle], None], words: str
+    made: CalibrationOutcome, tmp_path: Path, tamper: Callable[[Bundle], None], words: str
 ) -> None:
     found = verify(tampered(_signed(made.folder, tmp_path), tmp_path / "b", tamper, signed=False))
     assert found.outcome is BundleOutcome.IRREPRODUCIBLE
@@ -211,7 +215,7 @@ def _signed(genuine: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def test_what_touches_no_mass_is_no_difference(folder: Path, made: Calibrated) -> None:
+def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOutcome) -> None:
     """Test: such keys changed. Expected Result: the same loads bit for bit, and no refusal."""
     held = load_calibration(AskedCalibration(made.folder))
     plain = load_machine(folder / "sledge.toml")

@@ -18,7 +18,7 @@ from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import SigningKey, public_key, signing_key
 from replay.calibration.calibrate_campaign import calibrate, load_stretch
 from replay.calibration.campaign_file import load_campaign
-from replay.calibration.verify_bundle import Verified, verify
+from replay.calibration.verify_bundle import Verification, verify
 from replay.notary.list_file import STATE_VARIABLE
 from replay.notary.notarise_folder import notarise
 from tests.replay.attacker import Bundle, key_files, sign_with, tampered
@@ -59,7 +59,7 @@ class Notarised:
         self.bundle = folder / "evidence"
         calibrate(self.campaign, self.bundle, key_file=self.private)
 
-    def verify(self, folder: Path, **more: Any) -> Verified:
+    def verify(self, folder: Path, **more: Any) -> Verification:
         return verify(folder, key_file=self.public, **more)
 
 

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import FleetError
+from replay.commands.fleet_progress import TimeLeft, spoken
 from replay.fleet.log_sources import fleet_logs
 from replay.fleet.object_store import Store
-from replay.fleet.time_left import TimeLeft, spoken
 from replay.logs import logs_among
 
 

@@ -23,7 +23,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> FleetReport:
     make(folder / "results", 4, 70)
     (folder / "results/failed.json").write_text(json.dumps({HOSTILE: "hangs"}))
     results = fleet_results(str(folder / "results"))
-    return fleet_report(results, "dest", HOSTILE, folder / "fleet.html")
+    page = folder / "fleet.html"
+    return fleet_report(results, "dest", HOSTILE, page, friction_limit_N_s_m=5000.0)
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +85,8 @@ def test_what_is_said_as_json_is_what_the_page_shows(report: FleetReport) -> Non
     assert f"{said['sum']['loads']:,} loads by 4 machines" in text
     assert [each["machine"] for each in said["drifts"] if each["of"] == "zero"] == ["unit-04"]
     assert said["without_a_result"] == {HOSTILE: "hangs"}
+    assert set(said["friction"]) == {each["machine"] for each in said["machines"]}
+    assert "<h2>Friction</h2>" in text
     assert HOSTILE not in text
     assert report.path.stat().st_size < 200_000
 

@@ -133,8 +133,8 @@ def csv_recorder(source: Path, target: Path) -> Iterator[None]:
 class Recording:
     """A recorder in a thread of its own."""
 
-    def __init__(self, recorder: Iterator[None], target: Path) -> None:
-        self._recorder, self._target = recorder, target
+    def __init__(self, recorder: Iterator[None], target: Path, pause_s: float = 0.002) -> None:
+        self._recorder, self._target, self._pause_s = recorder, target, pause_s
         self._thread = threading.Thread(target=self._record)
 
     def __enter__(self) -> "Recording":
@@ -153,4 +153,4 @@ class Recording:
 
     def _record(self) -> None:
         for _ in self._recorder:
-            time.sleep(0.002)
+            time.sleep(self._pause_s)

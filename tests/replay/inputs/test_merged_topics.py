@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import LogError
-from replay.inputs.merged_topics import merge_topics
+from replay.inputs.channel_inputs import merge_topics
 from replay.logs import Log
 
 ROWS = 400

@@ -10,7 +10,7 @@ from estimators.errors import LogError
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
 from replay.inputs.channel_inputs import read_channels
-from replay.inputs.decode_cache import decoded
+from replay.inputs.decode_cache import decode_logs
 from replay.inputs.time_line import note, offsets_ns
 from replay.logs import TimeAxis
 from tests.replay.sledge import MACHINE as MACHINE_FILE
@@ -102,7 +102,7 @@ def test_tables_with_no_column_in_common_are_one_log(tmp_path: Path) -> None:
     whole.drop("force_N").gather_every(2).write_parquet(tmp_path / "imu.parquet")
     named = [open_log(tmp_path / name, time=TimeAxis("time_s")) for name in PARTS]
     expected = run(open_log(tmp_path / "whole.csv", time=TimeAxis("time_s")), machine)
-    for logs in (named, named[::-1], decoded(named, machine, tmp_path / "kept")):
+    for logs in (named, named[::-1], decode_logs(named, machine, tmp_path / "kept")):
         made = run(logs, machine)
         assert {"raw/table/drive", "raw/table/imu"} <= made.frames.keys()
         assert made.provenance.stamps == {"table/drive": "table", "table/imu": "table"}

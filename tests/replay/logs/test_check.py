@@ -12,7 +12,7 @@ from mcap.writer import CompressionType
 from rosbags.rosbag2 import StoragePlugin
 
 from replay import open_log
-from replay.logs import Checked
+from replay.logs import LogCheck
 from tests.replay.logs.conftest import Write
 from tests.replay.logs.damaged import chunks, hide_from_index, overwrite
 from tests.replay.logs.one_line import one_line_at_most
@@ -24,7 +24,7 @@ DRIVE = [
 ]
 
 
-def check(path: Path) -> tuple[Checked, list[str]]:
+def check(path: Path) -> tuple[LogCheck, list[str]]:
     """What was checked, and what was lost."""
     with open_log(path) as log:
         checked = log.check()

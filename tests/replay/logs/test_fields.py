@@ -56,7 +56,7 @@ def test_a_field_resolves_to_its_kind_and_steps(
 @pytest.mark.parametrize(
     ("name", "answer"),
     [
-        ("covariance[9]", "beyond its end; it has covariance[0] to covariance[8]"),
+        ("covariance[9]", "out of range; it has covariance[0] to covariance[8]"),
         ("angular_velocity.w", "did you mean 'angular_velocity.z'?"),
         ("angular_velocity.z.z", "no field 'angular_velocity.z.z'"),
         ("angular_velocity", "name one of angular_velocity.x, angular_velocity.y"),

@@ -10,7 +10,7 @@ import pytest
 from pyarrow import feather, parquet
 
 from replay.logs import open_log
-from replay.logs.tables.schema_units import units_of_schema
+from replay.logs.tables.parquet_columns import units_of_schema
 
 
 def _parquet(table: pa.Table, folder: Path) -> Path:

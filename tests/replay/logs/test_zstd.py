@@ -7,7 +7,7 @@ import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.logs.messages.raw_batch import joined
+from replay.logs.messages.raw_batch import join_messages
 from replay.logs.rosbag2.rosbag2_zstd import unpack_messages
 
 MIB = 2**20
@@ -26,7 +26,7 @@ def packed(content: bytes, *, declared: bool) -> bytes:
 def unpacked(frames: list[bytes]) -> tuple[list[tuple[int, bytes]], int]:
     """Times and contents of those that can be unpacked, and how many cannot."""
     found, failed = [], 0
-    for batch, lost in unpack_messages(joined(7, range(len(frames)), frames)):
+    for batch, lost in unpack_messages(join_messages(7, range(len(frames)), frames)):
         found += zip(batch.log_times.tolist(), batch.messages(), strict=True)
         failed += lost
     return found, failed

@@ -365,7 +365,7 @@ def test_a_list_has_one_key_one_machine_and_one_notary(
     folder: Path, keys: tuple[Path, Path], listed: NotarisedFolder, tmp_path: Path
 ) -> None:
     other, _ = key_files(tmp_path, "other")
-    with pytest.raises(EvidenceError, match="is kept with another key"):
+    with pytest.raises(EvidenceError, match="is signed with another key"):
         notarise(folder, key_file=other)
     with pytest.raises(EvidenceError, match="is of machine 'sledge-7', not of 'sledge-8'"):
         notarise(folder, key_file=keys[0], machine_id="sledge-8")

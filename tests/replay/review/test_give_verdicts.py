@@ -144,6 +144,23 @@ def test_what_is_said_of_the_shift_is_on_all_cycles_but_those_that_say_otherwise
     assert (table["operator"] == "A. Kim").all()
 
 
+def test_labels_of_a_part_of_the_shift_are_on_the_loads_dumped_in_it(
+    folder: Path, payscope: Payscope
+) -> None:
+    payscope("review", folder, "--product", "gravel")
+    times = [each["local_time"].split(" ")[0] for each in rows(folder)]
+    # from the dump of the second load on, before that of the fourth
+    said = payscope("review", folder, "--product", "sand", "--from", times[1], "--to", times[3])
+    assert said.status == 0, said.err
+    table = pl.read_parquet(folder / "ledger.parquet")
+    assert table["product"].to_list()[:4] == ["gravel", "sand", "sand", "gravel"]
+    week = json.loads(payscope("review", "--week", folder, "--json").out)
+    assert {each["name"] for each in week["product"]} == {"gravel", "sand"}
+    # what is said of the whole shift afterwards counts
+    payscope("review", folder, "--product", "gravel")
+    assert set(pl.read_parquet(folder / "ledger.parquet")["product"]) == {"gravel"}
+
+
 def test_the_same_verdict_twice_is_written_once(folder: Path, payscope: Payscope) -> None:
     for _ in range(2):
         payscope("review", folder, "--truck", "17")
@@ -181,6 +198,9 @@ def test_names_of_persons_and_customers_are_on_page_and_ledger_alone(
         (["--target", "700"], "-m and -o"),
         (["--reject", "2", "--author", "x" * 201], "author"),
         (["--product", "x" * 501], "product"),
+        (["--product", "x", "--from", "noon"], "is no time"),
+        (["--product", "x", "--to", "03:00"], "no load is dumped"),
+        (["--from", "19:20"], "--product"),
     ],
 )
 def test_wrong_words_are_one_line_and_change_nothing(

@@ -16,12 +16,13 @@ import numpy as np
 import polars as pl
 import pytest
 
+from benchmarks.energy import TrueEnergy
 from estimators.errors import PayscopeError, ReviewError
 from recordings import read_frame
 from recordings.review.review_state import RECORDING, STATE
 from replay.review.review_shift import ReviewOptions, review
 from replay.review.write_review import ShiftReview
-from tests.replay.shift_review import shift_folder, verdict
+from tests.replay.shift_review import SCENARIO, shift_folder, verdict
 
 OUTPUTS = {
     *("ledger.csv", "ledger.parquet", "ledger.xlsx", "ledger_table.csv"),
@@ -45,6 +46,26 @@ def reviewed(driven: tuple[list[Path], Path, Any], tmp_path_factory: Any) -> Shi
 def folder(reviewed: ShiftReview, tmp_path: Path) -> Path:
     """A copy of the review, to be changed."""
     return Path(shutil.copytree(reviewed.folder, tmp_path / "review"))
+
+
+def test_the_energy_of_each_cycle_is_the_simulators_own_work(
+    reviewed: ShiftReview,
+) -> None:
+    t0_ns = reviewed.state.t0_unix_ns
+    digging = read_frame(reviewed.folder / RECORDING, "digging")
+    digs = digging.select("start_t_ns", "end_t_ns").rows()
+    true = TrueEnergy(SCENARIO, [(s + t0_ns, e + t0_ns) for s, e in digs])
+    rows = reviewed.ledger.drop_nulls("energy_kWh")
+    assert rows.height >= 3
+    for row in rows.iter_rows(named=True):
+        parts = true.during(row["start_unix_ns"], row["end_unix_ns"])
+        assert row["energy_kWh"] == pytest.approx(parts[0], rel=0.03)
+        for part, expected in zip(("friction", "digging", "slope"), parts[[3, 4, 2]], strict=True):
+            off, u = row[f"{part}_kWh"] - expected, row[f"{part}_u_kWh"]
+            assert abs(off) < 3.0 * u + 0.01 * parts[0], part
+    whole = reviewed.to_dict()["energy"]["rows"][0]
+    assert whole["phase"] == "whole"
+    assert whole["work"]["kWh"] == pytest.approx(rows["energy_kWh"].sum(), rel=1e-4)
 
 
 def test_every_cycle_is_found_at_its_dump_and_the_tonnes_are_within_their_interval(

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimators.errors import MachineError
-from replay.runs.setting_grid import combinations
+from replay.runs.sweep_settings import combinations
 from tests.one_line import assert_one_line
 
 

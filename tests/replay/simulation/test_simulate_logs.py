@@ -12,8 +12,7 @@ from rosbags.highlevel import AnyReader
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import OutputError, ScenarioError
 from replay.simulation.scenario_file import scenario_text
-from replay.simulation.simulate_logs import log_paths, simulate
-from replay.simulation.write_log import write_logs
+from replay.simulation.simulate_logs import log_paths, simulate, write_logs
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from analysis.calibration.line.straight_line import line_of_19
+from analysis.calibration.line.point_errors import line_of_19
 
 
 def test_a_hand_checked_example():

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from replay.logs.decoding.decode_plan import Plan
-from replay.logs.decoding.per_message import PerMessageDecoder
+from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import ListOf, RecordType, Scalar

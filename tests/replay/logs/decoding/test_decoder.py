@@ -17,8 +17,7 @@ from replay.init.describe_log import describe
 from replay.logs.decoding.batch_stream import Stream, take_all
 from replay.logs.decoding.decode_plan import Plan
 from replay.logs.decoding.decoder import schema_of
-from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
-from replay.logs.decoding.per_message import PerMessageDecoder
+from replay.logs.decoding.decoder_choice import PerMessageDecoder, decoder_name, make_decoder
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import leaves

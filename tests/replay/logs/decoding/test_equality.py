@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from replay.logs.decoding.decode_plan import Plan
-from replay.logs.decoding.per_message import PerMessageDecoder
+from replay.logs.decoding.decoder_choice import PerMessageDecoder
 from replay.logs.messages.message_fields import Field, resolve
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, every_field, types
 

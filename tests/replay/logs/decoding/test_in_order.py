@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from replay.logs.decoding.batch_stream import joined_frames, sorted_batch
-from replay.logs.messages.raw_batch import joined
+from replay.logs.messages.raw_batch import join_messages
 
 TIMES = st.lists(st.lists(st.integers(0, 30), max_size=12), min_size=1, max_size=8)
 
@@ -48,7 +48,7 @@ def test_where_nothing_overlaps_no_row_is_copied() -> None:
 
 @given(st.lists(st.integers(0, 5), max_size=30))
 def test_messages_of_a_batch_are_sorted_and_keep_their_bytes(times: list[int]) -> None:
-    batch = sorted_batch(joined(7, times, [b"%d" % k for k in range(len(times))]))
+    batch = sorted_batch(join_messages(7, times, [b"%d" % k for k in range(len(times))]))
     order = sorted(range(len(times)), key=lambda k: times[k])
     assert batch.log_times.tolist() == sorted(times)
     assert list(batch.messages()) == [b"%d" % k for k in order]

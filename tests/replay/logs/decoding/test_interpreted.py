@@ -17,7 +17,7 @@ from replay.logs.blocks import Block, Grammar
 from replay.logs.blocks.select_messages import chunk_stats, select
 from replay.logs.blocks.slabs import Slab, SlabIndex
 from replay.logs.decoding.decode_plan import Plan
-from replay.logs.decoding.decoder import Decoded
+from replay.logs.decoding.decoder import DecodedBatch
 from replay.logs.mcap.mcap_grammar import GRAMMAR as MCAP
 from tests.replay.logs.decoding.random_types import Sample, Types, batch_of, types
 from tests.replay.logs.decoding.test_equality import RANDOM_TYPES, fields_of, same
@@ -41,7 +41,7 @@ def both_ways(work: Callable[[], T]) -> tuple[T, T]:
         return compiled, work()
 
 
-def assert_alike(ways: tuple[Decoded, Decoded]) -> None:
+def assert_alike(ways: tuple[DecodedBatch, DecodedBatch]) -> None:
     compiled, by_python = ways
     assert same(compiled.frame, by_python.frame)
     assert compiled.undecodable == by_python.undecodable

@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from replay.logs.decoding.wire import CDR, ROS1
-from replay.logs.writers.message_columns import Column, Ragged
+from replay.logs.writers.message_columns import Column, RaggedColumn
 from replay.logs.writers.serialise_messages import SameLayout, serialise
 from tests.replay.logs.decoding.random_types import Sample, Types, random_message, types
 
@@ -45,11 +45,15 @@ def _column(store: Typestore, description: Any, values: Sequence[Any]) -> Column
     if node == Nodetype.NAME:
         return columns(store, detail, values)
     if node == Nodetype.BASE:
-        return Ragged.texts(values) if detail[0] == "string" else np.array(values, _dtype(detail))
+        return (
+            RaggedColumn.texts(values)
+            if detail[0] == "string"
+            else np.array(values, _dtype(detail))
+        )
     element, _ = detail
     lengths = np.array([len(each) for each in values], np.int64)
     inside = [one for each in values for one in each]
-    return Ragged(lengths, _column(store, element, inside))
+    return RaggedColumn(lengths, _column(store, element, inside))
 
 
 def _dtype(detail: tuple[str, int]) -> str:
@@ -120,7 +124,7 @@ def test_what_all_messages_share_is_said_once_and_what_is_left_out_is_empty(
 def test_messages_of_the_same_lengths_are_one_layout() -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     texts = ["a", "bc", "d", "ef", "a"]
-    made = serialise(store, "std_msgs/msg/String", {"data": Ragged.texts(texts)}, 5, CDR)
+    made = serialise(store, "std_msgs/msg/String", {"data": RaggedColumn.texts(texts)}, 5, CDR)
     assert [None if same.chosen is None else same.chosen.tolist() for same in made] == [
         [0, 2, 4],
         [1, 3],

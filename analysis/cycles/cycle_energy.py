@@ -1,0 +1,332 @@
+"""Energy of each cycle and phase: where the work of the drive goes, each part with its uncertainty.
+
+    work = kinetic + slope + friction + digging
+
+Work is what the wheels get while the drive pushes, turning included. Of it, kinetic is what the
+masses gain in speed, slope what lifts them, digging what a pile takes beyond friction, and friction
+the rest: rolling, driveline, slip and scrubbing. Braking is what the machine gives up again where
+the drive does not push, less friction there; it comes out of kinetic and slope, and is no part of
+the sum. Masses, offset, lag, load transfer and friction are those of the joint fit.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.cycle_limits import LIMITS
+from analysis.cycles.energy_integrals import (
+    EnergyIntegrals,
+    EnergySamples,
+    Floats,
+    PhaseIntegrals,
+    PhaseSpan,
+    burnt_litres,
+    end_drive_later,
+    energy_samples,
+    integrate_phases,
+    without_brakes,
+)
+from analysis.cycles.energy_terms import (
+    ForceModel,
+    change_each,
+    fitted_force,
+    fitted_motion_errors,
+    gain_u,
+    mass_u,
+)
+from analysis.model.machine import Machine
+from analysis.model.physical_units import NS_PER_S
+from analysis.weighing.load_states import means_by_state
+
+#: What an energy is split into, in the order of all tables.
+PARTS: Final = ("work", "kinetic", "slope", "friction", "digging", "braking")
+#: Phases of a cycle, in time.
+PHASES: Final = ("return", "load", "haul", "dump")
+#: The whole cycle, or the whole shift.
+WHOLE: Final = "whole"
+#: Joules of a kilowatt hour.
+J_PER_KWH: Final = 3.6e6
+
+
+class EnergyAmount(NamedTuple):
+    """An energy and its standard uncertainty, in kWh."""
+
+    kWh: float
+    u_kWh: float
+
+
+class EnergyRow(NamedTuple):
+    """The energies of a phase, or of a whole.
+
+    Attributes:
+        cycle: its number; None for the whole shift.
+        phase: one of `PHASES`, or `WHOLE`.
+        work: of the drive at the wheels.
+        kinetic: of it, what masses gain in speed.
+        slope: of it, what lifts them.
+        friction: of it, the rest.
+        digging: of it, what the pile takes.
+        braking: what brakes and motor take out again.
+        fuel_L: fuel burnt, in L; None where no channel gives its rate.
+    """
+
+    cycle: int | None
+    phase: str
+    work: EnergyAmount
+    kinetic: EnergyAmount
+    slope: EnergyAmount
+    friction: EnergyAmount
+    digging: EnergyAmount
+    braking: EnergyAmount
+    fuel_L: float | None = None
+
+
+class ShiftEnergy(NamedTuple):
+    """The energy of a shift.
+
+    Attributes:
+        rows: the shift whole and by phase, then each cycle likewise; a cycle with a hole in it or
+            whose phases were not all seen has fewer, or none.
+        scale_unknown: settings without which the ± lacks the scale of the force, by commas.
+    """
+
+    rows: tuple[EnergyRow, ...] = ()
+    scale_unknown: str = ""
+
+
+#: Of a log whose masses are not known.
+NO_ENERGY: Final = ShiftEnergy()
+
+
+def shift_energy(
+    frames: Mapping[str, pl.DataFrame], machine: Machine, holes_ns: Sequence[tuple[int, int]]
+) -> ShiftEnergy:
+    """The energy of each cycle and of the shift.
+
+    Args:
+        frames: of the run: aligned, excitation, digging, cycles, manoeuvres, loads, nuisances,
+            budget.
+        machine: as it was replayed.
+        holes_ns: see `lost_cycles.holes`.
+
+    Returns:
+        Its rows; none where no mass or no cycle was found.
+    """
+    cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
+    spans = _phase_spans(cycles, holes_ns)
+    no_mass = frames["loads"]["mass_kg"].is_null().all()
+    if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
+        return NO_ENERGY
+    samples = energy_samples(frames["aligned"], frames["excitation"], frames["digging"], machine)
+    mass_kg = _sample_masses(samples, cycles, manoeuvres)
+    model, stds = fitted_force(frames, mass_kg, machine.settings.priors)
+    errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
+    excitation, rotating_kg = frames["excitation"], machine.machine.rotating_mass_kg
+    samples = without_brakes(samples, excitation, machine, mass_kg, model.viscous, model.direction)
+    found = integrate_phases(samples, spans, mass_kg, rotating_kg, errors)
+    value = _split(found, model)
+    if value[:, PARTS.index("work")].sum() <= 0.0:
+        return NO_ENERGY
+    common = [_split(found, changed) - value for changed in change_each(model, stds)]
+    later = end_drive_later(samples, machine)
+    common.append(
+        _split(integrate_phases(later, spans, mass_kg, rotating_kg, errors), model) - value
+    )
+    for changed in change_each(errors, errors_u):
+        moved = integrate_phases(samples, spans, mass_kg, rotating_kg, changed)
+        common.append(_split(moved, model) - value)
+    common += [_slope_transfer(found, model), _misfit(found, value, model)]
+    gain_u_1, unknown = gain_u(machine)
+    common.append(gain_u_1 * value)
+    common_1, random_1 = mass_u(frames)
+    common.append(common_1 * _mass_response(found))
+    random = _random_parts(found, value, model, random_1, spans)
+    fuel_L = burnt_litres(samples, spans)
+    return ShiftEnergy(_rows(spans, value, np.array(common), random, fuel_L), unknown)
+
+
+def _phase_spans(cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> list[PhaseSpan]:
+    """The phases of the cycles that have no hole; one that was not seen whole is in one piece."""
+    spans: list[PhaseSpan] = []
+    for row in cycles.iter_rows(named=True):
+        start, end = row["start_t_ns"], row["end_t_ns"]
+        hidden_ns = sum(max(min(e, end) - max(s, start), 0) for s, e in holes_ns)
+        if hidden_ns > LIMITS.energy_hole_s * NS_PER_S:
+            continue
+        edges = _phase_edges(row)
+        if edges is None:
+            spans.append(PhaseSpan(row["cycle"], WHOLE, start, end))
+            continue
+        spans += [
+            PhaseSpan(row["cycle"], phase, begin, stop)
+            for phase, (begin, stop) in zip(PHASES, pairwise(edges), strict=True)
+        ]
+    return spans
+
+
+def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
+    """Where the phases of a cycle begin, and the last ends; None where they were not all seen."""
+    if row["dig_t_ns"] is None or row["load_s"] is None or row["haul_s"] is None:
+        return None
+    loaded = row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
+    hauled = loaded + int(row["haul_s"] * NS_PER_S)
+    edges = [row["start_t_ns"], row["dig_t_ns"], loaded, hauled, row["end_t_ns"]]
+    return edges if sorted(edges) == edges else None
+
+
+def _sample_masses(
+    samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
+) -> Floats:
+    """(n,) mass of machine and load: of the nearest start with that load, growing while it digs."""
+    state = manoeuvres["load_id"].to_numpy()
+    weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
+    by_state = means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
+    middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
+    order = np.argsort(middle)
+    middle, level = middle[order], by_state[state][order]
+    between = (middle[1:] + middle[:-1]) / 2.0
+    mass_kg = level[np.searchsorted(between, samples.t_ns)]
+    t_ns = samples.t_ns
+    for row in cycles.iter_rows(named=True):
+        empty, loaded, dug = row["empty_before_kg"], row["loaded_kg"], row["dig_t_ns"]
+        begin, end = np.searchsorted(t_ns, [row["start_t_ns"], row["end_t_ns"]])
+        if empty is None or loaded is None or dug is None or row["load_s"] is None:
+            continue
+        first = int(np.searchsorted(t_ns, dug))
+        last = int(np.searchsorted(t_ns, dug + int(row["load_s"] * NS_PER_S)))
+        filling = samples.digs[first:last]
+        # the bucket fills while the machine pushes into the pile
+        grown = np.cumsum(filling) / max(int(filling.sum()), 1)
+        mass_kg[begin:first] = empty
+        mass_kg[first:last] = empty + (loaded - empty) * grown
+        mass_kg[last:end] = loaded
+    return mass_kg
+
+
+def _split(found: PhaseIntegrals, model: ForceModel) -> Floats:
+    """(phases, parts) in J."""
+    drive, dig, slow = found.drive, found.dig, found.slow
+    straight = _drive_work(drive, model)
+    work = straight + found.turning_J
+    slope = drive["mass"] - found.kinetic_J + model.acting * drive["offset"]
+    digging = _drive_work(dig, model) - _mass_and_friction_work(dig, model)
+    friction = work - found.kinetic_J - slope - digging
+    braking = -_mass_and_friction_work(slow, model)
+    return np.stack([work, found.kinetic_J, slope, friction, digging, braking], axis=1)
+
+
+def _drive_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+    """Work of the measured force without its errors, (phases,) in J."""
+    return (
+        of["force"]
+        - model.transfer * of["transfer"]
+        - model.gain_drift * of["gain_drift"]
+        - model.offset * of["offset"]
+    )
+
+
+def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+    """Work that the masses and the fitted friction take, (phases,) in J."""
+    return (
+        of["mass"]
+        + model.acting * of["offset"]
+        + model.viscous * of["viscous"]
+        + model.viscous_drift * of["viscous_drift"]
+        + model.direction * of["direction"]
+        + model.quadratic * of["quadratic"]
+        + of["slip"]
+    )
+
+
+def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
+    """(phases, parts) in J, whether a slope shifts weight between the axles as acceleration does.
+
+    It is taken to do so in full, and may do so in part: the width of that interval over √3.
+    """
+    share = model.transfer / np.sqrt(3.0)
+    work, dig = (share * of["transfer_slope"] for of in (found.drive, found.dig))
+    nothing = np.zeros_like(work)
+    return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
+
+
+def _misfit(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+    """(phases, parts) in J, what the fit leaves over on average where the machine does not dig."""
+    left_N = _left_work(found, value, model).sum() / max(found.drive["direction"].sum(), 1.0)
+    dig, slow = left_N * found.dig["direction"], left_N * found.slow["direction"]
+    nothing, slope = np.zeros_like(dig), left_N * found.drive["offset"]
+    return np.stack([nothing, nothing, slope, -dig - slope, dig, slow], axis=1)
+
+
+def _left_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
+    """(phases,) work that neither masses, fitted friction nor digging explain, in J."""
+    explained = _mass_and_friction_work(found.drive, model) + value[:, PARTS.index("digging")]
+    return _drive_work(found.drive, model) - explained
+
+
+def _mass_response(found: PhaseIntegrals) -> Floats:
+    """(phases, parts) what masses that are all heavier by their own share of 1 change."""
+    lifted = found.drive["mass"] - found.kinetic_J
+    dug = -found.dig["mass"]
+    friction = -found.kinetic_J - lifted - dug
+    nothing = np.zeros_like(lifted)
+    return np.stack([nothing, found.kinetic_J, lifted, friction, dug, -found.slow["mass"]], axis=1)
+
+
+def _random_parts(
+    found: PhaseIntegrals,
+    value: Floats,
+    model: ForceModel,
+    mass_u_1: float,
+    spans: list[PhaseSpan],
+) -> Floats:
+    """(phases, parts) in J, what differs from cycle to cycle: masses, and what the fit leaves."""
+    drive, dig = found.drive, found.dig
+    left = _left_work(found, value, model)
+    way_m = drive["direction"]
+    number = np.unique([span.cycle for span in spans], return_inverse=True)[1]
+    left_N = np.bincount(number, left) / np.maximum(np.bincount(number, way_m), 1.0)
+    scatter_N = float(left_N.std(ddof=1)) if left_N.size >= LIMITS.energy_min_cycles else 0.0
+    mass = abs(mass_u_1 * _mass_response(found))
+    ways = np.zeros_like(value)
+    ways[:, PARTS.index("work")] = ways[:, PARTS.index("friction")] = way_m
+    ways[:, PARTS.index("digging")] = dig["direction"]
+    ways[:, PARTS.index("braking")] = found.slow["direction"]
+    return np.hypot(mass, scatter_N * ways)
+
+
+def _rows(
+    spans: list[PhaseSpan], value: Floats, common: Floats, random: Floats, fuel_L: Floats
+) -> tuple[EnergyRow, ...]:
+    """The shift, whole and by phase, then each cycle likewise."""
+    cycle = np.array([span.cycle for span in spans])
+    phase = np.array([span.phase for span in spans])
+
+    def row(number: int | None, name: str) -> EnergyRow:
+        of = (phase == name) if name != WHOLE else np.ones(cycle.size, np.bool_)
+        if number is not None:
+            of = of & (cycle == number)
+        # random within a cycle alike, between cycles not
+        own = np.unique(cycle[of], return_inverse=True)[1]
+        by_cycle = [np.bincount(own, random[of, part]) for part in range(len(PARTS))]
+        u = np.hypot(
+            np.linalg.norm(common[:, of].sum(axis=1), axis=0),
+            [float(np.linalg.norm(each)) for each in by_cycle],
+        )
+        energy = value[of].sum(axis=0)
+        pairs = zip(energy / J_PER_KWH, u / J_PER_KWH, strict=True)
+        work, kinetic, slope, friction, digging, braking = (
+            EnergyAmount(round(float(e), 7), round(float(w), 7)) for e, w in pairs
+        )
+        litres = float(fuel_L[of].sum())
+        burnt_L = round(litres, 4) if np.isfinite(litres) else None
+        return EnergyRow(number, name, work, kinetic, slope, friction, digging, braking, burnt_L)
+
+    shift = [row(None, name) for name in (WHOLE, *PHASES)]
+    own: list[EnergyRow] = []
+    for number in np.unique(cycle).tolist():
+        mine = phase[cycle == number].tolist()
+        own += [row(number, WHOLE), *(row(number, name) for name in mine if name != WHOLE)]
+    return (*shift, *own)

@@ -1,0 +1,319 @@
+"""Integrals of force, speed and acceleration over the phases of cycles, from which energy follows.
+
+Each energy is linear in what the joint fit found (offset of the force, load transfer, friction),
+so that one pass over the samples serves the value and its uncertainty alike.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.cycles.cycle_limits import LIMITS
+from analysis.model.machine import Body, Machine
+from analysis.model.physical_units import NS_PER_S
+from analysis.model.schema import values
+from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
+from analysis.weighing.motion_samples import rolling_fraction
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+class PhaseSpan(NamedTuple):
+    """A phase of a cycle, first sample and the first after it in ns."""
+
+    cycle: int
+    phase: str
+    start_ns: int
+    end_ns: int
+
+
+@dataclass(frozen=True)
+class MotionErrors:
+    """How measured force and speed differ from those that act on the ground.
+
+    Attributes:
+        force_late_s: how late the force is behind the acceleration.
+        speed_late_s: how late the speed is behind it.
+        slip_1_N: what share of their speed a newton makes the wheels slip.
+    """
+
+    force_late_s: float
+    speed_late_s: float
+    slip_1_N: float
+
+
+@dataclass(frozen=True)
+class EnergySamples:
+    """Samples of a log before the moving mean, 0 where something is not known, (n,) each.
+
+    Attributes:
+        t_ns: since the first sample.
+        step_s: that each stands for; 0 at a hole.
+        force_N: measured, of all driven wheels.
+        speed_m_s: of the wheels.
+        acceleration_m_s2: that multiplies the mass, gravity included.
+        turning_W: power of the yaw torque.
+        progress: from -1/2 to 1/2 over the log, as in the joint fit.
+        drives: which samples the drive puts energy into.
+        digs: of those, which are of a start that digs.
+        fuel_L_h: rate of the fuel; None where no channel gives it.
+        slows: which samples move while neither the drive pushes nor a pile stops them.
+    """
+
+    t_ns: Ints
+    step_s: Floats
+    force_N: Floats
+    speed_m_s: Floats
+    acceleration_m_s2: Floats
+    turning_W: Floats
+    progress: Floats
+    drives: Bools
+    digs: Bools
+    slows: Bools
+    fuel_L_h: Floats | None = None
+
+
+def energy_samples(
+    aligned: pl.DataFrame, excitation: pl.DataFrame, digging: pl.DataFrame, machine: Machine
+) -> EnergySamples:
+    """Take the samples of a log.
+
+    The drive puts energy in where the smoothed force, along the speed, is more than its noise; so
+    noise of a coasting or standing machine adds nothing.
+
+    Args:
+        aligned: the grid, before the moving mean.
+        excitation: the smoothed force and the phases, on the same grid.
+        digging: starts that dig.
+        machine: radius, share of the force, which acceleration.
+    """
+    t_ns = aligned["t_ns"].to_numpy()
+    step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
+    step_s = np.where(step_s > LIMITS.longest_sample_s, 0.0, step_s)
+    speed = values(aligned, "speed_x_m_s")
+    force = longitudinal_force(aligned, machine.machine)
+    acceleration = regressor_acceleration(aligned, machine)
+    known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
+    known &= ~aligned["gap"].to_numpy()
+    smooth_N, smooth_m_s = (
+        _centre_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
+    )
+    turning = np.where(known, _turning_power(aligned, machine.machine), 0.0)
+    stands = (excitation["phase"] == "standstill").fill_null(value=True).to_numpy()
+    turns = (excitation["phase"] == "spinning").fill_null(value=False).to_numpy()
+    moves = known & ~stands
+    reached_N = float(np.quantile(np.abs(smooth_N[moves]), 0.95)) if moves.any() else 0.0
+    pushes = smooth_N * np.sign(smooth_m_s) > LIMITS.min_drive_force_fraction * reached_N
+    drives = moves & np.where(turns, turning > 0.0, pushes)
+    digs = np.zeros(t_ns.size, np.bool_)
+    for start, end in digging.select("start_t_ns", "end_t_ns").iter_rows():
+        first, last = np.searchsorted(t_ns, [start, end])
+        # what stops the machine there is the pile
+        rests = np.flatnonzero(stands[last:])
+        digs[first : last + (int(rests[0]) if rests.size else 0) + 1] = True
+    return EnergySamples(
+        t_ns,
+        step_s,
+        np.where(known, force, 0.0),
+        np.where(known, speed, 0.0),
+        np.where(known, acceleration, 0.0),
+        turning,
+        np.arange(t_ns.size) / max(t_ns.size, 1) - 0.5,
+        drives,
+        drives & digs,
+        moves & ~drives & ~turns & ~digs,
+        values(aligned, "fuel_rate_L_h") if "fuel_rate_L_h" in aligned.columns else None,
+    )
+
+
+def phase_rows(samples: EnergySamples, spans: list[PhaseSpan]) -> Ints:
+    """(phases, 2) first row of each phase, and the first after it."""
+    ends = [(span.start_ns, span.end_ns) for span in spans]
+    return np.searchsorted(samples.t_ns, ends).reshape(-1, 2)
+
+
+def burnt_litres(samples: EnergySamples, spans: list[PhaseSpan]) -> Floats:
+    """(phases,) fuel of each phase in L, standing included; NaN where the rate is not known."""
+    if samples.fuel_L_h is None:
+        return np.full(len(spans), np.nan)
+    litres = np.nan_to_num(samples.fuel_L_h) * samples.step_s / SECONDS_PER_HOUR
+    unknown_s = np.where(np.isnan(samples.fuel_L_h), samples.step_s, 0.0)
+    fuel_L, lost_s = (
+        np.array([each[first:last].sum() for first, last in phase_rows(samples, spans)])
+        for each in (litres, unknown_s)
+    )
+    return np.where(lost_s > LIMITS.longest_sample_s, np.nan, fuel_L)
+
+
+def without_brakes(
+    samples: EnergySamples,
+    excitation: pl.DataFrame,
+    machine: Machine,
+    mass_kg: Floats,
+    viscous_N_s_m: float,
+    coulomb_N: float,
+) -> EnergySamples:
+    """The same without drive where brakes take more: brakes that no sensor sees leave the force.
+
+    Args:
+        samples: of the log.
+        excitation: smoothed acceleration and speed.
+        machine: for the length of the moving mean.
+        mass_kg: (n,) of machine and load.
+        viscous_N_s_m: friction by the joint fit.
+        coulomb_N: likewise.
+    """
+    speed, acceleration = (
+        _centre_mean(excitation, name, machine) for name in ("speed_x_m_s", "regressor_acc_x_m_s2")
+    )
+    along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
+    spins = (excitation["phase"] == "spinning").fill_null(value=False).to_numpy()
+    braked = samples.drives & ~samples.digs & ~spins & (along < 0.0)
+    return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
+
+
+def end_drive_later(samples: EnergySamples, machine: Machine) -> EnergySamples:
+    """The same with the drive's stretches later by half the moving mean, and a sample at least.
+
+    A motor lets go gradually: where its force ends is known no better.
+    """
+    rows = max((machine.settings.smooth.samples - 1) // 2, 1)
+    return replace(
+        samples,
+        drives=np.roll(samples.drives, rows),
+        digs=np.roll(samples.drives, rows) & samples.digs,
+        slows=np.roll(samples.slows, rows),
+    )
+
+
+def _centre_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
+    """A column after the trailing mean, moved back by half its length, (n,); 0 where unknown."""
+    late = (machine.settings.smooth.samples - 1) // 2
+    return np.roll(np.nan_to_num(values(excitation, name)), -late)
+
+
+def _turning_power(aligned: pl.DataFrame, body: Body) -> Floats:
+    """Power of the yaw torque, (n,), where both sides are measured."""
+    torque = yaw_torque(aligned, body)
+    if torque is None or "yaw_rate_rad_s" not in aligned.columns:
+        return np.zeros(aligned.height)
+    return np.nan_to_num(torque * values(aligned, "yaw_rate_rad_s"))
+
+
+#: Seconds of an hour: fuel rates are by the hour.
+SECONDS_PER_HOUR: Final = 3600.0
+#: The integrals of each set of samples, in J over the unit of what multiplies them; the speed is
+#: the wheels' with the force, else the ground's.
+_TERMS: Final = (
+    "force",  # ∫ F v
+    "transfer",  # ∫ a F v
+    "transfer_slope",  # of it, by gravity's part of a
+    "gain_drift",  # ∫ progress F v
+    "offset",  # ∫ v
+    "mass",  # ∫ m a v, gravity included
+    "viscous",  # ∫ v²
+    "viscous_drift",  # ∫ progress v²
+    "direction",  # ∫ |v|
+    "quadratic",  # ∫ |v|³
+    "slip",  # ∫ F (v of the wheels - v of the ground)
+)
+
+
+@dataclass(frozen=True)
+class EnergyIntegrals:
+    """Integrals by phase of a cycle, (phases,) each, over one set of samples, by name."""
+
+    by_term: dict[str, Floats]
+
+    def __getitem__(self, name: str) -> Floats:
+        return self.by_term[name]
+
+
+@dataclass(frozen=True)
+class PhaseIntegrals:
+    """The integrals of all phases.
+
+    Attributes:
+        drive: where the drive puts energy in.
+        dig: of those, where it digs.
+        slow: where the machine moves without it.
+        kinetic_J: kinetic energy that the drive adds.
+        turning_J: work of the yaw torque.
+    """
+
+    drive: EnergyIntegrals
+    dig: EnergyIntegrals
+    slow: EnergyIntegrals
+    kinetic_J: Floats
+    turning_J: Floats
+
+
+def integrate_phases(
+    samples: EnergySamples,
+    spans: list[PhaseSpan],
+    mass_kg: Floats,
+    rotating_kg: float,
+    errors: MotionErrors,
+) -> PhaseIntegrals:
+    """Integrate over each phase.
+
+    Args:
+        samples: of the log.
+        spans: the phases.
+        mass_kg: (n,) of machine and load at each sample, on the scale of the measured force.
+        rotating_kg: equivalent mass of what rotates.
+        errors: of force and speed.
+    """
+    force = _earlier(samples, "force_N", errors.force_late_s)
+    wheels = _earlier(samples, "speed_m_s", errors.speed_late_s)
+    speed = wheels * rolling_fraction(wheels, force, errors.slip_1_N)
+    step_s, fast = samples.step_s, np.abs(speed)
+    # half the difference of squares on either side: what a stretch gains is what its ends differ by
+    squares = np.pad(speed**2, 1, mode="edge")
+    gained = np.where(step_s > 0.0, (squares[2:] - squares[:-2]) / 4.0, 0.0)
+    power = force * wheels
+    speeds = np.pad(speed, 1, mode="edge")
+    gained_speed = np.where(step_s > 0.0, (speeds[2:] - speeds[:-2]) / 2.0, 0.0)
+    by_term = {
+        "force": power * step_s,
+        "transfer": samples.acceleration_m_s2 * power * step_s,
+        "transfer_slope": (samples.acceleration_m_s2 * step_s - gained_speed) * power,
+        "gain_drift": samples.progress * power * step_s,
+        "offset": wheels * step_s,
+        "mass": mass_kg * samples.acceleration_m_s2 * speed * step_s + rotating_kg * gained,
+        "viscous": speed**2 * step_s,
+        "viscous_drift": samples.progress * speed**2 * step_s,
+        "direction": fast * step_s,
+        "quadratic": fast**3 * step_s,
+        "slip": force * (wheels - speed) * step_s,
+    }
+    edges = phase_rows(samples, spans)
+
+    def over(x: Floats, samples_of_set: Bools) -> Floats:
+        total = np.append(0.0, np.cumsum(np.where(samples_of_set, x, 0.0)))
+        return total[edges[:, 1]] - total[edges[:, 0]]
+
+    def integrals(samples_of_set: Bools) -> EnergyIntegrals:
+        return EnergyIntegrals({name: over(by_term[name], samples_of_set) for name in _TERMS})
+
+    return PhaseIntegrals(
+        integrals(samples.drives),
+        integrals(samples.digs),
+        integrals(samples.slows),
+        over((mass_kg + rotating_kg) * gained, samples.drives),
+        over(samples.turning_W * step_s, samples.drives),
+    )
+
+
+def _earlier(samples: EnergySamples, name: str, late_s: float) -> Floats:
+    """A column moved back by how late it is, (n,)."""
+    x: Floats = getattr(samples, name)
+    if not late_s:
+        return x
+    t_s = samples.t_ns / NS_PER_S
+    return np.interp(t_s + late_s, t_s, x)

@@ -1,0 +1,206 @@
+"""Terms of the joint fit that the energy of cycles needs, each with its uncertainty."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Final, TypeVar
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.boom_dumps import standing
+from analysis.cycles.cycle_limits import LIMITS
+from analysis.cycles.energy_integrals import Floats, MotionErrors
+from analysis.model.machine import Machine
+from analysis.model.schema import values
+from analysis.model.settings import PriorSettings
+from analysis.model.windows import runs_of
+
+#: Columns of `nuisances` that are a value and its uncertainty.
+_FOUND: Final = ("term", "posterior", "posterior_std")
+
+
+@dataclass(frozen=True)
+class ForceModel:
+    """What the joint fit says of the force, in the units of `nuisances`.
+
+    Attributes:
+        const: the constant force.
+        offset: of it, the error of the measured one; the rest acts.
+    """
+
+    transfer: float
+    gain_drift: float
+    const: float
+    offset: float
+    viscous: float
+    viscous_drift: float
+    direction: float
+    quadratic: float
+
+    @property
+    def acting(self) -> float:
+        """The constant force that acts: a slope, or an accelerometer's tilt."""
+        return self.const - self.offset
+
+
+Terms = TypeVar("Terms", ForceModel, MotionErrors)
+
+
+def fitted_force(
+    frames: Mapping[str, pl.DataFrame], mass_kg: Floats, priors: PriorSettings
+) -> tuple[ForceModel, ForceModel]:
+    """The fit's terms, and their standard uncertainties.
+
+    A constant force is in part an error of the measured one, in part one that acts (a slope, an
+    accelerometer's tilt): by the priors, as in the fit, and by what is measured at a stand.
+
+    Args:
+        frames: of the run.
+        mass_kg: (n,) of machine and load at each sample.
+        priors: of the fit.
+    """
+    rows = frames["nuisances"].select("term", "posterior", "posterior_std", "prior_std")
+    term = {name: (value, std, prior) for name, value, std, prior in rows.iter_rows()}
+
+    def of(name: str) -> tuple[float, float]:
+        value, std, _ = term.get(name, (0.0, 0.0, 0.0))
+        return value, std
+
+    const, const_u = of("const")
+    offset, offset_u = of("offset")
+    both = term["const"][2] if "const" in term else 0.0
+    excitation = frames["excitation"]
+    driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
+    pushed_N = np.abs(values(driving, "force_x_N"))
+    largest_N = float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
+    wrong_1 = min((priors.const_share * largest_N / both) ** 2, 1.0) if both else 0.0
+    friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
+    viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
+    # what of either grows with the load is in neither, so in what is uncertain of both
+    loaded_1 = float(np.quantile(mass_kg, 0.9) / np.quantile(mass_kg, 0.1)) - 1.0
+    const_u, direction_u = (
+        float(np.hypot(std, loaded_1 * np.hypot(*of(f"weight_{name}"))))
+        for name, std in (("const", const_u), ("direction", of("direction")[1]))
+    )
+    pairs = {
+        "transfer": of("load_transfer"),
+        "gain_drift": of("gain_drift"),
+        "const": (const, const_u),
+        "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
+        "viscous": viscous,
+        "viscous_drift": of("viscous_drift"),
+        "direction": (of("direction")[0], direction_u),
+        "quadratic": of("quadratic"),
+    }
+    value = ForceModel(**{name: pair[0] for name, pair in pairs.items()})
+    return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
+
+
+def _combine_offsets(
+    by_fit: tuple[float, float], excitation: pl.DataFrame, mass_kg: Floats
+) -> tuple[float, float]:
+    """The force's offset by the fit and by the stands, in N, with its uncertainty.
+
+    Where the two contradict each other, a stand measures something else: the fit's stays.
+    """
+    at_rest = standing_offset(excitation, mass_kg)
+    if at_rest is None or not by_fit[1]:
+        return by_fit
+    (fit_N, fit_u), (rest_N, rest_u) = by_fit, at_rest
+    if abs(fit_N - rest_N) > LIMITS.offset_contradiction_u * np.hypot(fit_u, rest_u):
+        return by_fit
+    weights = np.array([fit_u, rest_u]) ** -2.0
+    return float(np.average([fit_N, rest_N], weights=weights)), float(weights.sum() ** -0.5)
+
+
+def standing_offset(excitation: pl.DataFrame, mass_kg: Floats) -> tuple[float, float] | None:
+    """The force that is measured while the machine stands on level ground, in N, and its u.
+
+    On a slope brakes or motor hold it: the median of each stand is a line over the weight along it,
+    and the offset where that is zero. What friction holds differs from stand to
+    stand, and is in the uncertainty.
+
+    Returns:
+        None where there are too few stands.
+    """
+    force, acceleration = (
+        values(excitation, name) for name in ("force_x_N", "regressor_acc_x_m_s2")
+    )
+    means: list[tuple[float, float]] = []
+    for begin, end in zip(*runs_of(standing(excitation)), strict=True):
+        # neither a motor that lets go nor one that is about to push
+        quarter = (end - begin) // 4
+        quiet = slice(begin + quarter, end - quarter + 1)
+        weight_N = mass_kg[quiet] * acceleration[quiet]
+        pair = (float(np.median(force[quiet])), float(np.median(weight_N)))
+        if np.isfinite(pair).all():
+            means.append(pair)
+    if len(means) < LIMITS.offset_min_stands:
+        return None
+    y, weight = np.array(means).T
+    # in thousands of N, so that both columns are of one size
+    A = np.column_stack([np.ones(y.size), weight / 1e3])
+    found, *_ = np.linalg.lstsq(A, y)
+    left = y - A @ found
+    variance = float(left @ left) / (y.size - 2)
+    u_N = float(np.sqrt(variance * np.linalg.pinv(A.T @ A)[0, 0]))
+    return (float(found[0]), u_N) if u_N > 0.0 else None
+
+
+def fitted_motion_errors(
+    nuisances: pl.DataFrame, model: ForceModel, machine: Machine
+) -> tuple[MotionErrors, MotionErrors]:
+    """Delays and slip by the fit, and their standard uncertainties.
+
+    Slip is what the wheels say of it where they do, else what it costs of the friction.
+    """
+    term = {name: (value, std) for name, value, std in nuisances.select(_FOUND).iter_rows()}
+    nothing = (0.0, 0.0)
+    by_friction = tuple(x / max(model.viscous, 1e-9) for x in term.get("slip", nothing))
+    slip = term.get("wheel_slip", (-by_friction[0], by_friction[1]) if model.viscous else nothing)
+    by_accelerometer = machine.settings.forces.acceleration == "specific_force"
+    delay = term.get("speed_delay", nothing) if by_accelerometer else nothing
+    pairs = (term.get("lag", nothing), delay, slip)
+    return MotionErrors(*(v for v, _ in pairs)), MotionErrors(*(u for _, u in pairs))
+
+
+def change_each(values: Terms, stds: Terms) -> list[Terms]:
+    """The values with one after the other changed by its standard uncertainty."""
+    names = [each.name for each in fields(values) if getattr(stds, each.name)]
+    return [
+        replace(values, **{name: getattr(values, name) + getattr(stds, name)}) for name in names
+    ]
+
+
+def gain_u(machine: Machine) -> tuple[float, str]:
+    """Relative standard uncertainty of the measured work, and the settings that it lacks.
+
+    Torque times the speed of the same wheels needs no radius.
+    """
+    body = machine.machine
+    parts = {"force_gain_u": body.force_gain_u}
+    if body.force_share < 1.0:
+        share_u = body.force_share_u
+        parts["force_share_u"] = None if share_u is None else share_u / body.force_share
+    by_torque = "force_x_N" not in machine.channels
+    of_wheels = [c for name, c in machine.channels.items() if name.startswith("speed_")]
+    cancels = by_torque and any(c.scale == body.wheel_radius_m for c in of_wheels)
+    if by_torque and not cancels:
+        parts["wheel_radius_u_m"] = body.wheel_radius_u_1
+    unknown = [f"machine.{name}" for name, u in parts.items() if u is None]
+    return float(np.linalg.norm([u or 0.0 for u in parts.values()])), ", ".join(unknown)
+
+
+def mass_u(frames: Mapping[str, pl.DataFrame]) -> tuple[float, float]:
+    """Relative standard uncertainty of masses on the force's own scale: common, and of each."""
+    loads = frames["loads"].filter(pl.col("mass_kg").is_not_null())
+    budget = frames["budget"].filter(pl.col("kind") == "common").group_by("load_id")
+    squares = budget.agg((pl.col("u_kg").fill_null(0.0) ** 2).sum().sqrt().alias("common_kg"))
+    both = loads.join(squares, on="load_id", how="left")
+    if both.is_empty():
+        return 0.0, 0.0
+    common, random = (
+        both.select((pl.col(name) / pl.col("mass_kg")).median()).item()
+        for name in ("common_kg", "u_random_kg")
+    )
+    return float(common or 0.0), float(random or 0.0)

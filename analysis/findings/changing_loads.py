@@ -1,0 +1,178 @@
+"""Loads that change: one that grows while a manoeuvre drives, or two that take turns.
+
+A growing load obeys f = (m + g t) a + (b + g) v, with g in kg/s: what comes in is brought to the
+machine's speed, which costs g v. Each manoeuvre has its own mass and growth; friction and constant
+forces are those of all manoeuvres together.
+
+Loads that take turns may be one load whose measured share of the force changes: where the direction
+changes from start to start, so does the sign of the acceleration, and with it what a load transfer
+takes from the measured wheels.
+"""
+
+from statistics import NormalDist
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.findings.cause import Symptom
+from analysis.findings.constant_forces import explain_constant_force
+from analysis.findings.finding_inputs import FindingInputs
+from analysis.findings.finding_limits import LIMITS
+from analysis.findings.whitened_rows import (
+    ProjectedEquation,
+    blocks,
+    force_system,
+    sums,
+    variance_of,
+)
+from estimators.errors import counted
+from estimators.numerics.fit_loss import group_rows
+
+#: What every log may have besides; columns of more noise would leave it in this one's way.
+_USUAL: Final = ("const", "direction")
+
+
+class ShareOfForce(NamedTuple):
+    """How the measured share of the force changes.
+
+    Attributes:
+        value: per m/s².
+        std: its standard deviation.
+        gain: by how much it raises twice the log likelihood of one load.
+        worse: twice the log likelihood that loads with such a share have more than one load has.
+        loads: how many there are otherwise.
+    """
+
+    value: float
+    std: float
+    gain: float
+    worse: float
+    loads: int
+
+
+def compare_share_with_loads(inputs: FindingInputs) -> ShareOfForce | None:
+    """One load with a share that changes, against the loads; None where there is one anyway."""
+    fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
+    if fit is None or noise is None or motion is None or fit.count == 1 or not motion.both_ways:
+        return None
+    viscous, own_kg = max(fit.viscous, 0.0), inputs.sample_masses_kg(motion)
+    one_kg = np.full_like(own_kg, np.median(own_kg[motion.used]))
+    # with the share as well: loads that change otherwise than with the direction stay loads
+    by_loads = ProjectedEquation.of(force_system(motion, noise, own_kg, viscous), ("driveline",))
+    one = force_system(motion, noise, one_kg, viscous)
+    before, after = ProjectedEquation.of(one, ()), ProjectedEquation.of(one, ("driveline",))
+    square = before.square("driveline")
+    if not square > 0.0:
+        return None
+    variance = min(by_loads.variance, after.variance)
+    worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
+    value = before.product("driveline") / square
+    gain = value**2 * square * before.variance / variance
+    std = (variance / (square * before.variance)) ** 0.5
+    return ShareOfForce(value, std, gain, worse / variance, fit.count)
+
+
+class _LoadRate(NamedTuple):
+    """A manoeuvre whose load grows.
+
+    Attributes:
+        first: its first grid sample.
+        kg_s: how fast.
+        deviations: from 0, over what chance stays below.
+    """
+
+    first: int
+    kg_s: float
+    deviations: float
+
+
+def find_changing_load(inputs: FindingInputs) -> list[Symptom]:
+    """Manoeuvres whose load grows or falls while they drive."""
+    found = [*_excluded_growths(inputs), *_fitted_growths(inputs)]
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _fitted_growths(inputs: FindingInputs) -> list[Symptom]:
+    """Those that are fitted although their load grows."""
+    found = _significant_growths(inputs)
+    if not found:
+        return []
+    worst = max(found, key=lambda each: each.deviations)
+    begin = int(inputs.aligned["t_ns"].to_numpy()[worst.first])
+    return [
+        Symptom(
+            worst.deviations * len(found) ** 0.5,
+            f"in {counted(len(found), 'manoeuvre')} the load changes, by up to "
+            f"{worst.kg_s:+.0f} kg/s",
+            span_ns=(begin, begin),
+        )
+    ]
+
+
+def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
+    """Those that the answer leaves out."""
+    weighing = inputs.check_inputs.weighing
+    if weighing is None or not weighing.growing:
+        return []
+    worst = max(weighing.growing, key=lambda each: abs(each.kg) / each.std_kg)
+    t = inputs.aligned["t_ns"].to_numpy()
+    begin = int(t[min(worst.first, t.size - 1)])
+    return [
+        Symptom(
+            abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(weighing.growing))),
+            f"in {counted(len(weighing.growing), 'manoeuvre')} the load changes, by up to "
+            f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; they are left out",
+            span_ns=(begin, begin),
+        )
+    ]
+
+
+def _significant_growths(inputs: FindingInputs) -> list[_LoadRate]:
+    """The manoeuvres whose load grows, or falls, by more than chance."""
+    fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
+    if fit is None or noise is None or motion is None:
+        return []
+    parts = [
+        part
+        for part in group_rows(motion.group)
+        if part.size >= LIMITS.growth_min_rows * LIMITS.force_mean_samples
+    ]
+    if len(parts) < 3:  # then nothing says what is usual
+        return []
+    viscous = max(fit.viscous, 0.0)
+    system = force_system(motion, noise, inputs.sample_masses_kg(motion), viscous)
+    taken = blocks(motion.group, LIMITS.force_mean_samples).reshape(-1, LIMITS.force_mean_samples)
+    group = motion.group[taken[:, 0]]
+    usual = [column for name, column in system.columns.items() if name in _USUAL]
+    base = np.column_stack([system.base, *usual])
+    q = np.linalg.qr(base / np.linalg.norm(base, axis=0))[0]
+    left = system.y - q @ (q.T @ system.y)
+    limit = -NormalDist().inv_cdf(LIMITS.growth_false_alarm_probability / 2.0 / len(parts))
+    found: list[_LoadRate] = []
+    for part in parts:
+        loads = taken[:, 0] < part[0] + LIMITS.longest_loading_s * motion.rate_hz
+        rows = np.flatnonzero((group == motion.group[part[0]]) & loads)
+        mine = taken[rows].ravel()
+        t_s = (mine - part[0]) / motion.rate_hz
+        grown = (
+            sums(t_s * motion.acceleration[mine] + motion.speed[mine], LIMITS.force_mean_samples)
+            / LIMITS.force_mean_samples
+        )
+        own = np.column_stack([system.base[rows, 0] * system.size_N, grown]) / system.size_N
+        across = own - q[rows] @ (q[rows].T @ own)
+        gram = own.T @ across
+        rest = gram[1, 1] - gram[0, 1] ** 2 / gram[0, 0]
+        if not rest > LIMITS.growth_min_left_fraction * float(own[:, 1] @ own[:, 1]):
+            continue
+        score = own.T @ left[rows]
+        kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
+        others = np.delete(left, rows)
+        deviations = abs(kg_s) * float(np.sqrt(rest / variance_of(others))) / limit
+        deviations /= LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
+        if deviations > 1.0:
+            found.append(_LoadRate(int(part[0]), kg_s, deviations))
+    return (
+        found
+        if len(found) > 1
+        else [each for each in found if each.deviations > LIMITS.single_growth_factor]
+    )

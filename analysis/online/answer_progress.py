@@ -1,0 +1,128 @@
+"""How far from an answer: what the manoeuvres so far tell of one mass, and how many more it takes.
+
+The mass of a load is the mean of its manoeuvres. Its uncertainty falls with their number as far as
+they scatter at random; what all of them share (gain, slope, wheel radius) is not in it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+from analysis.model.machine import Body
+
+#: A manoeuvre's own deviation counts like so many manoeuvres of scatter. In simulated logs it is
+#: right to a hundredth, and what is said of starts to come is the steadier the more it counts; on a
+#: machine it takes residuals for white, so that manoeuvres must be able to correct it.
+_OWN_DOF: Final = 10.0
+#: A manoeuvre that lies so many deviations from the mean is of another load.
+_OTHER_LOAD: Final = 5.0
+#: Standard uncertainty that is aimed at unless somebody says otherwise, as a share of the empty
+#: mass: what tells a full bucket of a loader from a half full one.
+UNTIL_U_1: Final = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerProgress:
+    """The manoeuvres of one load so far.
+
+    Attributes:
+        until_u_kg: standard uncertainty that is aimed at; None where nothing says which.
+        forward: manoeuvres ahead.
+        reverse: manoeuvres backwards.
+        mean_kg: of their masses.
+        squares_kg2: summed squares of what they differ from it by.
+        own_kg2: mean square of their own deviations.
+    """
+
+    until_u_kg: float | None
+    forward: int = 0
+    reverse: int = 0
+    mean_kg: float = math.nan
+    squares_kg2: float = 0.0
+    own_kg2: float = math.nan
+
+    @property
+    def manoeuvres(self) -> int:
+        """How many there are."""
+        return self.forward + self.reverse
+
+    @property
+    def one_u_kg(self) -> float:
+        """The standard deviation of a manoeuvre: its own, corrected by how they scatter."""
+        dof = _OWN_DOF + self.manoeuvres - 1
+        return math.sqrt((_OWN_DOF * self.own_kg2 + self.squares_kg2) / dof)
+
+    @property
+    def u_kg(self) -> float | None:
+        """The random standard uncertainty of the mean; None without a manoeuvre."""
+        return self.one_u_kg / math.sqrt(self.manoeuvres) if self.manoeuvres else None
+
+    @property
+    def percent(self) -> float | None:
+        """Of the information that the aim takes: its square over that of the uncertainty."""
+        if self.until_u_kg is None:
+            return None
+        if self.u_kg is None:
+            return 0.0
+        return min(100.0, 100.0 * (self.until_u_kg / self.u_kg) ** 2)
+
+    @property
+    def starts_missing(self) -> int | None:
+        """How many more manoeuvres like these; None where none has told how they scatter."""
+        if not self.manoeuvres or self.until_u_kg is None:
+            return None
+        return max(0, math.ceil((self.one_u_kg / self.until_u_kg) ** 2) - self.manoeuvres)
+
+    @property
+    def reverse_missing(self) -> int | None:
+        """How many of them backwards, so that a slope and a constant force cancel."""
+        missing = self.starts_missing
+        if missing is None:
+            return None
+        return max(0, min(missing, (self.manoeuvres + missing) // 2 - self.reverse))
+
+    def add(self, mass_kg: float, u_kg: float, speed_m_s: float) -> "AnswerProgress":
+        """Take a manoeuvre; one of another load begins anew.
+
+        Args:
+            mass_kg: its mass.
+            u_kg: its random standard uncertainty.
+            speed_m_s: of the machine in it; negative backwards.
+        """
+        before = self
+        spread_kg = math.hypot(self.one_u_kg, u_kg) if self.manoeuvres else math.inf
+        if abs(mass_kg - self.mean_kg) > _OTHER_LOAD * spread_kg:
+            before = AnswerProgress(self.until_u_kg)
+        count = before.manoeuvres
+        mean_kg = before.mean_kg if count else mass_kg
+        differs_kg = mass_kg - mean_kg
+        own_kg2 = before.own_kg2 if count else 0.0
+        return replace(
+            before,
+            forward=before.forward + (speed_m_s >= 0.0),
+            reverse=before.reverse + (speed_m_s < 0.0),
+            mean_kg=mean_kg + differs_kg / (count + 1),
+            squares_kg2=before.squares_kg2 + differs_kg**2 * count / (count + 1),
+            own_kg2=own_kg2 + (u_kg**2 - own_kg2) / (count + 1),
+        )
+
+
+def find_aim(body: Body, until_u_kg: float | None) -> float | None:
+    """The uncertainty to aim at: what somebody says, or a share of the empty mass."""
+    if until_u_kg is not None or body.empty_mass_kg is None:
+        return until_u_kg
+    return UNTIL_U_1 * body.empty_mass_kg
+
+
+def missing_text(missing: int | None, reverse: int | None) -> str:
+    """What excitation is missing, in words; empty where none is, or nobody knows.
+
+    Args:
+        missing: manoeuvres.
+        reverse: those of them that should be driven backwards.
+    """
+    if missing is None or reverse is None:
+        return "a start that the gate accepts"
+    parts = [(missing - reverse, "forward"), (reverse, "in reverse")]
+    starts = [f"{n} more start{'s' * (n != 1)} {how}" for n, how in parts if n]
+    return " and ".join(starts)

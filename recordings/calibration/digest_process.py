@@ -1,0 +1,77 @@
+"""Started by `strange_files` as a process of its own, in bounds: files in, what they hold as JSON.
+
+python -m recordings.calibration.digest_process {recording|pdf} FILE…
+"""
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+#: Bytes of memory: a long log's recording takes one GiB.
+_MOST_MEMORY: Final = 8 << 30
+#: Seconds of processor: a long log's recording takes minutes.
+_MOST_CPU_S: Final = 600
+#: Characters of a fault that are passed on.
+_LONGEST: Final = 200
+#: Pages of a PDF; a report has a dozen.
+_MOST_PAGES: Final = 500
+#: What ends a page: its number of how many.
+_COUNTER: Final = re.compile(r"\d+\s*/\s*\d+\s*\Z")
+
+
+def main() -> None:
+    """Read the files that the command line names, as its first word says."""
+    _bound_process()
+    kind, *files = sys.argv[1:]
+    read = {"recording": _digest_recording, "pdf": _words_of_pdf}[kind]
+    sys.stdout.write(json.dumps([read(Path(each)) for each in files]))
+
+
+def _digest_recording(path: Path) -> dict[str, Any]:
+    from estimators.errors import RecordingError
+    from recordings.rrd.reader import read_recording
+
+    try:
+        run = read_recording(path).with_fingerprint()
+    except RecordingError as fault:
+        return {"fault": f"cannot be read ({str(fault)[-_LONGEST:]})"}
+    taken = run.provenance.fingerprint
+    assert taken is not None
+    return {
+        "inputs": [each.sha256 for each in run.provenance.inputs],
+        "settings": taken.settings,
+        "results": taken.results,
+        "frames": taken.frames,
+        "notes": list(run.provenance.notes),
+    }
+
+
+def _words_of_pdf(path: Path) -> dict[str, Any]:
+    from pypdf import PdfReader
+    from pypdf.errors import PyPdfError
+
+    try:
+        pages = PdfReader(path, strict=False).pages
+        if len(pages) > _MOST_PAGES:
+            return {"fault": f"has more than {_MOST_PAGES} pages"}
+        texts = [_COUNTER.sub("", page.extract_text()) for page in pages]
+    except (PyPdfError, ValueError, KeyError, TypeError, RecursionError, MemoryError) as fault:
+        return {"fault": f"cannot be read ({type(fault).__name__}: {str(fault)[:_LONGEST]})"}
+    return {"words": [word for text in texts for word in text.split()]}
+
+
+def _bound_process() -> None:
+    """Bound memory and time, where the system can."""
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_DATA, (_MOST_MEMORY, _MOST_MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (_MOST_CPU_S, _MOST_CPU_S))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""The bytes of a Rerun recording that grows by whole messages, and goes on where it was cut.
+
+The file has the head of a recording, then messages: kind and length, 8 bytes each, and content.
+Its end (a message of kind 0 and the index of all before) is left out, since more may come: viewers
+read without, and a file that ends behind any message is a recording.
+"""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from recordings.report.appended_file import AppendedFile
+
+if TYPE_CHECKING:
+    from mmap import mmap
+
+#: What a recording begins with.
+_MAGIC: Final = b"RRF2"
+#: The bytes of its head: that, version and options.
+HEAD_BYTES: Final = 12
+_MESSAGE_HEAD: Final = struct.Struct("<QQ")
+#: What the last bytes of a whole recording begin with.
+_FOOT: Final = b"RRF2FOOT"
+#: Kinds of messages: about the store, chunks, and which layout is active. The end is of kind 0.
+_OF_STORE: Final = 1
+_KINDS: Final = (_OF_STORE, 2, 3)
+
+
+class RecordingMessage(NamedTuple):
+    """Where a message of a recording begins and ends."""
+
+    begin: int
+    end: int
+    is_of_store: bool
+
+
+def find_messages(data: "bytes | mmap") -> Iterator[RecordingMessage]:
+    """Find the whole messages in the bytes of a recording, its head before them."""
+    at = HEAD_BYTES
+    while at + _MESSAGE_HEAD.size <= len(data):
+        kind, length = _MESSAGE_HEAD.unpack_from(data, at)
+        end = at + _MESSAGE_HEAD.size + length
+        if kind not in _KINDS or end > len(data):
+            return
+        yield RecordingMessage(at, end, kind == _OF_STORE)
+        at = end
+
+
+def append_part(file: AppendedFile, part: bytes) -> None:
+    """Append the messages of a recording of their own.
+
+    Raises:
+        OSError: they do not fit on the disc.
+    """
+    head = b"" if file.size else part[:HEAD_BYTES]
+    messages = (part[begin:end] for begin, end, _ in find_messages(part))
+    file.append(b"".join([head, *messages]))
+
+
+def is_unfinished(path: Path) -> bool:
+    """Whether a file is a recording without its end."""
+    with path.open("rb") as file:
+        is_recording = file.read(len(_MAGIC)) == _MAGIC
+        file.seek(max(0, path.stat().st_size - HEAD_BYTES))
+        return is_recording and not file.read().startswith(_FOOT)

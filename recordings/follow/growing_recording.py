@@ -1,0 +1,211 @@
+"""What is followed, recorded as it goes: a second at a time, each on disc when it is told.
+
+A part of a second is one append, whose last chunk is that of the excitation: where that is there,
+all of the second is.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+import polars as pl
+
+from analysis.model.settings import Settings
+from analysis.online.follower import FollowedRow
+from analysis.online.online_report import LARGEST_U_1
+from recordings.follow.growing_file import append_part
+from recordings.follow.growing_layout import (
+    ANSWER,
+    ESTIMATES,
+    EXCITATION,
+    GATE,
+    STATES,
+    growing_layout,
+)
+from recordings.report.appended_file import AppendedFile
+from recordings.rrd.blueprint import text_entity
+from recordings.rrd.drawn_rows import drawn_rows
+from recordings.rrd.recording_table import SINCE_START, STATE, TIME
+from recordings.rrd.writer import APPLICATION
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
+
+#: The property that says what log is followed.
+PROPERTY: Final = "followed"
+#: A recording of so many periods of the grid without an estimate breaks its line.
+_BREAK_PERIODS: Final = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedLog:
+    """What a growing recording is of.
+
+    Attributes:
+        identity: of the log, the machine file and the noise; recordings of one are continued.
+        t0_unix_ns: unix time of the first row.
+        recording_id: of all parts alike, or viewers show several recordings.
+    """
+
+    identity: str
+    t0_unix_ns: int
+    recording_id: str
+
+
+@dataclass(slots=True)
+class _NewRows:
+    """What was not sent yet, by frame: rows of `t_ns` and numbers."""
+
+    excitation: list[dict[str, Any]] = field(default_factory=list)
+    gate: list[dict[str, Any]] = field(default_factory=list)
+    estimates: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    states: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+
+
+class GrowingRecording:
+    """A recording of what is followed: a file, and viewers that look on."""
+
+    def __init__(
+        self,
+        about: FollowedLog,
+        settings: Settings,
+        name: str,
+        *,
+        file: AppendedFile | None = None,
+        server: str | None = None,
+    ) -> None:
+        """Begin, or go on where a file ends.
+
+        Args:
+            about: what is followed.
+            settings: of the replay, with the rate of the grid.
+            name: that viewers list it by.
+            file: where it is written; None: nowhere.
+            server: the address of a server of viewers; None: none.
+        """
+        import rerun as rr
+
+        self._about, self._file = about, file
+        self._period_ns = 1e9 / settings.align.rate_hz
+        self._new = _NewRows()
+        self._state: dict[str, str | None] = {}
+        #: the last `t_ns` of each method
+        self._last: dict[str, int] = {}
+        self._thresholds, layout = growing_layout(settings)
+        self._streams: list[RecordingStream] = []
+        begins: list[RecordingStream] = []
+        if file is not None:
+            stream = rr.RecordingStream(APPLICATION, recording_id=about.recording_id)
+            self._bytes = stream.binary_stream()
+            self._streams.append(stream)
+            begins += [stream] if file.size == 0 else []
+        if server is not None:
+            stream = rr.RecordingStream(APPLICATION, recording_id=about.recording_id)
+            stream.set_sinks(rr.GrpcSink(server))
+            self._streams.append(stream)
+            begins.append(stream)
+        for stream in begins:
+            described: dict[str, Any] = {
+                "identity": about.identity,
+                "t0_unix_ns": about.t0_unix_ns,
+                "recording_id": about.recording_id,
+            }
+            stream.send_property(PROPERTY, rr.AnyValues(**described))
+            stream.flush()  # before the layout, where `read_end` looks for it
+            stream.send_blueprint(layout, make_active=True, make_default=True)
+            stream.send_recording_name(name)
+            stream.send_recording_start_time_nanos(about.t0_unix_ns)
+        self._append()
+
+    def add(self, rows: Sequence[FollowedRow]) -> None:
+        """Take the next rows; `flush` writes them."""
+        for row in rows:
+            if row.gate is not None:
+                self._add_row(row)
+            for method, (t_ns, estimate) in row.estimates.items():
+                found = self._new.estimates.setdefault(method, [])
+                last = self._last.get(method)
+                if last is not None and t_ns - last > _BREAK_PERIODS * self._period_ns:
+                    found.append({"t_ns": last + 1})
+                numbers = (*estimate.theta[:2], *estimate.std[:2] ** 2)
+                if not estimate.std[0] <= LARGEST_U_1 * abs(estimate.theta[0]):
+                    # one that is off by tons would leave no room for the others
+                    numbers = (math.nan,) * len(ESTIMATES)
+                named = zip(ESTIMATES, map(float, numbers), strict=True)
+                found.append({"t_ns": t_ns, **dict(named)})
+                self._last[method] = t_ns
+
+    def _add_row(self, row: FollowedRow) -> None:
+        assert row.gate is not None
+        new, t_ns = self._new, row.t_ns
+        new.excitation.append({"t_ns": t_ns, **{name: row.excitation[name] for name in EXCITATION}})
+        new.gate.append({"t_ns": t_ns, **{name: getattr(row.gate, name) for name in GATE}})
+        for lane, state in zip(STATES, (row.gate.reason, row.phase), strict=True):
+            if lane not in self._state or self._state[lane] != state:
+                new.states.setdefault(lane, []).append({"t_ns": t_ns, STATE: state})
+                self._state[lane] = state
+
+    def flush(self, text: str) -> None:
+        """Write what was taken, and what there is to say now, in Markdown.
+
+        Raises:
+            OSError: it does not fit on the disc; the file ends with what was written before.
+        """
+        new, self._new = self._new, _NewRows()
+        if not new.excitation:
+            return
+        for stream in self._streams:
+            self._send(stream, new, text)
+        self._append()
+
+    def give_up_file(self) -> None:
+        """Write no further; viewers go on."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+            self._streams.pop(0)
+
+    def _append(self) -> None:
+        if self._file is not None and (part := self._bytes.read(flush=True)):
+            append_part(self._file, part)
+
+    def _send(self, stream: "RecordingStream", new: _NewRows, text: str) -> None:
+        import numpy as np
+        import rerun as rr
+
+        t_ns = new.excitation[-1]["t_ns"]
+        frames: dict[str, pl.DataFrame] = {
+            lane: pl.DataFrame(rows, {"t_ns": pl.Int64, STATE: pl.String})
+            for lane, rows in new.states.items()
+        }
+        for name, level in self._thresholds.items():
+            frames[name] = pl.DataFrame({"t_ns": [t_ns], "threshold": [level]})
+        for method, rows in new.estimates.items():
+            frames[f"display/estimates/{method}"] = _numbers(rows, ESTIMATES)
+        frames["display/gate"] = _numbers(new.gate, GATE)
+        now = np.array([t_ns])
+        stream.send_columns(
+            text_entity(ANSWER),
+            indexes=[
+                rr.TimeColumn(TIME, timestamp=(now + self._about.t0_unix_ns).view("M8[ns]")),
+                rr.TimeColumn(SINCE_START, duration=now.view("m8[ns]")),
+            ],
+            columns=rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN]),
+        )
+        # the excitation last: see above
+        frames["display/excitation"] = _numbers(new.excitation, EXCITATION)
+        for name, frame in frames.items():
+            for batch in drawn_rows(name, frame, self._about.t0_unix_ns):
+                stream.send_record_batch(batch, index=[TIME, SINCE_START])
+
+    def close(self) -> None:
+        """Leave the file whole, and let viewers keep what they have."""
+        for stream in self._streams:
+            stream.disconnect()
+        if self._file is not None:
+            self._file.close()
+
+
+def _numbers(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
+    return pl.DataFrame(rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})

@@ -1,0 +1,168 @@
+"""The energy of a shift in ledger, JSON and page: columns of a cycle, a table, and a sentence."""
+
+from collections.abc import Mapping, Sequence
+from math import floor, hypot, log10
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyAmount, EnergyRow
+from recordings.report.number_text import plus_minus
+from recordings.report.shift_text import K
+from recordings.review.review_state import ReviewState
+
+#: Columns of the ledger, each with its standard uncertainty beside it: the whole work, what it is
+#: split into, its phases, and the work for a tonne.
+ENERGIES: Final = ("energy", *PARTS[1:], *PHASES, "energy_per_t")
+#: Most digits behind the point in kWh: a tenth of a Wh.
+_MOST_DIGITS: Final = 4
+#: Column of the ledger with the fuel of a cycle.
+FUEL: Final = "fuel_L"
+
+
+def value_column(name: str) -> str:
+    """The ledger's column of an energy."""
+    return f"{name}_kWh"
+
+
+def u_column(name: str) -> str:
+    """The column of its standard uncertainty."""
+    return f"{name}_u_kWh"
+
+
+def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
+    """The ledger with the energy of each cycle; null where it is not known.
+
+    Args:
+        rows: the ledger.
+        state: of the review.
+    """
+    by_cycle: dict[int, dict[str, EnergyAmount]] = {}
+    for row in state.energy.rows:
+        if row.cycle is not None:
+            by_cycle.setdefault(row.cycle, {}).update(_amounts(row))
+    found: list[dict[str, EnergyAmount]] = []
+    for ledger_row in rows.iter_rows(named=True):
+        amounts = by_cycle.get(ledger_row["cycle"], {})
+        if "energy" in amounts and ledger_row["counted"]:
+            amounts = amounts | {"energy_per_t": _per_tonne(amounts["energy"], ledger_row)}
+        found.append(amounts)
+    columns: list[pl.Series] = []
+    for name in ENERGIES:
+        pairs = [each.get(name, (None, None)) for each in found]
+        columns.append(pl.Series(value_column(name), [p[0] for p in pairs], dtype=pl.Float64))
+        columns.append(pl.Series(u_column(name), [p[1] for p in pairs], dtype=pl.Float64))
+    burnt = {row.cycle: row.fuel_L for row in state.energy.rows if row.phase == WHOLE}
+    fuel_L = [burnt.get(number) for number in rows["cycle"]]
+    return rows.with_columns(*columns, pl.Series(FUEL, fuel_L, dtype=pl.Float64))
+
+
+def _amounts(row: EnergyRow) -> dict[str, EnergyAmount]:
+    """What a row of the energy says, by the ledger's names."""
+    if row.phase != WHOLE:
+        return {row.phase: row.work}
+    return {"energy": row.work, **{part: getattr(row, part) for part in PARTS[1:]}}
+
+
+def _per_tonne(energy: EnergyAmount, row: Mapping[str, Any]) -> EnergyAmount:
+    """Energy over a payload in kg; their uncertainties are independent."""
+    t, u_t = row["payload_kg"] / 1e3, row["payload_u_kg"] / 1e3
+    if t <= 0.0:
+        return EnergyAmount(0.0, 0.0)
+    per_t = energy.kWh / t
+    return EnergyAmount(per_t, hypot(energy.u_kWh / t, per_t * u_t / t))
+
+
+def energy_of_tonnes(
+    ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
+) -> EnergyAmount | None:
+    """The energy of a counted tonne, None where no counted cycle has both.
+
+    Args:
+        ledger: with energy.
+        shift: frame `shift`, as reviewed: for the tonnes' relative uncertainty.
+        state: of the review: for that of the energy.
+    """
+    both = ledger.filter("counted", pl.col("energy_kWh").is_not_null())
+    tonnes = float(both["payload_kg"].sum()) / 1e3
+    if not state.energy.rows or tonnes <= 0.0:
+        return None
+    whole, per_t = state.energy.rows[0].work, float(both["energy_kWh"].sum()) / tonnes
+    relative = hypot(whole.u_kWh / whole.kWh, shift["payload_u_kg"] / shift["payload_kg"])
+    return EnergyAmount(per_t, per_t * relative)
+
+
+def amount_text(amount: EnergyAmount) -> str:
+    """An energy with its 95 % interval, in kWh."""
+    return plus_minus(amount.kWh, K * amount.u_kWh)
+
+
+def energy_fact(
+    ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
+) -> list[tuple[str, str]]:
+    """The shift's energy in a line, name and value; nothing where it is not known."""
+    if not state.energy.rows:
+        return []
+    whole = state.energy.rows[0]
+    per_t = energy_of_tonnes(ledger, shift, state)
+    each = "" if per_t is None else f", {amount_text(per_t)} kWh/t"
+    of = ", ".join(
+        # no -0 %
+        f"{part} {round(getattr(whole, part).kWh / whole.work.kWh, 2) + 0.0:.0%}"
+        for part in PARTS[1:-1]
+    )
+    lacks = state.energy.scale_unknown
+    scale = f"; scale error not included (set {lacks})" if lacks else ""
+    found = [("energy at the wheels", f"{amount_text(whole.work)} kWh{each}: {of}{scale}")]
+    if whole.fuel_L is not None:
+        found.append(("fuel", _fuel_text(whole.fuel_L, ledger)))
+    return found
+
+
+def _fuel_text(fuel_L: float, ledger: pl.DataFrame) -> str:
+    """The fuel of the cycles, and of a counted tonne; its channel states no uncertainty."""
+    both = ledger.filter("counted", pl.col(FUEL).is_not_null())
+    tonnes = float(both["payload_kg"].sum()) / 1e3
+    each = f", {float(both[FUEL].sum()) / tonnes:.3f} L/t" if tonnes > 0.0 else ""
+    return f"{fuel_L:,.2f} L in the cycles{each}, as its channel says"
+
+
+def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
+    """The shift's energy by part and phase: a row a part; nothing where it is not known."""
+    rows = [row for row in state.energy.rows if row.cycle is None]
+    if not rows:
+        return []
+    # all cells to the place that the whole work is worth
+    digits = min(max(1 - floor(log10(max(K * rows[0].work.u_kWh, 1e-9))), 0), _MOST_DIGITS)
+    found: list[tuple[str, Sequence[str]]]
+    found = [(part, [_cell(getattr(row, part), digits) for row in rows]) for part in PARTS]
+    if any(row.fuel_L is not None for row in rows):
+        litres = ["–" if row.fuel_L is None else f"{row.fuel_L:.2f}" for row in rows]
+        found.append(("fuel in L", litres))
+    return found
+
+
+def _cell(amount: EnergyAmount, digits: int) -> str:
+    """An energy in the table; a dash where it is nothing."""
+    least = 0.5 * 10.0**-digits
+    if abs(amount.kWh) < least and K * amount.u_kWh < least:
+        return "–"
+    return f"{amount.kWh:.{digits}f} ± {K * amount.u_kWh:.{digits}f}"
+
+
+def energy_dict(
+    ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
+) -> dict[str, Any] | None:
+    """The energy as plain JSON values: kWh and standard uncertainty of each part and phase."""
+    if not state.energy.rows:
+        return None
+    per_t = energy_of_tonnes(ledger, shift, state)
+    return {
+        "per_t": None if per_t is None else per_t._asdict(),
+        "scale_unknown": state.energy.scale_unknown,
+        "rows": [
+            {"cycle": row.cycle, "phase": row.phase, "fuel_L": row.fuel_L}
+            | {part: getattr(row, part)._asdict() for part in PARTS}
+            for row in state.energy.rows
+        ],
+    }

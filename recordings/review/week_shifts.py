@@ -1,0 +1,111 @@
+"""The reviewed shifts of a week: what is missing from each, and how the friction changes."""
+
+import datetime as dt
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from analysis.cycles.friction_limit import FrictionDay, FrictionTrend, friction_trend
+from recordings.report.shift_text import K
+from recordings.review.review_state import ReviewState, read_state
+from recordings.review.shift_facts import long_gaps, other_losses, torn_sentences, two_machines
+from recordings.review.week_totals import name_machine
+
+#: Seconds of a day.
+_DAY_S: Final = 86_400.0
+#: Nanoseconds of a second.
+_NS: Final = 10**9
+
+
+class WeekShift(NamedTuple):
+    """A reviewed shift.
+
+    Attributes:
+        folder: of its review.
+        begins: when, on the machine's clock.
+        machine: name and serial number.
+        missing: sentences on what no number here holds.
+        friction: of its joint fit; None where it has none, or no date.
+    """
+
+    folder: Path
+    begins: str
+    machine: str
+    missing: tuple[str, ...]
+    friction: FrictionDay | None
+
+
+def read_shifts(folders: Sequence[Path]) -> list[WeekShift]:
+    """The shifts of folders that `read_week` takes, in time."""
+    states = [(folder, state) for folder in folders if (state := read_state(folder)) is not None]
+    states.sort(key=lambda pair: pair[1].t0_unix_ns)
+    return [
+        WeekShift(
+            folder, state.begins, name_machine(state), tuple(_missing(state)), _friction(state)
+        )
+        for folder, state in states
+    ]
+
+
+def _missing(state: ReviewState) -> Iterable[str]:
+    if state.mixed_machines:
+        yield two_machines(state)
+    if gaps := long_gaps(state):
+        yield f"Nothing was recorded {gaps}."
+    yield from torn_sentences(state)
+    yield from other_losses(state)
+
+
+def _friction(state: ReviewState) -> FrictionDay | None:
+    value, std = state.friction
+    if value is None or not std or not state.clock.is_dated:
+        return None
+    middle_s = state.t0_unix_ns / _NS + state.duration_s / 2.0
+    return FrictionDay(middle_s / _DAY_S, value, std)
+
+
+def friction_by_machine(shifts: Sequence[WeekShift]) -> dict[str, list[FrictionDay]]:
+    """The friction of each machine's shifts, in time."""
+    found: dict[str, list[FrictionDay]] = defaultdict(list)
+    for shift in shifts:
+        if shift.friction is not None:
+            found[shift.machine].append(shift.friction)
+    return dict(found)
+
+
+def friction_trends(shifts: Sequence[WeekShift], limit_N_s_m: float) -> dict[str, FrictionTrend]:
+    """The trend of each machine, and when it reaches the limit."""
+    by_machine = {shift.machine: list[FrictionDay]() for shift in shifts} | friction_by_machine(
+        shifts
+    )
+    return {
+        machine: friction_trend(days, limit_N_s_m) for machine, days in sorted(by_machine.items())
+    }
+
+
+def day_text(at_d: float) -> str:
+    """A day of the week's clock."""
+    try:
+        return f"{dt.datetime.fromtimestamp(at_d * _DAY_S, dt.UTC):%Y-%m-%d}"
+    except (OverflowError, ValueError, OSError):
+        return "a day beyond the calendar"
+
+
+def trend_sentences(trends: Mapping[str, FrictionTrend]) -> list[str]:
+    """When each machine's friction reaches the limit, a sentence each."""
+    return [f"{machine}: {_trend_sentence(trend)}" for machine, trend in trends.items()]
+
+
+def _trend_sentence(trend: FrictionTrend) -> str:
+    limit = f"{trend.limit_N_s_m:,.0f} N·s/m"
+    if trend.slope_N_s_m_d is None or trend.slope_u_N_s_m_d is None or trend.now_N_s_m is None:
+        return f"when friction reaches {limit} cannot be said: {trend.why_not}"
+    change = (
+        f"{trend.slope_N_s_m_d:+,.1f} ± {K * trend.slope_u_N_s_m_d:,.1f} N·s/m a day, "
+        f"{trend.now_N_s_m:,.0f} N·s/m at the last shift"
+    )
+    if trend.reached_d is None:
+        return f"friction {change}; when it reaches {limit} cannot be said: {trend.why_not}"
+    first, last = map(day_text, trend.reached_d)
+    return f"friction {change}; it reaches {limit} between {first} and {last} (95 %)"

@@ -1,0 +1,90 @@
+"""A server of the Rerun viewer for browsers: it shows what a recorder sends while it is sent."""
+
+import ctypes
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Final
+from urllib.parse import quote
+
+from estimators.errors import RecordingError
+from recordings.rrd.viewer import executable
+
+_HOST: Final = "127.0.0.1"
+#: So long may the server take to answer, in s: it loads half a gigabyte from the disc.
+_START_S: Final = 60.0
+#: Seconds between two looks whether it answers.
+_LOOK_S: Final = 0.1
+#: What the server keeps for browsers that come late; older rows go first.
+_MEMORY: Final = "256MB"
+#: Linux: the signal that a process gets when its parent ends, also by a kill.
+_PR_SET_PDEATHSIG: Final = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ViewerServer:
+    """A server that runs.
+
+    Attributes:
+        address: where recordings are sent.
+        page: what a browser on this machine opens.
+    """
+
+    address: str
+    page: str
+
+
+@contextmanager
+def viewer_server() -> Generator[ViewerServer]:
+    """Serve the viewer to browsers on this machine as long as the context lasts.
+
+    Raises:
+        RecordingError: it does not start.
+    """
+    port, page_port = _free_port(), _free_port()
+    address = f"rerun+http://{_HOST}:{port}/proxy"
+    page = f"http://{_HOST}:{page_port}"
+    words = ["--serve-web", "--bind", _HOST, "--port", str(port)]
+    words += ["--web-viewer-port", str(page_port), "--server-memory-limit", _MEMORY]
+    process = subprocess.Popen(
+        [executable(), *words],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # ctrl-C is for the follower, which ends the server last
+        preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+    )
+    try:
+        _wait_for_page(process, page)
+        yield ViewerServer(address, f"{page}?url={quote(address, safe='')}")
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def _free_port() -> int:
+    with socket.socket() as free:
+        free.bind((_HOST, 0))
+        return int(free.getsockname()[1])
+
+
+def _end_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def _wait_for_page(process: "subprocess.Popen[bytes]", page: str) -> None:
+    deadline = time.monotonic() + _START_S
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            with urllib.request.urlopen(page, timeout=_START_S):  # noqa: S310 our own page
+                return
+        except (urllib.error.URLError, OSError):
+            time.sleep(_LOOK_S)
+    raise RecordingError("--live: the server of the viewer did not start; leave out --live")

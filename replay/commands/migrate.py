@@ -1,0 +1,23 @@
+"""`payscope migrate`: files of an earlier version, with the names that keys have now."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    files: Annotated[
+        list[Path], typer.Argument(help="Machine, campaign, fleet or scenario files (TOML).")
+    ],
+) -> None:
+    """Rewrite files whose keys have old names; comments, order and values stay."""
+    from estimators.errors import one_line
+    from replay.machines.old_names import migrate_file
+
+    for file in files:
+        renamed = migrate_file(file)
+        if not renamed:
+            typer.echo(one_line(f"{file}: no old names"))
+        for old, new in renamed.items():
+            typer.echo(one_line(f"{file}: {old} -> {new}"))

@@ -1,0 +1,160 @@
+"""Where goes what is followed: a recording that grows, and reports; nothing twice."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from uuid import uuid4
+
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.online.follower import FollowedRow
+from analysis.online.online_report import OnlineReport
+from estimators.errors import OutputError
+from recordings.follow.growing_recording import FollowedLog, GrowingRecording
+from recordings.report.appended_file import AppendedFile
+from replay.follow.continued_recording import find_continuation, identify
+from replay.follow.follow_logs import Following
+from replay.follow.report_file import ReportFile
+from replay.follow.report_text import page_text, time_text
+
+
+class FollowedOutputs:
+    """A recording and a topic of reports, which go on where they were when a follower stopped.
+
+    A log is gone through from its beginning each time: rows and reports that are on disc already
+    are left out. An output that cannot be written any more is given up, and following goes on.
+    """
+
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        machine: Machine,
+        noise: pl.DataFrame | None,
+        tell: Callable[[str], None],
+        *,
+        output: Path | None = None,
+        reports: Path | None = None,
+        server: str | None = None,
+        force: bool = False,
+    ) -> None:
+        """Look at what is there.
+
+        Args:
+            paths: of the logs.
+            machine: as it is followed.
+            noise: likewise.
+            tell: told a line of what went on or was given up.
+            output: the recording; None: none.
+            reports: the MCAP file of reports; None: none.
+            server: the address of a server of viewers; None: none.
+            force: begin anew.
+
+        Raises:
+            OutputError: an output is there already, and of something else.
+        """
+        self._output, self._server, self._tell = output, server, tell
+        self._identity = identify(paths, machine, noise)
+        self._name = f"{machine.machine.name}: {', '.join(path.name for path in paths)}"
+        self._recording: GrowingRecording | None = None
+        self._file: AppendedFile | None = None
+        self._begins = output is not None or server is not None
+        self._from = None
+        if output is not None:
+            self._from = find_continuation(output, paths, self._identity, machine, force=force)
+        self._topic: ReportFile | None = None
+        if reports is not None:
+            self._topic = ReportFile(reports, paths, self._identity, force=force)
+        self._recorded_ns = self._from.until_unix_ns if self._from else 0
+        self._told_ns = max(self._recorded_ns, self._topic.until_unix_ns if self._topic else 0)
+        if self._told_ns:
+            tell(f"goes on after {time_text(self._told_ns)} UTC, what is on disc is not repeated")
+
+    def take(self, following: Following, rows: Sequence[FollowedRow]) -> list[OnlineReport]:
+        """Write rows; the reports that nobody was told before."""
+        told: list[OnlineReport] = []
+        waiting: list[FollowedRow] = []
+        for row in rows:
+            waiting.append(row)
+            if row.reports:
+                self._record(following, waiting, page_text(row.reports[-1]))
+                self._report(row.reports)
+                told += [each for each in row.reports if each.unix_ns > self._told_ns]
+                waiting = []
+        self._record(following, waiting, None)
+        return told
+
+    def close(self) -> None:
+        """Leave whole files."""
+        if self._recording is not None:
+            self._recording.close()
+        if self._topic is not None:
+            try:
+                self._topic.close()
+            except OSError as error:
+                self._tell(f"{self._topic.path}: {_give_up_text(error)}")
+
+    def _report(self, reports: Sequence[OnlineReport]) -> None:
+        if self._topic is None:
+            return
+        try:
+            self._topic.write(reports)
+        except OSError as error:
+            self._tell(f"{self._topic.path}: {_give_up_text(error)}")
+            self._topic.give_up()
+            self._topic = None
+
+    def _record(self, following: Following, rows: Sequence[FollowedRow], text: str | None) -> None:
+        """Record rows; with a text, on disc before anybody is told."""
+        if not rows or not self._begins:
+            return
+        try:
+            recording = self._recording or self._begin(following)
+            t0_ns = self._t0_ns(following)
+            recorded_ns = self._recorded_ns if self._from is None or self._from.end else 0
+            recording.add([row for row in rows if row.t_ns + t0_ns > recorded_ns])
+            if text is not None:
+                recording.flush(text)
+            self._take_place(rows[-1].t_ns + t0_ns)
+        except OSError as error:
+            self._tell(f"{self._output}: {_give_up_text(error)}")
+            if self._recording is not None:
+                self._recording.give_up_file()
+            self._begins = self._server is not None and self._recording is not None
+
+    def _begin(self, following: Following) -> GrowingRecording:
+        basis = following.follower.log.basis
+        assert basis is not None, "there are rows"
+        end = self._from.end if self._from else None
+        about = FollowedLog(self._identity, basis.t0_unix_ns, str(uuid4()))
+        if end is not None:
+            if end.about.t0_unix_ns != basis.t0_unix_ns:
+                raise OutputError(
+                    f"{self._output}: begins at {time_text(end.about.t0_unix_ns)}, the log at "
+                    f"{time_text(basis.t0_unix_ns)}; name another output, or give --force"
+                )
+            about = end.about
+        if self._output is not None:
+            path = self._output
+            if self._from is not None and end is None:
+                path = path.with_name(f".payscope-{path.name}")
+            self._file = AppendedFile(path, end.size if end else 0)
+        self._recording = GrowingRecording(
+            about, basis.machine.settings, self._name, file=self._file, server=self._server
+        )
+        return self._recording
+
+    def _take_place(self, unix_ns: int) -> None:
+        """Take the place of a recording that came less far."""
+        if self._file is None or self._output is None or self._file.path == self._output:
+            return
+        if unix_ns > self._recorded_ns:
+            self._file.rename(self._output)
+
+    def _t0_ns(self, following: Following) -> int:
+        basis = following.follower.log.basis
+        assert basis is not None, "there are rows"
+        return basis.t0_unix_ns
+
+
+def _give_up_text(error: OSError) -> str:
+    return f"written no further ({error.strerror}); it is whole up to here, and following goes on"

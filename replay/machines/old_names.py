@@ -1,0 +1,235 @@
+"""Keys of TOML files that had another name: read as before, and rewritten by `payscope migrate`."""
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from estimators.errors import MachineError
+from recordings.report.atomic_output import atomic_file
+
+#: What a key is called now, by the name that it had. Both are dotted, of any TOML file of ours.
+OLD_NAMES: Final[Mapping[str, str]] = {
+    "settings.rate_hz": "settings.align.rate_hz",
+    "settings.gap_periods": "settings.align.gap_periods",
+    "settings.smooth_samples": "settings.smooth.samples",
+    "settings.derivative_cutoff_hz": "settings.filter.cutoff_hz",
+    "settings.causal": "settings.filter.causal",
+    "settings.acceleration": "settings.forces.acceleration",
+    "settings.coulomb": "settings.forces.coulomb",
+    "settings.direction_deadband_m_s": "settings.forces.direction_deadband_m_s",
+    "settings.speed_rate_span_s": "settings.phases.speed_rate_span_s",
+    "settings.standstill_speed_m_s": "settings.phases.standstill_speed_m_s",
+    "settings.steady_acc_m_s2": "settings.phases.steady_acc_m_s2",
+    "settings.turning_rate_rad_s": "settings.phases.turning_rate_rad_s",
+    "settings.steady_yaw_acc_rad_s2": "settings.phases.steady_yaw_acc_rad_s2",
+    "settings.window_samples": "settings.gate.window_samples",
+    "settings.gate": "settings.gate.index",
+    "settings.threshold_nat": "settings.gate.threshold_nat",
+    "settings.threshold_std_kg": "settings.gate.threshold_std_kg",
+    "settings.threshold_std_kg_m2": "settings.gate.threshold_std_kg_m2",
+    "settings.ksg_neighbours": "settings.gate.ksg_neighbours",
+    "settings.exclude_braking": "settings.gate.exclude_braking",
+    "settings.saturation_force_N": "settings.gate.saturation_force_N",
+    "settings.saturation_torque_z_N_m": "settings.gate.saturation_torque_z_N_m",
+    "settings.slip_acc_m_s2": "settings.gate.slip_acc_m_s2",
+    "settings.condition_max": "settings.gate.condition_max",
+    "settings.methods": "settings.trace.methods",
+    "settings.forgetting": "settings.trace.forgetting",
+    "settings.directional_forgetting": "settings.trace.directional_forgetting",
+    "settings.fgls_floor": "settings.trace.fgls_floor",
+    "settings.huber_bend": "settings.trace.huber_bend",
+    "settings.tls_noise_force_N": "settings.noise.force_N",
+    "settings.tls_noise_acc_m_s2": "settings.noise.acc_m_s2",
+    "settings.tls_noise_speed_m_s": "settings.noise.speed_m_s",
+    "settings.tls_noise_torque_z_N_m": "settings.noise.torque_z_N_m",
+    "settings.tls_noise_yaw_acc_rad_s2": "settings.noise.yaw_acc_rad_s2",
+    "settings.tls_noise_yaw_rate_rad_s": "settings.noise.yaw_rate_rad_s",
+    "settings.threshold_std_com_m": "settings.planar.threshold_std_com_m",
+}
+#: Old names that one message lists; more are counted.
+_MOST_NAMED: Final = 3
+
+
+class OldNameWarning(UserWarning):
+    """A file has keys under old names; they were read."""
+
+
+class BothNamesError(ValueError):
+    """A file has a key under its old and under its new name."""
+
+
+def rename_old_keys(content: dict[str, Any]) -> dict[str, str]:
+    """Give the keys of a file the names that they have now.
+
+    Args:
+        content: of the file; changed in place.
+
+    Returns:
+        The new name of each key that had an old one.
+
+    Raises:
+        BothNamesError: the new name is there as well, or a value stands in its way.
+    """
+    taken: list[tuple[str, str, Any]] = []
+    for old, new in OLD_NAMES.items():
+        *sections, name = old.split(".")
+        table = _table(content, sections)
+        # a key that became a section is old where it is a value
+        if table is not None and not isinstance(table.get(name, {}), dict):
+            taken.append((old, new, table.pop(name)))
+    for old, new, value in taken:
+        *sections, name = new.split(".")
+        place: Any = content
+        for section in sections:
+            place = place.setdefault(section, {})
+            if not isinstance(place, dict):
+                raise BothNamesError(f"'{old}' is now '{new}', but '{section}' is a value")
+        if name in place:
+            raise BothNamesError(
+                f"'{old}' is the old name of '{new}', and both are given; remove the old one"
+            )
+        place[name] = value
+    return {old: new for old, new, _ in taken}
+
+
+def renames_text(renamed: Mapping[str, str]) -> str:
+    """Say in one line what is called what now."""
+    pairs = [f"'{old}' is now '{new}'" for old, new in renamed.items()]
+    more = len(pairs) - _MOST_NAMED
+    return ", ".join(pairs[:_MOST_NAMED]) + (f" (and {more} more)" if more > 0 else "")
+
+
+def migrate_text(text: str) -> tuple[str, dict[str, str]]:
+    """The text of a TOML file with the new names; comments and order stay.
+
+    A key stays where it is, as `align.rate_hz` in `[settings]`. Where the file has the table
+    `[settings.align]`, it moves there, with the comment lines right above it.
+
+    Returns:
+        The text, and the new name of each key that had an old one.
+
+    Raises:
+        BothNamesError: as `rename_old_keys`, or a key is written in a way that only a person can
+            rename, such as an inline table.
+        ValueError: it is no TOML.
+    """
+    wanted = tomllib.loads(text)
+    renamed = rename_old_keys(wanted)
+    lines = text.splitlines(keepends=True)
+    for old, new in renamed.items():
+        _rename_in_lines(lines, old, new)
+    migrated = "".join(lines)
+    try:
+        is_equal = tomllib.loads(migrated) == wanted
+    except tomllib.TOMLDecodeError:
+        is_equal = False
+    if not is_equal:
+        raise BothNamesError(f"{renames_text(renamed)}: cannot be rewritten; rename it by hand")
+    return migrated, renamed
+
+
+def migrate_file(path: Path) -> dict[str, str]:
+    """Rewrite a TOML file with the names that its keys have now; comments and order stay.
+
+    Returns:
+        The new name of each key that had an old one; without any, the file is left as it is.
+
+    Raises:
+        MachineError: it cannot be read, is no TOML, or a person has to rename a key.
+        OutputError: it cannot be written.
+    """
+    try:
+        # bytes, so that line ends stay
+        text, renamed = migrate_text(path.read_bytes().decode("utf-8"))
+    except OSError as fault:
+        raise MachineError(f"{path}: cannot be read ({fault.strerror})") from None
+    except UnicodeDecodeError:
+        raise MachineError(f"{path}: is no TOML: not UTF-8") from None
+    except BothNamesError as fault:
+        raise MachineError(f"{path}: {fault}") from None
+    except ValueError as fault:
+        raise MachineError(f"{path}: is no TOML: {fault}") from None
+    if renamed:
+        target = path.resolve()  # a link stays one
+        mode = target.stat().st_mode
+        with atomic_file(target, force=True) as partial:
+            partial.write_bytes(text.encode("utf-8"))
+            partial.chmod(mode)
+    return renamed
+
+
+def _table(content: dict[str, Any], sections: list[str]) -> dict[str, Any] | None:
+    here: Any = content
+    for section in sections:
+        here = here.get(section) if isinstance(here, dict) else None
+    return here if isinstance(here, dict) else None
+
+
+def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
+    """Rename one key, or move it to the table of its new name; nothing where it is not found."""
+    tables = list(_find_tables(lines))
+    for table in tables:
+        for at in range(table.first, table.last):
+            key, equals, value = lines[at].partition("=")
+            if not equals or f"{table.prefix}{_unquote_key(key)}" != old:
+                continue
+            home = max((t for t in tables if new.startswith(t.prefix)), key=lambda t: len(t.prefix))
+            lines[at] = f"{key.replace(key.strip(), new.removeprefix(home.prefix))}={value}"
+            if home is not table:
+                _move_key(lines, at, table, home)
+            return
+
+
+def _move_key(lines: list[str], at: int, table: "_TableLines", home: "_TableLines") -> None:
+    """Move a key, with the comment lines right above it, to the top of another table."""
+    end = _end_of_value(lines, at, table.last)
+    while at > table.first and lines[at - 1].lstrip().startswith("#"):
+        at -= 1
+    moved = lines[at:end]
+    if not moved[-1].endswith("\n"):
+        moved[-1] += "\n"
+    del lines[at:end]
+    to = home.first - (len(moved) if home.first > at else 0)
+    lines[to:to] = moved
+
+
+class _TableLines(NamedTuple):
+    """The lines of the keys of a table, and its dotted name with a dot behind."""
+
+    prefix: str
+    first: int
+    last: int
+
+
+def _find_tables(lines: list[str]) -> Iterator[_TableLines]:
+    heads = [at for at, line in enumerate(lines) if line.lstrip()[:1] == "[" and _is_header(line)]
+    yield _TableLines("", 0, heads[0] if heads else len(lines))
+    for at, end in pairwise([*heads, len(lines)]):
+        name = lines[at].partition("]")[0].strip().strip("[")
+        yield _TableLines(f"{_unquote_key(name)}.", at + 1, end)
+
+
+def _is_header(line: str) -> bool:
+    """Whether a line that begins with a bracket is a table, not part of a list of lists."""
+    try:
+        return bool(tomllib.loads(line))
+    except tomllib.TOMLDecodeError:
+        return False
+
+
+def _end_of_value(lines: list[str], at: int, last: int) -> int:
+    """The line behind a value, which may take several."""
+    for end in range(at + 1, last + 1):
+        try:
+            tomllib.loads("".join(lines[at:end]))
+        except tomllib.TOMLDecodeError:
+            continue
+        return end
+    return at + 1
+
+
+def _unquote_key(key: str) -> str:
+    """A dotted key without quotes and blanks."""
+    return ".".join(part.strip().strip("\"'") for part in key.split("."))

@@ -1,0 +1,107 @@
+"""Labels that the logs give themselves: who drove, what was loaded, from a topic with a text."""
+
+import datetime as dt
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.physical_units import NS_PER_S
+from estimators.errors import LogError, ReviewError, nearest
+from recordings.review.reviewer_verdicts import LABELS, ShiftVerdict
+from replay.inputs.channel_inputs import merge_topics
+from replay.logs import logs_in, open_log
+from replay.machines.machine_file import time_axis
+
+_CHANNEL: Final = re.compile(r"(?P<label>\w+)=(?P<topic>.+):(?P<field>[^:]+)")
+#: Author of what the logs say.
+BY_LOGS: Final = "the logs"
+
+
+class LabelChannel(NamedTuple):
+    """Where a label comes from: operator=/shift/operator:data."""
+
+    label: str
+    topic: str
+    field: str
+
+
+def parse_label_channel(text: str) -> LabelChannel:
+    """Read `LABEL=TOPIC:FIELD`.
+
+    Raises:
+        ReviewError: it is written otherwise, or no label is called so.
+    """
+    match = _CHANNEL.fullmatch(text.strip())
+    if match is None:
+        raise ReviewError(f"'{text}': write LABEL=TOPIC:FIELD, as operator=/shift/operator:data")
+    found = LabelChannel(match["label"], match["topic"], match["field"])
+    if found.label not in LABELS:
+        raise ReviewError(f"'{text}': no label '{found.label}'; {nearest(found.label, LABELS)}")
+    return found
+
+
+def read_label_spans(
+    paths: Sequence[Path], channels: Sequence[LabelChannel], machine: Machine
+) -> list[ShiftVerdict]:
+    """What the logs say of the loads, from each message to the next that says otherwise.
+
+    Args:
+        paths: the logs, as of a review; only such as have a date, or one time line.
+        channels: to read.
+        machine: how tables write their time.
+
+    Raises:
+        LogError: no log has a topic, or its field.
+    """
+    found: list[ShiftVerdict] = []
+    with ExitStack() as stack:
+        logs = [
+            stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs_in(paths)
+        ]
+        for channel in channels:
+            holders = [log for log in logs if channel.topic in log.topic_names()]
+            if not holders:
+                names = sorted({name for log in logs for name in log.topic_names()})
+                raise LogError(
+                    f"{paths[0]}: no log has the topic '{channel.topic}'; "
+                    f"{nearest(channel.topic, names)}"
+                )
+            parts = {log: log.read(channel.topic, [channel.field]) for log in holders}
+            found += _spans(channel, merge_topics(channel.topic, parts))
+    return found
+
+
+def _spans(channel: LabelChannel, frame: pl.DataFrame) -> Iterable[ShiftVerdict]:
+    """A verdict for each stretch in which the text is the same."""
+    texts = [_text(each) for each in frame[channel.field]]
+    times = frame["log_time_ns"].to_list()
+    changes = [k for k, text in enumerate(texts) if k == 0 or text != texts[k - 1]]
+    for place, after in zip(changes, [*changes[1:], None], strict=True):
+        if texts[place]:
+            yield ShiftVerdict.model_validate(
+                {
+                    channel.label: texts[place],
+                    "begin": _instant(times[place]),
+                    "end": None if after is None else _instant(times[after]),
+                    "author": BY_LOGS,
+                }
+            )
+
+
+def _text(value: object) -> str:
+    """A message's text; whole numbers as such."""
+    if value is None:
+        return ""
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return str(value).strip()
+
+
+def _instant(unix_ns: int) -> dt.datetime:
+    """To the second, as verdicts are written."""
+    return dt.datetime.fromtimestamp(int(unix_ns // NS_PER_S), dt.UTC)

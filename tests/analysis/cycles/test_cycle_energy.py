@@ -1,0 +1,184 @@
+"""The energy of cycles whose forces are written down: what goes in, and where it goes."""
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+
+from analysis.cycles.cycle_energy import J_PER_KWH, NO_ENERGY, EnergyRow, shift_energy
+from analysis.model.machine import Machine
+from analysis.model.schema import PHASE
+
+RATE_HZ = 100.0
+EMPTY_KG, LOADED_KG = 3000.0, 4000.0
+FRICTION_N_S_M = 400.0
+NS = 10**9
+
+
+def machine(**body: Any) -> Machine:
+    """A machine whose force and speed are channels, which are what they are."""
+    channels = {
+        name: {"topic": "/t", "field": name}
+        for name in ("force_x_N", "speed_x_m_s", "specific_force_x_m_s2")
+    }
+    settings = {"forces": {"acceleration": "specific_force"}, "smooth": {"samples": 1}}
+    told = {"name": "A", "force_gain_u": 0.01} | body
+    return Machine.model_validate({"machine": told, "channels": channels, "settings": settings})
+
+
+def driven(
+    *, slope_m_s2: float = 0.0, offset_N: float = 0.0, digs_N: float = 0.0
+) -> dict[str, pl.DataFrame]:
+    """One cycle: a start empty, one that digs, one with the load; then what the fit says of it.
+
+    Each start accelerates for 4 s with 0.5 m/s², cruises for 2 s, and is braked for 2 s without a
+    force; between them the machine stands for 2 s.
+    """
+    parts = [(0.5, 4.0), (0.0, 2.0), (-1.0, 2.0), (None, 2.0)] * 3
+    steps = [round(length * RATE_HZ) for _, length in parts]
+    rate = np.concatenate([np.full(n, a or 0.0) for (a, _), n in zip(parts, steps, strict=True)])
+    stands = np.concatenate([np.full(n, a is None) for (a, _), n in zip(parts, steps, strict=True)])
+    brakes = rate < 0.0
+    speed = np.maximum(np.cumsum(rate) / RATE_HZ, 0.0)
+    speed[stands] = 0.0
+    t_ns = np.arange(rate.size) * round(NS / RATE_HZ)
+    third = rate.size // 3
+    mass = np.where(np.arange(rate.size) < 2 * third, EMPTY_KG, LOADED_KG)
+    digs = (np.arange(rate.size) // third == 1) & ~stands
+    acceleration = rate + slope_m_s2
+    force = mass * acceleration + FRICTION_N_S_M * speed + np.where(digs, digs_N, 0.0)
+    force = np.where(brakes | stands, 0.0, force) + offset_N
+    phase = np.where(stands, "standstill", np.where(brakes, "braking", "accelerating"))
+    channels = {
+        "t_ns": t_ns,
+        "speed_x_m_s": speed,
+        "force_x_N": force,
+        "specific_force_x_m_s2": acceleration,
+    }
+    aligned = pl.DataFrame({**channels, "gap": np.zeros(rate.size, np.bool_)})
+    excitation = pl.DataFrame({**channels, "regressor_acc_x_m_s2": acceleration}).with_columns(
+        pl.Series("phase", phase).cast(PHASE)
+    )
+    edges = [int(t_ns[k]) for k in (0, third, 2 * third, 3 * third - 1)]
+    starts = pl.DataFrame(
+        {
+            "load_id": [0, 1],
+            "start_t_ns": [edges[0], edges[2]],
+            "end_t_ns": [edges[1], edges[3]],
+            "mass_kg": [EMPTY_KG, LOADED_KG],
+            "mass_std_kg": [10.0, 10.0],
+        }
+    )
+    term = {"term": ["const", "offset"], "posterior": [offset_N, offset_N]}
+    return {
+        "aligned": aligned,
+        "excitation": excitation,
+        "digging": pl.DataFrame(
+            {"start_t_ns": [edges[1]], "end_t_ns": [edges[1] + 6 * NS]}
+            if digs_N
+            else {"start_t_ns": [], "end_t_ns": []},
+            schema={"start_t_ns": pl.Int64, "end_t_ns": pl.Int64},
+        ),
+        "cycles": pl.DataFrame(
+            {
+                "cycle": [1],
+                "start_t_ns": [edges[0]],
+                "end_t_ns": [edges[3]],
+                "dig_t_ns": [edges[1]],
+                "load_s": [(edges[2] - edges[1]) / NS],
+                "haul_s": [(edges[3] - edges[2]) / NS],
+                "empty_before_kg": [EMPTY_KG],
+                # what is dug weighs nothing until the machine hauls it
+                "loaded_kg": [LOADED_KG if not digs_N else EMPTY_KG],
+            }
+        ),
+        "manoeuvres": starts,
+        "loads": pl.DataFrame(
+            {
+                "load_id": [0, 1],
+                "mass_kg": [EMPTY_KG, LOADED_KG],
+                "u_random_kg": [3.0, 4.0],
+                "friction_x_N_s_m": [FRICTION_N_S_M] * 2,
+                "friction_x_std_N_s_m": [4.0] * 2,
+            }
+        ),
+        "nuisances": pl.DataFrame({**term, "posterior_std": [1.0, 1.0], "prior_std": [1e6, 1.0]}),
+        "budget": pl.DataFrame({"load_id": [0], "kind": ["common"], "u_kg": [6.0]}),
+    }
+
+
+def row(frames: dict[str, pl.DataFrame], phase: str = "whole", **body: Any) -> EnergyRow:
+    """A row of the cycle."""
+    found = shift_energy(frames, machine(**body), ())
+    return next(each for each in found.rows if each.cycle == 1 and each.phase == phase)
+
+
+def test_a_start_on_level_ground_is_half_m_v_squared_and_friction() -> None:
+    found = row(driven(), "return")
+    friction_J = FRICTION_N_S_M * (0.5**2 * 4.0**3 / 3.0 + 2.0**2 * 2.0)
+    assert found.kinetic.kWh * J_PER_KWH == pytest.approx(EMPTY_KG * 2.0**2 / 2.0, rel=0.01)
+    assert found.friction.kWh * J_PER_KWH == pytest.approx(friction_J, rel=0.01)
+    assert found.slope.kWh * J_PER_KWH == pytest.approx(0.0, abs=60.0)
+    assert found.digging.kWh == 0.0
+
+
+def test_brakes_take_the_kinetic_energy_that_friction_leaves() -> None:
+    found = row(driven(), "return")
+    friction_J = FRICTION_N_S_M * 2.0**3 / 3.0
+    assert found.braking.kWh * J_PER_KWH == pytest.approx(
+        EMPTY_KG * 2.0**2 / 2.0 - friction_J, rel=0.03
+    )
+
+
+def test_a_slope_is_weight_times_height() -> None:
+    found = row(driven(slope_m_s2=0.3), "return")
+    way_m = 0.5 * 4.0**2 / 2.0 + 2.0 * 2.0
+    assert found.slope.kWh * J_PER_KWH == pytest.approx(EMPTY_KG * 0.3 * way_m, rel=0.02)
+    assert found.kinetic.kWh * J_PER_KWH == pytest.approx(EMPTY_KG * 2.0**2 / 2.0, rel=0.02)
+
+
+def test_what_a_pile_takes_is_its_force_times_the_way() -> None:
+    found = row(driven(digs_N=1500.0), "load")
+    way_m = 0.5 * 4.0**2 / 2.0 + 2.0 * 2.0
+    assert found.digging.kWh * J_PER_KWH == pytest.approx(1500.0 * way_m, rel=0.02)
+
+
+def test_work_is_the_sum_of_its_parts_and_the_phases_are_the_whole() -> None:
+    frames = driven(slope_m_s2=0.2, digs_N=1000.0)
+    whole = row(frames)
+    parts = (whole.kinetic, whole.slope, whole.friction, whole.digging)
+    assert sum(part.kWh for part in parts) == pytest.approx(whole.work.kWh, rel=1e-4)
+    phases = [row(frames, name).work.kWh for name in ("return", "load", "haul", "dump")]
+    assert sum(phases) == pytest.approx(whole.work.kWh, rel=1e-4)
+
+
+def test_an_offset_of_the_force_is_no_work() -> None:
+    without, biased = (row(driven(offset_N=offset_N)).work for offset_N in (0.0, 200.0))
+    assert biased.kWh == pytest.approx(without.kWh, rel=0.01)
+
+
+def test_the_gain_of_the_force_is_in_every_interval_and_said_where_it_is_not_known() -> None:
+    known, twice = (row(driven(), force_gain_u=u).work for u in (0.01, 0.02))
+    assert known.u_kWh == pytest.approx(0.01 * known.kWh, rel=0.3)
+    assert twice.u_kWh == pytest.approx(2.0 * known.u_kWh, rel=0.1)
+    lacking = shift_energy(driven(), machine(force_gain_u=None), ())
+    assert lacking.scale_unknown == "machine.force_gain_u"
+
+
+def test_a_cycle_with_a_hole_has_no_energy() -> None:
+    hole = (2 * NS, 9 * NS)
+    assert shift_energy(driven(), machine(), [hole]) == NO_ENERGY
+
+
+def test_masses_that_are_withheld_split_nothing() -> None:
+    frames = driven()
+    frames["loads"] = frames["loads"].with_columns(mass_kg=pl.lit(None, pl.Float64))
+    assert shift_energy(frames, machine(), ()) == NO_ENERGY
+
+
+def test_fuel_is_counted_while_standing_too() -> None:
+    frames = driven()
+    frames["aligned"] = frames["aligned"].with_columns(fuel_rate_L_h=pl.lit(12.0))
+    assert row(frames).fuel_L == pytest.approx(12.0 * 30.0 / 3600.0, rel=0.01)
+    assert row(driven()).fuel_L is None

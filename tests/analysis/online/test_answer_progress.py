@@ -1,0 +1,81 @@
+"""How far from an answer: more starts, fewer missing; a load that changes begins anew."""
+
+import math
+
+import numpy as np
+import pytest
+
+from analysis.model.machine import Body
+from analysis.online.answer_progress import AnswerProgress, find_aim, missing_text
+
+
+def after(masses: list[float], *, u_kg: float = 6.0, aim_kg: float | None = 3.0) -> AnswerProgress:
+    progress = AnswerProgress(aim_kg)
+    for mass_kg in masses:
+        progress = progress.add(mass_kg, u_kg, 1.0)
+    return progress
+
+
+def test_before_the_first_start_nobody_knows_how_many_are_missing() -> None:
+    nothing = AnswerProgress(3.0)
+    assert nothing.u_kg is None
+    assert nothing.starts_missing is None
+    assert nothing.percent == 0.0
+    assert missing_text(None, None) == "a start that the gate accepts"
+
+
+def test_a_start_of_twice_the_aim_needs_three_more() -> None:
+    first = after([3600.0])
+    assert first.u_kg == pytest.approx(6.0)
+    assert first.starts_missing == 3
+    assert first.percent == pytest.approx(25.0)
+
+
+def test_the_uncertainty_falls_with_the_root_of_the_starts() -> None:
+    masses = list(3600.0 + 6.0 * np.random.default_rng(1).standard_normal(100))
+    assert after(masses).u_kg == pytest.approx(0.6, rel=0.2)
+    assert after(masses).starts_missing == 0
+    assert after(masses).percent == 100.0
+
+
+def test_starts_that_scatter_more_than_they_say_are_believed() -> None:
+    masses = list(3600.0 + 18.0 * np.random.default_rng(2).standard_normal(60))
+    many = after(masses, u_kg=6.0)
+    assert many.u_kg is not None
+    assert many.u_kg > 2.0 * 6.0 / math.sqrt(60)
+
+
+def test_another_load_begins_anew() -> None:
+    progress = after([3600.0, 3605.0, 3598.0])
+    loaded = progress.add(3900.0, 6.0, 1.0)
+    assert loaded.manoeuvres == 1
+    assert loaded.mean_kg == 3900.0
+    assert loaded.until_u_kg == 3.0
+
+
+def test_what_is_missing_is_shared_out_so_that_both_directions_have_as_many() -> None:
+    ahead = after([3600.0, 3603.0])
+    assert ahead.starts_missing is not None
+    assert ahead.reverse_missing is not None
+    assert missing_text(2, 2) == "2 more starts in reverse"
+    assert missing_text(3, 1) == "2 more starts forward and 1 more start in reverse"
+    assert ahead.forward + ahead.starts_missing - ahead.reverse_missing == pytest.approx(
+        ahead.reverse + ahead.reverse_missing, abs=1
+    )
+    back = AnswerProgress(3.0).add(3600.0, 6.0, -1.0)
+    assert back.reverse == 1
+    assert back.reverse_missing == 1
+
+
+def test_without_an_aim_nothing_is_missing_that_could_be_told() -> None:
+    aimless = after([3600.0], aim_kg=None)
+    assert aimless.percent is None
+    assert aimless.starts_missing is None
+    assert aimless.u_kg == pytest.approx(6.0)
+
+
+def test_the_aim_is_what_somebody_says_or_a_share_of_the_empty_mass() -> None:
+    body = Body(name="loader", empty_mass_kg=3600.0)
+    assert find_aim(body, None) == pytest.approx(72.0)
+    assert find_aim(body, 5.0) == 5.0
+    assert find_aim(Body(name="loader"), None) is None
