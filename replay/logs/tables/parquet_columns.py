@@ -78,8 +78,8 @@ class ParquetColumns:
         return {name: self._read(name) for name in names}
 
     def _read(self, name: str) -> pl.Series:
+        column = self._column(name)
         with _library_call():
-            column = self._column(name)
             # polars takes it that text is UTF-8, and panics at names that are not
             column.validate(full=True)
             getattr(column.type, "tz", None)
@@ -90,7 +90,7 @@ class ParquetColumns:
         return series
 
     def _column(self, name: str) -> Any:
-        with ParquetFile(self._path, metadata=self._footer) as file:
+        with _library_call(), ParquetFile(self._path, metadata=self._footer) as file:
             return file.read([name])[name]
 
 
@@ -110,7 +110,7 @@ class ArrowColumns(ParquetColumns):
         return self._height
 
     def _column(self, name: str) -> Any:
-        with pa.OSFile(str(self._path)) as source:
+        with _library_call(), pa.OSFile(str(self._path)) as source:
             place = pa.ipc.open_file(source).schema.get_field_index(name)
             options = pa.ipc.IpcReadOptions(included_fields=[place])
             one = pa.ipc.open_file(source, options=options)
