@@ -301,9 +301,8 @@ def motion_samples(
     acceleration = regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
-    moves_m_s = max(
-        LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1])), LIMITS.moving_speed_m_s
-    )
+    noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1]))
+    moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
     group = _fitted_manoeuvres(excitation, gated, machine, moves_m_s, braking=braking)
     filtered = any(channel.differentiates for channel in machine.channels.values())
     mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
@@ -320,7 +319,7 @@ def motion_samples(
     silent = ~known | _missing_rows(aligned)
     near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
     group = _number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
-    group = _drop_standing_runs(group, np.where(known, speed, 0.0), moves_m_s)
+    group = _drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _grid_column(aligned, "specific_force_x_m_s2", known)
     pitch = _grid_column(aligned, "pitch_rad", known)
     level = None
@@ -510,14 +509,17 @@ def _number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     return np.where(group >= 0, np.cumsum(begins(group)) - 1, -1).astype(np.int64)
 
 
-def _drop_standing_runs(group: Ints, speed: Floats, moves_m_s: float) -> Ints:
-    """Leave out stretches whose speed never leaves the noise: the phase saw its noise grow."""
+def _drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
+    """Leave out stretches whose speed never leaves its noise: the phases took that for a start.
+
+    Of a speed whose noise is less than what counts as motion, what is slow is motion.
+    """
     used = group >= 0
-    if not used.any():
+    if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
     first = np.flatnonzero(begins(group))
     fastest = np.maximum.reduceat(np.where(used, _smooth_speed(speed), 0.0), first)
-    moves = fastest > moves_m_s
+    moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)
 
 

@@ -9,19 +9,20 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.friction_limit import FrictionTrend
+from analysis.cycles.friction_limit import FrictionDay, FrictionTrend, friction_trend
 from analysis.fleet.attention import needs_a_look
 from analysis.fleet.calibration_steps import line_changes
-from analysis.fleet.daily_figures import daily, sum_machines, sums, weekly
+from analysis.fleet.daily_figures import UNDATED, daily, sum_machines, sums, weekly
 from analysis.fleet.machine_drifts import MachineChart, machine_charts
 from recordings.fleet.fleet_page import FleetPage, fleet_html
 from recordings.report.atomic_output import atomic_file
 from recordings.review.week_shifts import trend_sentences
-from replay.fleet.fleet_friction import fleet_friction_trends
 from replay.fleet.gathered_tables import FleetResults
 
 #: Hexadecimal digits of a key that the page shows, enough to name a recording.
 _ABOUT: Final = 12
+#: Nanoseconds of a day.
+_DAY_NS: Final = 86_400 * 10**9
 
 
 @dataclass(frozen=True)
@@ -128,3 +129,22 @@ def _drift(chart: MachineChart) -> dict[str, Any]:
         "since": str(chart.days[found.since]),
         "flagged": str(chart.days[found.flagged]),
     }
+
+
+def fleet_friction_trends(results: pl.DataFrame, limit_N_s_m: float) -> dict[str, FrictionTrend]:
+    """When the friction of each machine reaches a limit, by its recordings' joint fits.
+
+    Args:
+        results: table `results`.
+        limit_N_s_m: upper limit of viscous friction.
+    """
+    known = results.filter(
+        pl.col("day") != UNDATED, pl.col("friction_x_N_s_m").is_not_null()
+    ).filter(pl.col("friction_x_std_N_s_m") > 0.0)
+    days: dict[str, list[FrictionDay]] = {
+        machine: [] for machine in sorted(results["machine"].unique())
+    }
+    columns = ("machine", "t0_unix_ns", "friction_x_N_s_m", "friction_x_std_N_s_m")
+    for machine, begin_ns, friction, std in known.select(columns).iter_rows():
+        days[machine].append(FrictionDay(begin_ns / _DAY_NS, friction, std))
+    return {machine: friction_trend(each, limit_N_s_m) for machine, each in days.items()}

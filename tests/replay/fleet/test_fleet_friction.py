@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.fleet.daily_figures import UNDATED
-from replay.fleet.fleet_friction import fleet_friction_trends
+from replay.fleet.write_fleet_page import fleet_friction_trends
 from tests.analysis.fleet.test_fleet_tables import results
 
 DAY_NS = 86_400 * 10**9
