@@ -485,7 +485,7 @@ def _trim_to_break_away(
     group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
     """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
-    smooth = _smooth_speed(speed) > moves_m_s
+    smooth = np.abs(_mean_of_three(speed)) > moves_m_s
     grown = group.copy()
     for begin in np.flatnonzero(begins(group)):
         first = int(begin)
@@ -502,7 +502,7 @@ def _trim_to_break_away(
 def _number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     """Number the stretches of adjoining samples that move one way; at a reversal friction turns."""
     used = group >= 0
-    forwards = np.convolve(speed, np.ones(3) / 3.0, "same") > 0.0
+    forwards = _mean_of_three(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = windows_with(turns, mixed) | windows_with(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
@@ -518,14 +518,14 @@ def _drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
     if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
         return group
     first = np.flatnonzero(begins(group))
-    fastest = np.maximum.reduceat(np.where(used, _smooth_speed(speed), 0.0), first)
+    fastest = np.maximum.reduceat(np.where(used, np.abs(_mean_of_three(speed)), 0.0), first)
     moves = fastest > noise_m_s
     return np.where(used & moves[group], group, -1)
 
 
-def _smooth_speed(speed: Floats) -> Floats:
-    """Size of the mean of three samples, (n,) in m/s."""
-    return np.abs(np.convolve(speed, np.ones(3) / 3.0, "same"))
+def _mean_of_three(speed: Floats) -> Floats:
+    """Mean of each sample and its two neighbours, (n,) in m/s."""
+    return np.convolve(speed, np.ones(3) / 3.0, "same")
 
 
 def _directions(group: Ints, speed: Floats) -> Floats:
