@@ -139,7 +139,7 @@ def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floa
     def means(x: Floats) -> Floats:
         return x[: count * size].reshape(count, size).mean(axis=1)
 
-    def known(x: Floats) -> Floats:
+    def centre(x: Floats) -> Floats:
         return np.nan_to_num(x - np.nanmean(x))
 
     # a slope needs two means
@@ -154,7 +154,7 @@ def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floa
     if inputs.measured(ACC):
         found["imu"] = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     channels = {
-        name: known(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
+        name: centre(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
     }
     return size / rate_hz, {**channels, "v": np.nan_to_num(speed)}
 

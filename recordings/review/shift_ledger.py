@@ -50,7 +50,7 @@ def ledger(
     rows = [verdicts.get(row) for row in range(cycles.height)]
     shared = [labels_at((t0_unix_ns + t_ns) / _NS) for t_ns in cycles["end_t_ns"]]
 
-    def said(name: str, defaults: Sequence[str]) -> pl.Series:
+    def verdict_column(name: str, defaults: Sequence[str]) -> pl.Series:
         pairs = zip(rows, defaults, strict=True)
         texts = [text if each is None else getattr(each, name) or text for each, text in pairs]
         return pl.Series(name, texts, dtype=pl.String)
@@ -78,9 +78,9 @@ def ledger(
         doubts,
         (pl.col("counted") & ~rejected).alias("counted"),
         rejected,
-        *(said(name, [getattr(labels, name) for labels in shared]) for name in LABELS),
-        said("note", [""] * cycles.height),
-        said("author", [""] * cycles.height),
+        *(verdict_column(name, [getattr(labels, name) for labels in shared]) for name in LABELS),
+        verdict_column("note", [""] * cycles.height),
+        verdict_column("author", [""] * cycles.height),
         pl.Series("said", when, dtype=pl.String),
     )
 
