@@ -1,7 +1,8 @@
 """The container of an MCAP file: by its index where that is whole, else from start to end."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Final
@@ -23,7 +24,7 @@ from replay.logs.blocks import (
     torn_end,
     until,
 )
-from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_times
+from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_counts, indexed_times
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -169,16 +170,18 @@ class McapFile(BlockFile):
         unknown: list[Block] = []
         chunks = {chunk.chunk_start_offset: chunk for chunk in summary.chunks}
         for offset in sorted(chunks):
+            chunk = chunks[offset]
             block = chunk_block(self._file, offset)
-            times = indexed_times(self._file, chunks[offset])
+            read_times = partial(indexed_times, self._file, chunk)
+            is_described = described and self._channels.keys() >= chunk.message_index_offsets.keys()
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or block.is_torn:
-                lost = damaged_block(chunks[offset])
-                self._store.lose(lost, times or {}, "it is not where the index says")
-            elif times is None or not described or not self._channels.keys() >= times.keys():
-                unknown.append(block)
+                lost = damaged_block(chunk)
+                self._store.lose(lost, read_times() or {}, "it is not where the index says")
+            elif is_described and (counts := indexed_counts(chunk, block)):
+                self._store.add_indexed(replace(block, counts=counts), read_times)
             else:
-                self._store.add(block, times)
+                unknown.append(block)
         if unknown:
             self._store.survey(unknown)
 
