@@ -1,7 +1,7 @@
 """The answer of a run: one object, which every command, recording and picture renders."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 import polars as pl
@@ -138,7 +138,7 @@ class Answer:
             **({"shift": dict(self.shift)} if self.shift else {}),
             "accepted_share": self.accepted_share,
             "verdict": self.verdict.to_dict(),
-            "losses": [loss.model_dump() for loss in self.losses],
+            "losses": [asdict(loss) for loss in self.losses],
             "notes": list(self.notes),
             "fingerprint": self.fingerprint.model_dump(exclude={"frames"})
             if self.fingerprint

@@ -5,7 +5,7 @@ import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import ceil
 from pathlib import Path
@@ -24,8 +24,8 @@ from replay.convert.unfinished_folder import (
     write_whole,
 )
 from replay.logs import Log
+from replay.logs.converted import DESCRIPTION
 from replay.logs.converted.description import (
-    DESCRIPTION,
     LOG_TIME,
     ConvertedDescription,
     ConvertedField,
@@ -90,7 +90,7 @@ class Conversion:
                 }
                 for topic in self.topics
             ],
-            "losses": [loss.model_dump() for loss in self.losses],
+            "losses": [asdict(loss) for loss in self.losses],
         }
 
 

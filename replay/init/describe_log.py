@@ -52,7 +52,7 @@ class LogInfo:
             "topics": self.topics.to_dicts(),
             "fields": [each.to_dict() for each in self.fields],
             "notes": list(self.notes),
-            "losses": [loss.model_dump() for loss in self.losses],
+            "losses": [asdict(loss) for loss in self.losses],
             "check": None
             if self.checked is None
             else {"whole": self.is_whole, **asdict(self.checked), "seconds": self.check_s},

@@ -1,7 +1,7 @@
 """The container of an MCAP file: by its index where that is whole, else from start to end."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import Final
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, ChunkIndex, Metadata, Schema
 from rosbags.typesys.msg import normalize_msgtype
 
 from estimators.errors import LogError
@@ -171,15 +171,16 @@ class McapFile(BlockFile):
         chunks = {chunk.chunk_start_offset: chunk for chunk in summary.chunks}
         for offset in sorted(chunks):
             chunk = chunks[offset]
-            block = chunk_block(self._file, offset)
+            counts = indexed_counts(chunk)
+            block = chunk_block(self._file, offset, counts)
             read_times = partial(indexed_times, self._file, chunk)
-            is_described = described and self._channels.keys() >= chunk.message_index_offsets.keys()
+            is_described = described and self._channels.keys() >= counts.keys()
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or block.is_torn:
                 lost = damaged_block(chunk)
                 self._store.lose(lost, read_times() or {}, "it is not where the index says")
-            elif is_described and (counts := indexed_counts(chunk, block)):
-                self._store.add_indexed(replace(block, counts=counts), read_times)
+            elif counts and is_described and _has_same_times(chunk, block):
+                self._store.add_indexed(block, read_times)
             else:
                 unknown.append(block)
         if unknown:
@@ -224,6 +225,11 @@ class McapFile(BlockFile):
                 self._channels[record.id], self._channels_at[record.id] = record, at
         elif at < self._schemas_at.get(record.id, self._file.size):
             self._schemas[record.id], self._schemas_at[record.id] = record, at
+
+
+def _has_same_times(chunk: ChunkIndex, block: Block) -> bool:
+    said = chunk.message_start_time, chunk.message_end_time
+    return (block.first_ns, block.last_ns) == said
 
 
 def make_connection(channel: Channel, schema: Schema | None) -> Connection:

@@ -4,6 +4,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from io import BytesIO
+from operator import itemgetter
 from struct import Struct
 from typing import Final
 
@@ -152,23 +153,21 @@ def damaged_block(chunk: ChunkIndex) -> Block:
     return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
 
 
-def indexed_counts(chunk: ChunkIndex, block: Block) -> dict[int, int] | None:
+def indexed_counts(chunk: ChunkIndex) -> dict[int, int]:
     """Messages by channel, from where the message indexes of a chunk begin: nothing is read.
 
-    None where they do not follow each other without gaps, there are none, or the chunk itself says
-    other log times than its index.
+    Empty where they do not follow each other, and the chunk, without gaps.
     """
     begin = chunk.chunk_start_offset + chunk.chunk_length
-    places = sorted((offset, key) for key, offset in chunk.message_index_offsets.items())
-    is_same = (block.first_ns, block.last_ns) == (chunk.message_start_time, chunk.message_end_time)
-    if not places or places[0][0] != begin or not is_same:
-        return None
-    ends = [*(offset for offset, _ in places[1:]), begin + chunk.message_index_length]
+    places = sorted(chunk.message_index_offsets.items(), key=itemgetter(1))
+    ends = [*(offset for _, offset in places), begin + chunk.message_index_length]
+    if ends[0] != begin:
+        return {}
     counts: dict[int, int] = {}
-    for (offset, key), end in zip(places, ends, strict=True):
+    for (key, offset), end in zip(places, ends[1:], strict=True):
         count, rest = divmod(end - offset - _MESSAGE_INDEX.size, _ENTRY_BYTES)
         if rest or count < 0:
-            return None
+            return {}
         if count:
             counts[key] = count
     return counts
