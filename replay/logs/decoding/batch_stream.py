@@ -183,7 +183,8 @@ def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     placed: list[pl.DataFrame] = []
     for frame in filter(len, found):
         placed += _meeting(placed.pop(), frame) if placed else [frame]
-    whole = pl.concat(placed or found[:1], rechunk=False)
+    placed = placed or found[:1]
+    whole = pl.concat(placed, rechunk=False) if len(placed) > 1 else placed[0]
     # a frame that begins before those in front of the last
     return whole if whole[TIME].is_sorted() else whole.sort(TIME, maintain_order=True)
 
