@@ -8,7 +8,8 @@ import polars as pl
 
 from analysis.model.axes import Z
 from analysis.model.fingerprint import Fingerprint
-from analysis.model.run_record import Loss, Run
+from analysis.model.loss import Loss
+from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.model.windows import samples_of
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, OutputError, nearest
 from recordings.report.atomic_output import check_folder, refuse_input_as_output
 from replay.convert.part_writer import PartWriter, arrow_schema
