@@ -67,6 +67,9 @@ class Stream:
         Args:
             floor_ns: no message that is still to be taken has an earlier log time.
         """
+        if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
+            self._begin_few(at_once)
+            self.settle()
         waiting = [int(batch.log_times.min()) for batch in self._few]
         frame = joined_frames(self._frames)
         if not frame.height:
