@@ -52,7 +52,7 @@ def read_channels(
     """
     wanted = channel_fields(machine)
     losses: list[Loss] = []
-    has = {log: set(log.topics()["topic"]) for log in logs}
+    has = {log: set(log.topic_names()) for log in logs}
     # what no estimate needs must not stop one
     hints = {topic for topic in wanted if HINTS.issuperset(_filled_by(topic, machine))}
     for topic in list(wanted):

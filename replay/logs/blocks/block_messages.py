@@ -160,7 +160,9 @@ class BlockStore:
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """Log times of a connection, (n,) in ns."""
         self._read_times()
-        return np.concatenate([no_times(), *self._times.get(connection_id, [])])
+        times = np.concatenate([no_times(), *self._times.get(connection_id, [])])
+        # an index that lies may give times beyond the year 2262
+        return times if times.min(initial=0) >= 0 else times[times >= 0]
 
     def messages_of(self, connection_id: int) -> int:
         """How many log times a connection has."""
@@ -169,21 +171,23 @@ class BlockStore:
     def _read_times(self) -> None:
         """Read the log times of indexed blocks; unpack those whose index does not give them."""
         with self._reading:
-            indexed = BlockStore(self.file, self._load_grammar, self._describe)
-            indexed.damage = self.damage
+            found: dict[int, list[NDArray[np.int64]]] = {}
             unknown: list[Block] = []
             for block, read_times in self._unread:
                 times = read_times()
                 if times is None or _count_times(times) != block.counts:
                     unknown.append(block)
-                else:
-                    indexed.add(block, times)
+                    continue
+                for key, values in times.items():
+                    found.setdefault(key, []).append(values)
             if unknown:
-                indexed.survey(unknown)
-            indexed.finish(self._topics)
-            for key, parts in indexed._times.items():
+                unpacked = BlockStore(self.file, self._load_grammar, self._describe)
+                unpacked.damage = self.damage
+                unpacked.survey(unknown)
+                for key, parts in unpacked._times.items():
+                    found.setdefault(key, []).extend(parts)
+            for key, parts in found.items():
                 self._times.setdefault(key, []).extend(parts)
-                self._late[key] = self._late.get(key, 0) + indexed._late[key]
             self._unread = []
 
     def groups(
