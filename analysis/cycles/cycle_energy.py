@@ -10,6 +10,7 @@ the sum. Masses, offset, lag, load transfer and friction are those of the joint 
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
@@ -24,7 +25,8 @@ from analysis.cycles.energy_integrals import (
     PhaseIntegrals,
     PhaseSpan,
     burnt_litres,
-    end_drive_later,
+    drive_as_it_acts,
+    drive_earlier_and_later,
     energy_samples,
     integrate_phases,
     without_brakes,
@@ -36,6 +38,7 @@ from analysis.cycles.energy_terms import (
     fitted_motion_errors,
     gain_u,
     mass_u,
+    untold_coulomb,
 )
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
@@ -91,10 +94,12 @@ class ShiftEnergy(NamedTuple):
         rows: the shift whole and by phase, then each cycle likewise; a cycle with a hole in it or
             whose phases were not all seen has fewer, or none.
         scale_unknown: settings without which the ± lacks the scale of the force, by commas.
+        fuel_u_1: relative standard uncertainty of the litres; None where it is not stated.
     """
 
     rows: tuple[EnergyRow, ...] = ()
     scale_unknown: str = ""
+    fuel_u_1: float | None = None
 
 
 #: Of a log whose masses are not known.
@@ -120,32 +125,41 @@ def shift_energy(
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
-    samples = energy_samples(frames["aligned"], frames["excitation"], frames["digging"], machine)
-    mass_kg = _sample_masses(samples, cycles, manoeuvres)
+    grids = [frames[name] for name in ("aligned", "excitation", "digging")]
+    mass_kg = _sample_masses(energy_samples(*grids, machine), cycles, manoeuvres)
     model, stds = fitted_force(frames, mass_kg, machine.settings.priors)
     errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
+    samples = energy_samples(*grids, machine, model.offset)
+    mass_kg = _sample_masses(samples, cycles, manoeuvres)
     excitation, rotating_kg = frames["excitation"], machine.machine.rotating_mass_kg
+    samples = drive_as_it_acts(samples, errors.force_late_s)
     samples = without_brakes(samples, excitation, machine, mass_kg, model.viscous, model.direction)
     found = integrate_phases(samples, spans, mass_kg, rotating_kg, errors)
     value = _split(found, model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
     common = [_split(found, changed) - value for changed in change_each(model, stds)]
-    later = end_drive_later(samples, machine)
-    common.append(
-        _split(integrate_phases(later, spans, mass_kg, rotating_kg, errors), model) - value
+    earlier, later = (
+        _split(integrate_phases(moved, spans, mass_kg, rotating_kg, errors), model) - value
+        for moved in drive_earlier_and_later(samples, machine)
     )
+    # where the machine stands behind one end, only the other one changes anything
+    common.append(np.where(abs(later) >= abs(earlier), later, -earlier))
     for changed in change_each(errors, errors_u):
         moved = integrate_phases(samples, spans, mass_kg, rotating_kg, changed)
         common.append(_split(moved, model) - value)
     common += [_slope_transfer(found, model), _misfit(found, value, model)]
+    common.append(
+        _split(found, _more_coulomb(found, model, untold_coulomb(frames, mass_kg, machine))) - value
+    )
     gain_u_1, unknown = gain_u(machine)
     common.append(gain_u_1 * value)
     common_1, random_1 = mass_u(frames)
     common.append(common_1 * _mass_response(found))
     random = _random_parts(found, value, model, random_1, spans)
     fuel_L = burnt_litres(samples, spans)
-    return ShiftEnergy(_rows(spans, value, np.array(common), random, fuel_L), unknown)
+    rows = _rows(spans, value, np.array(common), random, fuel_L)
+    return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
 
 
 def _phase_spans(cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> list[PhaseSpan]:
@@ -191,12 +205,18 @@ def _sample_masses(
     mass_kg = level[np.searchsorted(between, samples.t_ns)]
     t_ns = samples.t_ns
     for row in cycles.iter_rows(named=True):
-        empty, loaded, dug = row["empty_before_kg"], row["loaded_kg"], row["dig_t_ns"]
-        begin, end = np.searchsorted(t_ns, [row["start_t_ns"], row["end_t_ns"]])
-        if empty is None or loaded is None or dug is None or row["load_s"] is None:
+        if row["dig_t_ns"] is None or row["load_s"] is None:
             continue
-        first = int(np.searchsorted(t_ns, dug))
-        last = int(np.searchsorted(t_ns, dug + int(row["load_s"] * NS_PER_S)))
+        dug = row["dig_t_ns"] + np.array([0, int(row["load_s"] * NS_PER_S)])
+        begin, first, last, end = np.searchsorted(t_ns, [row["start_t_ns"], *dug, row["end_t_ns"]])
+        own = (middle >= row["start_t_ns"]) & (middle <= row["end_t_ns"])
+        empty, loaded = row["empty_before_kg"], row["loaded_kg"]
+        # of a cycle without a mass the starts on either side of the pile have theirs
+        if empty is None or loaded is None:
+            before, after = level[own & (middle < dug[0])], level[own & (middle > dug[1])]
+            if not before.size or not after.size:
+                continue
+            empty, loaded = before[-1], after[0]
         filling = samples.digs[first:last]
         # the bucket fills while the machine pushes into the pile
         grown = np.cumsum(filling) / max(int(filling.sum()), 1)
@@ -250,6 +270,13 @@ def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
     work, dig = (share * of["transfer_slope"] for of in (found.drive, found.dig))
     nothing = np.zeros_like(work)
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
+
+
+def _more_coulomb(found: PhaseIntegrals, model: ForceModel, coulomb_N: float) -> ForceModel:
+    """The force with more Coulomb friction, and so much less viscous that the drive meets both."""
+    way_m, viscous = (found.drive[name].sum() for name in ("direction", "viscous"))
+    less_N_s_m = coulomb_N * way_m / viscous if viscous else 0.0
+    return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
 def _misfit(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:

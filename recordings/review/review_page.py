@@ -18,11 +18,9 @@ from recordings.review.hour_rows import HEADS, hour_rows
 from recordings.review.review_plots import more_pictures, pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
-    NO_VERDICTS,
     VERDICTS,
     CycleVerdict,
-    VerdictFile,
-    verdict_toml,
+    verdict_lines,
 )
 from recordings.review.shift_facts import (
     facts,
@@ -74,7 +72,7 @@ class ReviewPage:
         changes: since the last review; None where this is the first.
         calibration: whose line the payloads are on.
         track: positions, where there are.
-        verdicts: all that reviewers said.
+        verdicts: the file of all that reviewers said, with their comments.
         by_row: verdicts on cycles, by row of the ledger.
         totals: by label (product, operator …), where loads have one.
     """
@@ -86,7 +84,7 @@ class ReviewPage:
     changes: list[tuple[str, str, str]] | None
     calibration: UsedCalibration
     track: pl.DataFrame | None = None
-    verdicts: VerdictFile = NO_VERDICTS
+    verdicts: str = ""
     by_row: Mapping[int, CycleVerdict] = field(default_factory=dict[int, CycleVerdict])
     totals: Mapping[str, Sequence[LabelTotal]] = field(
         default_factory=dict[str, Sequence[LabelTotal]]
@@ -123,7 +121,7 @@ def review_html(page: ReviewPage) -> str:
         totals={name: _total_rows(rows) for name, rows in page.totals.items()},
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
-        verdict_lines=verdict_toml([*page.verdicts.shift, *page.verdicts.cycle]).splitlines(),
+        verdict_lines=verdict_lines(page.verdicts),
         verdict_file=VERDICTS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
         friction=_friction(state),

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from recordings.report.clock_text import ShiftClock
-from recordings.review.energy_columns import ENERGIES, FUEL, u_column, value_column
+from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
 from recordings.review.ledger_table import COLUMNS, table_rows, write_table_csv, write_xlsx
 from recordings.review.reviewer_verdicts import LABELS
 
@@ -44,6 +44,7 @@ def ledger(*dumps: str, note: str = "") -> pl.DataFrame:
                 **dict.fromkeys(map(value_column, ENERGIES), 0.1234),
                 **dict.fromkeys(map(u_column, ENERGIES), 0.0021),
                 FUEL: 0.25,
+                FUEL_U: None,
                 "id": each,
             }
             for number, each in enumerate(dumps, start=1)
