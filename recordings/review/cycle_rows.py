@@ -11,6 +11,7 @@ from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
 from recordings.review.review_state import RECORDING
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict
+from recordings.review.shift_ledger import remark
 
 _KM_H: Final = 3.6
 Row = Mapping[str, Any]
@@ -86,7 +87,7 @@ def _row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
         "payload": _cells(row, PAYLOAD),
         "details": _cells(row, DETAILS),
         "quality": "rejected" if row["rejected"] else row["quality"],
-        "remark": "; ".join(filter(None, (row["withheld_for"], row["doubt"]))),
+        "remark": remark(row),
         "labels": ", ".join(labels),
         "note": ": ".join(filter(None, (by, row["note"]))),
         "said": "" if own is None else json.dumps(own),

@@ -15,6 +15,7 @@ from recordings.report.shift_text import K
 from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
 from recordings.review.reviewer_verdicts import LABELS
 from recordings.review.safe_cell import safe_cell
+from recordings.review.shift_ledger import remark
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
@@ -73,10 +74,6 @@ def _describe_counted(row: Row, _: ShiftClock) -> Cell:
     return "yes" if row["counted"] else "no"
 
 
-def _remark(row: Row, _: ShiftClock) -> Cell:
-    return "; ".join(filter(None, (row["withheld_for"], row["doubt"])))
-
-
 def _energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
     """An energy, and its interval."""
     own = {"energy": "energy", "energy_per_t": "energy per tonne"}
@@ -98,7 +95,7 @@ COLUMNS: Final = (
     TableColumn("± (95 %, k = 2)", "kg", _scale_column("payload_u_kg", K), 0),
     TableColumn("counted", "yes or no", _describe_counted),
     TableColumn("quality", "", _as_it_is("quality")),
-    TableColumn("remark", "", _remark),
+    TableColumn("remark", "", lambda row, _: remark(row)),
     *(TableColumn(name, "", _as_it_is(name)) for name in LABELS),
     TableColumn("note", "", _as_it_is("note")),
     TableColumn("author", "", _as_it_is("author")),

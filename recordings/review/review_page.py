@@ -8,6 +8,7 @@ import polars as pl
 
 from analysis.cycles.label_totals import LabelTotal
 from analysis.cycles.payload_target import TargetCheck
+from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
 from recordings.report.number_text import plus_minus
 from recordings.report.render_page import page_html
@@ -37,7 +38,7 @@ from recordings.review.shift_facts import (
 PAGE: Final = "review.html"
 _PACKAGE: Final = "recordings.review"
 _TEMPLATE: Final = "review.html.j2"
-_SCRIPT: Final = "verdict_buttons.js"
+_SCRIPTS: Final = ("find_rows.js", "verdict_buttons.js")
 #: A page is no list of all that may be wrong.
 _MOST_FINDINGS: Final = 3
 NOT_CALIBRATED: Final = "Payloads are not calibrated"
@@ -99,7 +100,7 @@ def review_html(page: ReviewPage) -> str:
     return page_html(
         _PACKAGE,
         _TEMPLATE,
-        script=_SCRIPT,
+        scripts=_SCRIPTS,
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
         duration=f"{shift['duration_s'] / 3600.0:.2f} h",
@@ -112,6 +113,7 @@ def review_html(page: ReviewPage) -> str:
         payload_heads=[column.head for column in PAYLOAD],
         detail_heads=[column.head for column in DETAILS],
         cycles=cycle_rows(page.ledger, page.by_row, state.clock),
+        t0_s=round(state.t0_unix_ns / NS_PER_S),
         doubted=page.ledger.filter("counted", pl.col("doubt") != "").height,
         hours=hour_rows(page.ledger, state),
         hour_heads=list(HEADS),

@@ -13,6 +13,7 @@ from recordings.report.number_text import plus_minus
 from recordings.report.shift_text import K, shift_sentence, tonnes
 from recordings.review.energy_columns import energy_fact
 from recordings.review.review_state import ReviewState
+from recordings.review.shift_ledger import HOLE_S
 from recordings.review.torn_logs import open_end
 
 #: A headline is no list of all that may be wrong; the table has all.
@@ -21,8 +22,6 @@ _MOST_CHECKS: Final = 3
 _MOST_STANDS: Final = 3
 #: A hole of so long, in s, is about one cycle: longer ones are said on top, each.
 _LONG_HOLE_S: Final = 120.0
-#: A cycle with a longer hole in it, in s, is left out of the mean times.
-_HOLE_S: Final = 5.0
 _HOUR_S: Final = 3600.0
 _KM_H: Final = 3.6
 
@@ -267,7 +266,7 @@ def cycle_times(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     """
     parts = ("return_s", "load_s", "haul_s", "dump_s")
     whole = ledger.drop_nulls(parts).filter(
-        pl.col("hole_s").fill_null(0.0) <= _HOLE_S, ~pl.col("rejected")
+        pl.col("hole_s").fill_null(0.0) <= HOLE_S, ~pl.col("rejected")
     )
     if not whole.height:
         return []

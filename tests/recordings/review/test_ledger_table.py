@@ -41,6 +41,7 @@ def ledger(*dumps: str, note: str = "") -> pl.DataFrame:
                 "top_speed_m_s": 2.5,
                 "moving_s": None,
                 "standing_s": 3.0,
+                "hole_s": 0.0,
                 **dict.fromkeys(map(value_column, ENERGIES), 0.1234),
                 **dict.fromkeys(map(u_column, ENERGIES), 0.0021),
                 FUEL: 0.25,
