@@ -10,7 +10,8 @@ from analysis.cycles.label_totals import LabelTotal
 from analysis.cycles.payload_target import TargetCheck
 from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
-from recordings.report.number_text import plus_minus
+from recordings.report.clock_text import duration_text
+from recordings.report.number_text import REMARKED, plus_minus
 from recordings.report.render_page import page_html
 from recordings.report.shift_text import K, tonnes
 from recordings.review.cycle_rows import DETAILS, PAYLOAD, cycle_rows
@@ -101,13 +102,14 @@ def review_html(page: ReviewPage) -> str:
         _PACKAGE,
         _TEMPLATE,
         scripts=_SCRIPTS,
+        led_to=REMARKED,
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
-        duration=f"{shift['duration_s'] / 3600.0:.2f} h",
+        duration=duration_text(shift["duration_s"]),
         against=page.calibration.against and f"{NOT_CALIBRATED}: {page.calibration.against}.",
         headline=headline(shift, why_not, state),
         no_tonnes=bool(why_not),
-        holes=long_holes(shift, state),
+        alarms=list(filter(None, (two_machines(state), long_holes(shift, state)))),
         facts=facts(shift, page.ledger, state, page.target),
         warnings=_warnings(page),
         payload_heads=[column.head for column in PAYLOAD],
@@ -142,8 +144,7 @@ def _total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]:
 
 def _warnings(page: ReviewPage) -> list[str]:
     state = page.state
-    found = [two_machines(state)] if state.mixed_machines else []
-    found += missing_loads(page.shift)
+    found = missing_loads(page.shift)
     found += torn_sentences(state)
     if losses := other_losses(state):
         found.append(f"Damaged or incomplete: {counted(len(losses), 'loss')}, listed below.")

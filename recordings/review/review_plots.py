@@ -20,7 +20,7 @@ _FEWEST_LOADS: Final = 5
 
 
 def pictures(ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None) -> list[Drawing]:
-    """The figures of the loads, none where no load counts.
+    """The figures of the loads: none where no load counts, no distribution of one.
 
     Args:
         ledger: the ledger.
@@ -30,7 +30,8 @@ def pictures(ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | Non
     counted = ledger.filter("counted")
     if not counted.height:
         return []
-    return [_timeline(ledger, state), _distribution(counted, target)]
+    found = [_timeline(ledger, state)]
+    return [*found, _distribution(counted, target)] if counted.height > 1 else found
 
 
 def more_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
@@ -89,8 +90,8 @@ def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
     against = (
         "" if target is None else f" Dashed: the target, {target.target_kg:,.0f} kg, 110 and 120 %."
     )
-    # of the sample, as in the frame `shift`; one load has none
-    std = float(payload.std(ddof=1)) if payload.size > 1 else 0.0
+    # of the sample, as in the frame `shift`
+    std = float(payload.std(ddof=1))
     picture = Drawing(
         "distribution",
         "Distribution of payloads",

@@ -150,13 +150,19 @@ def _work(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str
         numbers = ", ".join(map(str, doubted))
         found.append(("worth a second look", f"{counted(len(doubted), 'load')}: {numbers}"))
     if shift["cycles_counted"]:
-        mean, std = shift["payload_mean_kg"], shift["payload_std_kg"] or 0.0
-        found.append(("a load", f"{mean:,.0f} kg on average, standard deviation {std:,.0f} kg"))
+        found.append(("a load", _mean_load(shift)))
     back_kg, back_u_kg = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
     # an interval that holds zero says nothing about what stays in the bucket
     if back_kg is not None and abs(back_kg) > back_u_kg:
         found.append(("carried back", f"{back_kg:,.0f} ± {back_u_kg:,.0f} kg on average"))
     return found
+
+
+def _mean_load(shift: Mapping[str, Any]) -> str:
+    mean = f"{shift['payload_mean_kg']:,.0f} kg"
+    if shift["cycles_counted"] == 1:
+        return mean
+    return f"{mean} on average, standard deviation {shift['payload_std_kg'] or 0.0:,.0f} kg"
 
 
 def _times(
@@ -290,8 +296,9 @@ def target_sentence(target: TargetCheck) -> str:
 
 
 def two_machines(state: ReviewState) -> str:
-    """The warning that these may be logs of two machines, as a sentence."""
-    return f"{state.mixed_machines[:1].upper()}{state.mixed_machines[1:]}."
+    """The warning that these may be logs of two machines, as a sentence; empty where none is."""
+    said = state.mixed_machines
+    return f"{said[:1].upper()}{said[1:]}." if said else ""
 
 
 def _number(cycles: float, u: float) -> str:
