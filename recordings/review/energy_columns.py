@@ -115,9 +115,11 @@ def energy_fact(
         f"{part} {round(getattr(whole, part).kWh / whole.work.kWh, 2) + 0.0:.0%}"
         for part in PARTS[1:-1]
     )
+    known = sum(row.cycle is not None and row.phase == WHOLE for row in state.energy.rows)
+    some = "" if known == ledger.height else f" in {known} of {ledger.height} cycles"
     lacks = state.energy.scale_unknown
     scale = f"; scale error not included (set {lacks})" if lacks else ""
-    found = [("energy at the wheels", f"{amount_text(whole.work)} kWh{each}: {of}{scale}")]
+    found = [("energy at the wheels", f"{amount_text(whole.work)} kWh{some}{each}: {of}{scale}")]
     if whole.fuel_L is not None:
         found.append(("fuel", _fuel_text(whole.fuel_L, ledger, shift, state.energy.fuel_u_1)))
     return found

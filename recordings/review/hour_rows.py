@@ -18,7 +18,7 @@ _HOUR_S: Final = 3600.0
 #: A rate of less recorded time than this, in s, says nothing.
 _SHORTEST_RATE_S: Final = 300.0
 #: Heads of the table, behind the hour.
-HEADS: Final = ("recorded", "loads", "t ± U", "t/h", "not counted", "look again", "kWh")
+HEADS: Final = ("loads", "t ± U", "t/h", "recorded", "not counted", "look again", "kWh")
 
 
 def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]:
@@ -47,10 +47,10 @@ def _cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
     sums = sum_cycles(cycles_of(rows, t0_ns), rejected)
     energies = rows["energy_kWh"].drop_nulls()
     rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
-    yield f"{recorded_s / 60.0:.0f} min"
     yield f"{sums['cycles_counted']}"
     yield tonnes(sums["payload_kg"], K * sums["payload_u_kg"])
     yield f"{rate:.1f}" if recorded_s >= _SHORTEST_RATE_S else "–"
+    yield f"{recorded_s / 60.0:.0f} min"
     yield f"{rows.height - sums['cycles_counted']}"
     yield f"{rows.filter('counted', pl.col('doubt') != '').height}"
     yield f"{energies.sum():.2f}" if energies.len() else "–"
