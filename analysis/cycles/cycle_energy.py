@@ -125,7 +125,7 @@ def shift_energy(
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
-    grids = [frames[name] for name in ("aligned", "excitation", "digging")]
+    grids = frames["aligned"], frames["excitation"], frames["digging"]
     mass_kg = _sample_masses(energy_samples(*grids, machine), cycles, manoeuvres)
     model, stds = fitted_force(frames, mass_kg, machine.settings.priors)
     errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)

@@ -74,6 +74,10 @@ def _describe_counted(row: Row, _: ShiftClock) -> Cell:
     return "yes" if row["counted"] else "no"
 
 
+def _remark(row: Row, _: ShiftClock) -> Cell:
+    return remark(row)
+
+
 def _energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
     """An energy, and its interval."""
     own = {"energy": "energy", "energy_per_t": "energy per tonne"}
@@ -95,7 +99,7 @@ COLUMNS: Final = (
     TableColumn("± (95 %, k = 2)", "kg", _scale_column("payload_u_kg", K), 0),
     TableColumn("counted", "yes or no", _describe_counted),
     TableColumn("quality", "", _as_it_is("quality")),
-    TableColumn("remark", "", lambda row, _: remark(row)),
+    TableColumn("remark", "", _remark),
     *(TableColumn(name, "", _as_it_is(name)) for name in LABELS),
     TableColumn("note", "", _as_it_is("note")),
     TableColumn("author", "", _as_it_is("author")),
