@@ -189,22 +189,14 @@ def drive_as_it_acts(samples: EnergySamples, force_late_s: float) -> EnergySampl
     """The same with the drive's stretches where the force acts, not where it is measured."""
     sampled = samples.step_s[samples.step_s > 0.0]
     rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
-    return _move_drive(samples, -rows)
+    return move_drive(samples, -rows)
 
 
-def drive_earlier_and_later(
-    samples: EnergySamples, machine: Machine
-) -> tuple[EnergySamples, EnergySamples]:
-    """The same with the drive's stretches moved by half the moving mean, a sample at least.
+def move_drive(samples: EnergySamples, rows: int) -> EnergySamples:
+    """The same with the drive's stretches so many rows later.
 
-    A motor lets go gradually: where its force ends is known no better.
+    A motor lets go gradually: where its force ends is known to half the moving mean at best.
     """
-    rows = max(_late_rows(machine), 1)
-    return _move_drive(samples, -rows), _move_drive(samples, rows)
-
-
-def _move_drive(samples: EnergySamples, rows: int) -> EnergySamples:
-    """The same with the drive's stretches so many rows later."""
     drives, digs, slows = (
         np.roll(each, rows) for each in (samples.drives, samples.digs, samples.slows)
     )
@@ -213,17 +205,17 @@ def _move_drive(samples: EnergySamples, rows: int) -> EnergySamples:
 
 def _centre_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
     """A column after the trailing mean, moved back by half its length, (n,); 0 where unknown."""
-    return np.roll(np.nan_to_num(values(excitation, name)), -_late_rows(machine))
+    return np.roll(np.nan_to_num(values(excitation, name)), -late_rows(machine))
 
 
 def _in_phase(excitation: pl.DataFrame, name: str, machine: Machine, *, unknown: bool) -> Bools:
     """(n,) which samples are in a phase of the motion, which is told after the trailing mean."""
     found = (excitation["phase"] == name).fill_null(value=unknown).to_numpy()
-    return np.roll(found, -_late_rows(machine))
+    return np.roll(found, -late_rows(machine))
 
 
-def _late_rows(machine: Machine) -> int:
-    """Rows by which the trailing mean is late."""
+def late_rows(machine: Machine) -> int:
+    """Rows by which the trailing mean of the excitation is late."""
     return (machine.settings.smooth.samples - 1) // 2
 
 
