@@ -145,6 +145,7 @@ def _common_changes(
         np.where(abs(later) >= abs(earlier), later, -earlier),
         _slope_transfer(found, model),
         _misfit(found, value, model),
+        drive.speed_u_1 * _speed_response(value),
     ]
 
 
@@ -221,6 +222,18 @@ def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
     work, dig = (share * of["transfer_slope"] for of in (found.drive, found.dig))
     nothing = np.zeros_like(work)
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
+
+
+def _speed_response(value: Floats) -> Floats:
+    """(phases, parts) in J, what a speed that is larger by its own share of 1 changes.
+
+    Torque times the speed of its wheels stays; so does what lifts the masses, which are lighter by
+    as much as the way is longer: kinetic energy takes what it gains from the slope's.
+    """
+    changed = np.zeros_like(value)
+    changed[:, PARTS.index("kinetic")] = value[:, PARTS.index("kinetic")]
+    changed[:, PARTS.index("slope")] = -value[:, PARTS.index("kinetic")]
+    return changed
 
 
 def _more_coulomb(found: PhaseIntegrals, model: ForceModel, coulomb_N: float) -> ForceModel:

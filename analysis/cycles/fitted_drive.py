@@ -41,6 +41,7 @@ class FittedDrive:
         model: of the force, and its standard uncertainties.
         errors: of force and motion, and their standard uncertainties.
         coulomb_N: standard deviation of Coulomb friction that the fit has no term for.
+        speed_u_1: relative standard uncertainty of the wheels' speed beside an accelerometer.
     """
 
     samples: EnergySamples
@@ -52,6 +53,7 @@ class FittedDrive:
     errors: MotionErrors
     errors_u: MotionErrors
     coulomb_N: float
+    speed_u_1: float
 
     def integrate(self, spans: list[PhaseSpan]) -> PhaseIntegrals:
         """The integrals over each phase."""
@@ -69,6 +71,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     mass_kg = _sample_masses(samples, cycles, manoeuvres)
     samples = drive_as_it_acts(samples, errors.force_late_s)
     friction = model.viscous, model.direction
+    by_accelerometer = machine.settings.forces.acceleration == "specific_force"
     return FittedDrive(
         without_brakes(samples, frames["excitation"], machine, mass_kg, *friction),
         max(late_rows(machine), 1),
@@ -79,6 +82,8 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
         errors,
         errors_u,
         untold_coulomb(frames, mass_kg, machine),
+        # a speed that is wrong beside an acceleration of the wheels is wrong in both
+        machine.machine.wheel_radius_u_1 or 0.0 if by_accelerometer else 0.0,
     )
 
 
