@@ -217,6 +217,14 @@ def test_coulomb_friction_that_the_fit_cannot_tell_is_in_the_interval_of_braking
     assert row(driven()).work == row(told).work
 
 
+def test_a_radius_moves_energy_between_kinetic_and_slope_and_changes_no_work() -> None:
+    radius = {"wheel_radius_m": 0.4, "wheel_radius_u_m": 0.04}
+    stated, plain = row(driven(), **radius), row(driven())
+    assert stated.kinetic.u_kWh > 0.09 * stated.kinetic.kWh > plain.kinetic.u_kWh
+    assert stated.slope.u_kWh > 0.09 * stated.kinetic.kWh
+    assert (stated.work, stated.digging) == (plain.work, plain.digging)
+
+
 def test_masses_that_are_withheld_split_nothing() -> None:
     frames = driven()
     frames["loads"] = frames["loads"].with_columns(mass_kg=pl.lit(None, pl.Float64))
