@@ -10,6 +10,7 @@ the sum. Masses, offset, lag, load transfer and friction are those of the joint 
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
@@ -19,27 +20,16 @@ import polars as pl
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.energy_integrals import (
     EnergyIntegrals,
-    EnergySamples,
     Floats,
     PhaseIntegrals,
     PhaseSpan,
     burnt_litres,
-    end_drive_later,
-    energy_samples,
-    integrate_phases,
-    without_brakes,
+    move_drive,
 )
-from analysis.cycles.energy_terms import (
-    ForceModel,
-    change_each,
-    fitted_force,
-    fitted_motion_errors,
-    gain_u,
-    mass_u,
-)
+from analysis.cycles.energy_terms import ForceModel, change_each, gain_u, mass_u
+from analysis.cycles.fitted_drive import FittedDrive, fit_drive
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
-from analysis.weighing.load_states import means_by_state
 
 #: What an energy is split into, in the order of all tables.
 PARTS: Final = ("work", "kinetic", "slope", "friction", "digging", "braking")
@@ -91,10 +81,12 @@ class ShiftEnergy(NamedTuple):
         rows: the shift whole and by phase, then each cycle likewise; a cycle with a hole in it or
             whose phases were not all seen has fewer, or none.
         scale_unknown: settings without which the ± lacks the scale of the force, by commas.
+        fuel_u_1: relative standard uncertainty of the litres; None where it is not stated.
     """
 
     rows: tuple[EnergyRow, ...] = ()
     scale_unknown: str = ""
+    fuel_u_1: float | None = None
 
 
 #: Of a log whose masses are not known.
@@ -115,37 +107,46 @@ def shift_energy(
     Returns:
         Its rows; none where no mass or no cycle was found.
     """
-    cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
-    spans = _phase_spans(cycles, holes_ns)
+    manoeuvres = frames["manoeuvres"]
+    spans = _phase_spans(frames["cycles"], holes_ns)
     no_mass = frames["loads"]["mass_kg"].is_null().all()
     if not spans or no_mass or manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return NO_ENERGY
-    samples = energy_samples(frames["aligned"], frames["excitation"], frames["digging"], machine)
-    mass_kg = _sample_masses(samples, cycles, manoeuvres)
-    model, stds = fitted_force(frames, mass_kg, machine.settings.priors)
-    errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
-    excitation, rotating_kg = frames["excitation"], machine.machine.rotating_mass_kg
-    samples = without_brakes(samples, excitation, machine, mass_kg, model.viscous, model.direction)
-    found = integrate_phases(samples, spans, mass_kg, rotating_kg, errors)
-    value = _split(found, model)
+    drive = fit_drive(frames, machine)
+    found = drive.integrate(spans)
+    value = _split(found, drive.model)
     if value[:, PARTS.index("work")].sum() <= 0.0:
         return NO_ENERGY
-    common = [_split(found, changed) - value for changed in change_each(model, stds)]
-    later = end_drive_later(samples, machine)
-    common.append(
-        _split(integrate_phases(later, spans, mass_kg, rotating_kg, errors), model) - value
-    )
-    for changed in change_each(errors, errors_u):
-        moved = integrate_phases(samples, spans, mass_kg, rotating_kg, changed)
-        common.append(_split(moved, model) - value)
-    common += [_slope_transfer(found, model), _misfit(found, value, model)]
     gain_u_1, unknown = gain_u(machine)
-    common.append(gain_u_1 * value)
     common_1, random_1 = mass_u(frames)
+    common = [*_common_changes(drive, spans, found, value), gain_u_1 * value]
     common.append(common_1 * _mass_response(found))
-    random = _random_parts(found, value, model, random_1, spans)
-    fuel_L = burnt_litres(samples, spans)
-    return ShiftEnergy(_rows(spans, value, np.array(common), random, fuel_L), unknown)
+    random = _random_parts(found, value, drive.model, random_1, spans)
+    fuel_L = burnt_litres(drive.samples, spans)
+    rows = _rows(spans, value, np.array(common), random, fuel_L)
+    return ShiftEnergy(rows, unknown, machine.machine.fuel_gain_u)
+
+
+def _common_changes(
+    drive: FittedDrive, spans: list[PhaseSpan], found: PhaseIntegrals, value: Floats
+) -> list[Floats]:
+    """(phases, parts) in J each, what one standard uncertainty of each term changes."""
+    model = drive.model
+    forces = [*change_each(model, drive.model_u), _more_coulomb(found, model, drive.coulomb_N)]
+    moved = [replace(drive, errors=each) for each in change_each(drive.errors, drive.errors_u)]
+    earlier, later = (
+        _split(replace(drive, samples=each).integrate(spans), model) - value
+        for each in (move_drive(drive.samples, way * drive.move_rows) for way in (-1, 1))
+    )
+    return [
+        *(_split(found, each) - value for each in forces),
+        *(_split(each.integrate(spans), model) - value for each in moved),
+        # where the machine stands behind one end, only the other one changes anything
+        np.where(abs(later) >= abs(earlier), later, -earlier),
+        _slope_transfer(found, model),
+        _misfit(found, value, model),
+        drive.speed_u_1 * _speed_response(value),
+    ]
 
 
 def _phase_spans(cycles: pl.DataFrame, holes_ns: Sequence[tuple[int, int]]) -> list[PhaseSpan]:
@@ -175,35 +176,6 @@ def _phase_edges(row: Mapping[str, Any]) -> list[int] | None:
     hauled = loaded + int(row["haul_s"] * NS_PER_S)
     edges = [row["start_t_ns"], row["dig_t_ns"], loaded, hauled, row["end_t_ns"]]
     return edges if sorted(edges) == edges else None
-
-
-def _sample_masses(
-    samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
-) -> Floats:
-    """(n,) mass of machine and load: of the nearest start with that load, growing while it digs."""
-    state = manoeuvres["load_id"].to_numpy()
-    weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
-    by_state = means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
-    middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
-    order = np.argsort(middle)
-    middle, level = middle[order], by_state[state][order]
-    between = (middle[1:] + middle[:-1]) / 2.0
-    mass_kg = level[np.searchsorted(between, samples.t_ns)]
-    t_ns = samples.t_ns
-    for row in cycles.iter_rows(named=True):
-        empty, loaded, dug = row["empty_before_kg"], row["loaded_kg"], row["dig_t_ns"]
-        begin, end = np.searchsorted(t_ns, [row["start_t_ns"], row["end_t_ns"]])
-        if empty is None or loaded is None or dug is None or row["load_s"] is None:
-            continue
-        first = int(np.searchsorted(t_ns, dug))
-        last = int(np.searchsorted(t_ns, dug + int(row["load_s"] * NS_PER_S)))
-        filling = samples.digs[first:last]
-        # the bucket fills while the machine pushes into the pile
-        grown = np.cumsum(filling) / max(int(filling.sum()), 1)
-        mass_kg[begin:first] = empty
-        mass_kg[first:last] = empty + (loaded - empty) * grown
-        mass_kg[last:end] = loaded
-    return mass_kg
 
 
 def _split(found: PhaseIntegrals, model: ForceModel) -> Floats:
@@ -250,6 +222,25 @@ def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
     work, dig = (share * of["transfer_slope"] for of in (found.drive, found.dig))
     nothing = np.zeros_like(work)
     return np.stack([work, nothing, nothing, work - dig, dig, nothing], axis=1)
+
+
+def _speed_response(value: Floats) -> Floats:
+    """(phases, parts) in J, what a speed that is larger by its own share of 1 changes.
+
+    Torque times the speed of its wheels stays; so does what lifts the masses, which are lighter by
+    as much as the way is longer: kinetic energy takes what it gains from the slope's.
+    """
+    changed = np.zeros_like(value)
+    changed[:, PARTS.index("kinetic")] = value[:, PARTS.index("kinetic")]
+    changed[:, PARTS.index("slope")] = -value[:, PARTS.index("kinetic")]
+    return changed
+
+
+def _more_coulomb(found: PhaseIntegrals, model: ForceModel, coulomb_N: float) -> ForceModel:
+    """The force with more Coulomb friction, and so much less viscous that the drive meets both."""
+    way_m, viscous = (found.drive[name].sum() for name in ("direction", "viscous"))
+    less_N_s_m = coulomb_N * way_m / viscous if viscous else 0.0
+    return replace(model, direction=model.direction + coulomb_N, viscous=model.viscous - less_N_s_m)
 
 
 def _misfit(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:

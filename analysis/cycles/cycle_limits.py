@@ -93,8 +93,9 @@ class CycleLimits:
     min_drive_force_fraction: float = 0.05
 
     # cycle_energy
-    #: Longest hole in a cycle, in s, beyond which its energy is not known.
-    energy_hole_s: float = 5.0
+    #: Longest hole in a cycle, in s, beyond which its energy is not known: a drive that pushes for
+    #: so long takes about 1 % of the work of a cycle of 100 s, half of its interval.
+    energy_hole_s: float = 0.5
     #: Fewest cycles that show how their friction scatters.
     energy_min_cycles: int = 4
 

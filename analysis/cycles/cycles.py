@@ -41,7 +41,7 @@ from analysis.weighing.weigh import Weighing
 Floats = NDArray[np.float64]
 
 _UNSEEN: Final = "dumped while nothing was recorded"
-_CONTRADICTED: Final = "the boom dumps where no load is dumped by its mass"
+_CONTRADICTED: Final = "the mass does not change where the boom dumps"
 _HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
 
 

@@ -79,7 +79,11 @@ class EnergySamples:
 
 
 def energy_samples(
-    aligned: pl.DataFrame, excitation: pl.DataFrame, digging: pl.DataFrame, machine: Machine
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+    digging: pl.DataFrame,
+    machine: Machine,
+    offset_N: float = 0.0,
 ) -> EnergySamples:
     """Take the samples of a log.
 
@@ -91,6 +95,7 @@ def energy_samples(
         excitation: the smoothed force and the phases, on the same grid.
         digging: starts that dig.
         machine: radius, share of the force, which acceleration.
+        offset_N: of the measured force: what does not act pushes nothing.
     """
     t_ns = aligned["t_ns"].to_numpy()
     step_s = np.diff(t_ns, append=t_ns[-1:]) / NS_PER_S
@@ -104,9 +109,12 @@ def energy_samples(
         _centre_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
     )
     turning = np.where(known, _turning_power(aligned, machine.machine), 0.0)
-    stands = (excitation["phase"] == "standstill").fill_null(value=True).to_numpy()
-    turns = (excitation["phase"] == "spinning").fill_null(value=False).to_numpy()
+    stands, turns = (
+        _in_phase(excitation, name, machine, unknown=unknown)
+        for name, unknown in (("standstill", True), ("spinning", False))
+    )
     moves = known & ~stands
+    smooth_N = smooth_N - offset_N
     reached_N = float(np.quantile(np.abs(smooth_N[moves]), 0.95)) if moves.any() else 0.0
     pushes = smooth_N * np.sign(smooth_m_s) > LIMITS.min_drive_force_fraction * reached_N
     drives = moves & np.where(turns, turning > 0.0, pushes)
@@ -172,29 +180,43 @@ def without_brakes(
         _centre_mean(excitation, name, machine) for name in ("speed_x_m_s", "regressor_acc_x_m_s2")
     )
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
-    spins = (excitation["phase"] == "spinning").fill_null(value=False).to_numpy()
+    spins = _in_phase(excitation, "spinning", machine, unknown=False)
     braked = samples.drives & ~samples.digs & ~spins & (along < 0.0)
     return replace(samples, drives=samples.drives & ~braked, slows=samples.slows | braked)
 
 
-def end_drive_later(samples: EnergySamples, machine: Machine) -> EnergySamples:
-    """The same with the drive's stretches later by half the moving mean, and a sample at least.
+def drive_as_it_acts(samples: EnergySamples, force_late_s: float) -> EnergySamples:
+    """The same with the drive's stretches where the force acts, not where it is measured."""
+    sampled = samples.step_s[samples.step_s > 0.0]
+    rows = round(force_late_s / float(np.median(sampled))) if sampled.size else 0
+    return move_drive(samples, -rows)
 
-    A motor lets go gradually: where its force ends is known no better.
+
+def move_drive(samples: EnergySamples, rows: int) -> EnergySamples:
+    """The same with the drive's stretches so many rows later.
+
+    A motor lets go gradually: where its force ends is known to half the moving mean at best.
     """
-    rows = max((machine.settings.smooth.samples - 1) // 2, 1)
-    return replace(
-        samples,
-        drives=np.roll(samples.drives, rows),
-        digs=np.roll(samples.drives, rows) & samples.digs,
-        slows=np.roll(samples.slows, rows),
+    drives, digs, slows = (
+        np.roll(each, rows) for each in (samples.drives, samples.digs, samples.slows)
     )
+    return replace(samples, drives=drives, digs=digs, slows=slows)
 
 
 def _centre_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
     """A column after the trailing mean, moved back by half its length, (n,); 0 where unknown."""
-    late = (machine.settings.smooth.samples - 1) // 2
-    return np.roll(np.nan_to_num(values(excitation, name)), -late)
+    return np.roll(np.nan_to_num(values(excitation, name)), -late_rows(machine))
+
+
+def _in_phase(excitation: pl.DataFrame, name: str, machine: Machine, *, unknown: bool) -> Bools:
+    """(n,) which samples are in a phase of the motion, which is told after the trailing mean."""
+    found = (excitation["phase"] == name).fill_null(value=unknown).to_numpy()
+    return np.roll(found, -late_rows(machine))
+
+
+def late_rows(machine: Machine) -> int:
+    """Rows by which the trailing mean of the excitation is late."""
+    return (machine.settings.smooth.samples - 1) // 2
 
 
 def _turning_power(aligned: pl.DataFrame, body: Body) -> Floats:

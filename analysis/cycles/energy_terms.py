@@ -14,6 +14,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.settings import PriorSettings
 from analysis.model.windows import runs_of
+from analysis.weighing.nuisances import coulomb_std
 
 #: Columns of `nuisances` that are a value and its uncertainty.
 _FOUND: Final = ("term", "posterior", "posterior_std")
@@ -70,10 +71,8 @@ def fitted_force(
     offset, offset_u = of("offset")
     both = term["const"][2] if "const" in term else 0.0
     excitation = frames["excitation"]
-    driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
-    pushed_N = np.abs(values(driving, "force_x_N"))
-    largest_N = float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
-    wrong_1 = min((priors.const_share * largest_N / both) ** 2, 1.0) if both else 0.0
+    wrong_N = priors.const_share * _largest_force(excitation)
+    wrong_1 = min((wrong_N / both) ** 2, 1.0) if both else 0.0
     friction = ("friction_x_N_s_m", "friction_x_std_N_s_m")
     viscous: tuple[float, float] = frames["loads"].select(friction).drop_nulls().row(0)
     # what of either grows with the load is in neither, so in what is uncertain of both
@@ -94,6 +93,28 @@ def fitted_force(
     }
     value = ForceModel(**{name: pair[0] for name, pair in pairs.items()})
     return value, ForceModel(**{name: pair[1] for name, pair in pairs.items()})
+
+
+def untold_coulomb(frames: Mapping[str, pl.DataFrame], mass_kg: Floats, machine: Machine) -> float:
+    """Standard deviation of the Coulomb friction that the fit has no term for, in N.
+
+    Where the log drives one way, it is part of the viscous friction and of the constant force.
+
+    Returns:
+        0 where the fit has the term.
+    """
+    if "direction" in frames["nuisances"]["term"]:
+        return 0.0
+    weight_N = float(np.quantile(mass_kg, 0.1)) * machine.machine.gravity_m_s2
+    priors = machine.settings.priors
+    return coulomb_std(_largest_force(frames["excitation"]), weight_N, priors)
+
+
+def _largest_force(excitation: pl.DataFrame) -> float:
+    """The force that the log drives with, in N."""
+    driving = excitation.filter(pl.col("phase").is_in(["accelerating", "cruising"]))
+    pushed_N = np.abs(values(driving, "force_x_N"))
+    return float(np.nanquantile(pushed_N, 0.95)) if pushed_N.size else 0.0
 
 
 def _combine_offsets(

@@ -94,6 +94,8 @@ class Body(BaseModel):
         None, ge=0, lt=1, exclude_if=lambda value: value is None
     )
     haul_spillage_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
+    #: Relative standard uncertainty of the channel that gives the fuel's rate; left out likewise.
+    fuel_gain_u: float | None = Field(None, ge=0, exclude_if=lambda value: value is None)
     #: Whether it has a bucket to dig with: without one no start is driven into a pile.
     digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)

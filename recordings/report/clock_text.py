@@ -62,6 +62,13 @@ class ShiftClock:
         day = "" if self._one_day else f"{local:%Y-%m-%d} "
         return f"{day}{local:%H}:00 {self._offset(s)}"
 
+    def next_hour(self, s: float) -> float:
+        """When the hour after that of a time begins, in s since the first sample."""
+        if not self.is_dated:
+            return _HOUR_S * (s // _HOUR_S + 1.0)
+        local = self.local(s)
+        return s + _HOUR_S - local.minute * _MINUTE_S - local.second
+
     def day_and_time(self, when: datetime) -> str:
         """Any time, of another day than the shift as well, as the machine's clock has it."""
         local = when.astimezone(ZoneInfo(self.zone))

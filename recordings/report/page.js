@@ -3,7 +3,9 @@ const said = document.getElementById("said");
 const key = (row, at) => {
   const cell = row.cells[at];
   const text = cell.dataset.v === undefined ? cell.textContent : cell.dataset.v;
-  return text === "" ? NaN : isNaN(text) ? text : Number(text);
+  if (text === "" || text === "–") return NaN;
+  const number = Number(text.replaceAll(",", ""));
+  return Number.isNaN(number) ? text : number;
 };
 const order = (a, b) => {
   if (Number.isNaN(a) || Number.isNaN(b)) return Number.isNaN(a) - Number.isNaN(b);

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.resources import files
 from typing import Any, Final
@@ -18,21 +19,23 @@ _TEMPLATES: Final = ".html.j2"
 _PLACE: Final = "/* page.js */"
 
 
-def page_html(package: str, template: str, *, script: str = "", **values: Any) -> str:
+def page_html(package: str, template: str, *, scripts: Sequence[str] = (), **values: Any) -> str:
     """Render a page; every text in it is escaped.
 
     Args:
         package: where the template and those that it includes lie.
         template: its name; it fills the block of `page.html.j2`.
-        script: the name of a script of its own beside it, if any.
+        scripts: names of scripts of its own beside it.
         values: that it shows.
     """
     from jinja2 import DictLoader, Environment, StrictUndefined
 
     # our own files, so part of the template: no text of a log is in them
     here = files(_HERE)
-    scripts = [here.joinpath(_SCRIPT), *([files(package).joinpath(script)] if script else [])]
-    code = "".join(each.read_text(encoding="utf-8") for each in scripts)
+    own_scripts = [files(package).joinpath(name) for name in scripts]
+    code = "".join(
+        each.read_text(encoding="utf-8") for each in (here.joinpath(_SCRIPT), *own_scripts)
+    )
     page = here.joinpath(_PAGE).read_text(encoding="utf-8").replace(_PLACE, code)
     macros = here.joinpath(_MACROS).read_text(encoding="utf-8")
     own = {

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Final
 
 import numpy as np
@@ -15,8 +16,9 @@ _TEXT: Final = 6.2
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """An SVG element: its tag, attributes and text, which the template escapes."""
+    """An SVG element: its look, its tag, attributes and text, which the template escapes."""
 
+    look: str
     tag: str
     attributes: dict[str, str]
     text: str = ""
@@ -40,30 +42,41 @@ class Drawing:
     height: int
     shapes: list[Shape] = field(default_factory=list)
 
+    @property
+    def groups(self) -> list[tuple[dict[str, str], list[Shape]]]:
+        """Shapes of one look that follow each other, with the attributes of that look."""
+        runs = groupby(self.shapes, key=lambda shape: shape.look)
+        return [({"class": look, **_LOOKS[look]}, list(shapes)) for look, shapes in runs]
+
     def line(self, x0: float, y0: float, x1: float, y1: float, look: str) -> None:
         """Draw a straight line."""
         at = {"x1": _n(x0), "y1": _n(y0), "x2": _n(x1), "y2": _n(y1)}
-        self.shapes.append(Shape("line", {"class": look, **at, **_LOOKS[look]}))
+        self.shapes.append(Shape(look, "line", at))
+
+    def path(self, ways: Sequence[Sequence[tuple[float, float]]], look: str) -> None:
+        """Draw ways from corner to corner, all as one element."""
+        d = "".join("M" + "L".join(f"{_n(x)} {_n(y)}" for x, y in corners) for corners in ways)
+        self.shapes.append(Shape(look, "path", {"d": d, "fill": "none"}))
 
     def polygon(self, corners: Sequence[tuple[float, float]], look: str) -> None:
         """Fill an area."""
         points = " ".join(f"{_n(x)},{_n(y)}" for x, y in corners)
-        self.shapes.append(Shape("polygon", {"class": look, "points": points, **_LOOKS[look]}))
+        self.shapes.append(Shape(look, "polygon", {"points": points}))
 
     def dot(self, x: float, y: float, look: str, tip: str) -> None:
         """Draw a point that says what it is when it is pointed at."""
         at = {"cx": _n(x), "cy": _n(y), "r": "3.2"}
-        self.shapes.append(Shape("circle", {"class": look, **at, **_LOOKS[look]}, tip))
+        self.shapes.append(Shape(look, "circle", at, tip))
 
     def bar(self, x: float, y: float, width: float, height: float, look: str) -> None:
         """Fill a rectangle."""
         at = {"x": _n(x), "y": _n(y), "width": _n(width), "height": _n(height)}
-        self.shapes.append(Shape("rect", {"class": look, **at, **_LOOKS[look]}))
+        self.shapes.append(Shape(look, "rect", at))
 
     def write(self, x: float, y: float, text: str, anchor: str = "middle") -> None:
         """Write a text."""
         at = {"x": _n(x), "y": _n(y), "text-anchor": anchor}
-        self.shapes.append(Shape("text", {"class": "ink", **at, **_LOOKS["ink"]}, text))
+        self.shapes.append(Shape("ink", "text", at, text))
 
 
 #: Looks without a style sheet, as on paper; the report's own changes them in the dark.
@@ -153,4 +166,5 @@ def _padded_range(values: Sequence[float], pad: float) -> tuple[float, float]:
 
 
 def _n(value: float) -> str:
-    return f"{value:.2f}"
+    """A place in the drawing: a tenth of its unit is less than a pixel of a printer."""
+    return f"{value:.1f}".removesuffix(".0")

@@ -6,10 +6,12 @@ from typing import Any, Final, NamedTuple
 
 import polars as pl
 
+from analysis.model.physical_units import NS_PER_S
 from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
 from recordings.review.review_state import RECORDING
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict
+from recordings.review.shift_ledger import remark
 
 _KM_H: Final = 3.6
 Row = Mapping[str, Any]
@@ -54,13 +56,10 @@ DETAILS: Final = (
 )
 
 
-def _cells(row: Row, columns: Sequence[CycleColumn]) -> list[tuple[str, str]]:
-    """Texts, and the numbers that they sort by; empty where there is none."""
+def _cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
+    """Numbers as texts; a dash where there is none."""
     values = [(column, column.value(row)) for column in columns]
-    return [
-        ("–", "") if value is None else (f"{value:,.{column.digits}f}", f"{value:.3f}")
-        for column, value in values
-    ]
+    return ["–" if value is None else f"{value:,.{column.digits}f}" for column, value in values]
 
 
 def cycle_rows(
@@ -79,19 +78,19 @@ def cycle_rows(
 def _row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
     labels = [row[name] for name in LABELS if row[name]]
     by = "" if verdict is None else f"{verdict.author}, {clock.day_and_time(verdict.time)}"
-    own = {} if verdict is None else verdict.model_dump(include={"reject", "note", *LABELS})
+    own = None if verdict is None else verdict.model_dump(include={"reject", "note", *LABELS})
     return {
         "number": row["cycle"],
         "id": row["id"],
         "time": row["local_time"],
-        "ends_ns": row["end_unix_ns"],
+        "ends_s": round(row["end_unix_ns"] / NS_PER_S),
         "payload": _cells(row, PAYLOAD),
         "details": _cells(row, DETAILS),
         "quality": "rejected" if row["rejected"] else row["quality"],
-        "remark": "; ".join(filter(None, (row["withheld_for"], row["doubt"]))),
+        "remark": remark(row),
         "labels": ", ".join(labels),
         "note": ": ".join(filter(None, (by, row["note"]))),
-        "said": json.dumps(own),
+        "said": "" if own is None else json.dumps(own),
         "out": not row["counted"],
         "command": f"payscope view {RECORDING} --at {max(row['at_s'], 0.0):.1f}",
     }

@@ -16,8 +16,9 @@ from recordings.review.review_state import ReviewState
 ENERGIES: Final = ("energy", *PARTS[1:], *PHASES, "energy_per_t")
 #: Most digits behind the point in kWh: a tenth of a Wh.
 _MOST_DIGITS: Final = 4
-#: Column of the ledger with the fuel of a cycle.
+#: Columns of the ledger with the fuel of a cycle, and its standard uncertainty.
 FUEL: Final = "fuel_L"
+FUEL_U: Final = "fuel_u_L"
 
 
 def value_column(name: str) -> str:
@@ -54,7 +55,10 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
         columns.append(pl.Series(u_column(name), [p[1] for p in pairs], dtype=pl.Float64))
     burnt = {row.cycle: row.fuel_L for row in state.energy.rows if row.phase == WHOLE}
     fuel_L = [burnt.get(number) for number in rows["cycle"]]
-    return rows.with_columns(*columns, pl.Series(FUEL, fuel_L, dtype=pl.Float64))
+    u_1 = state.energy.fuel_u_1
+    fuel_u_L = [None if burnt_L is None or u_1 is None else u_1 * burnt_L for burnt_L in fuel_L]
+    columns += [pl.Series(FUEL, fuel_L, pl.Float64), pl.Series(FUEL_U, fuel_u_L, pl.Float64)]
+    return rows.with_columns(columns)
 
 
 def _amounts(row: EnergyRow) -> dict[str, EnergyAmount]:
@@ -111,20 +115,31 @@ def energy_fact(
         f"{part} {round(getattr(whole, part).kWh / whole.work.kWh, 2) + 0.0:.0%}"
         for part in PARTS[1:-1]
     )
+    known = sum(row.cycle is not None and row.phase == WHOLE for row in state.energy.rows)
+    some = "" if known == ledger.height else f" in {known} of {ledger.height} cycles"
     lacks = state.energy.scale_unknown
     scale = f"; scale error not included (set {lacks})" if lacks else ""
-    found = [("energy at the wheels", f"{amount_text(whole.work)} kWh{each}: {of}{scale}")]
+    found = [("energy at the wheels", f"{amount_text(whole.work)} kWh{some}{each}: {of}{scale}")]
     if whole.fuel_L is not None:
-        found.append(("fuel", _fuel_text(whole.fuel_L, ledger)))
+        found.append(("fuel", _fuel_text(whole.fuel_L, ledger, shift, state.energy.fuel_u_1)))
     return found
 
 
-def _fuel_text(fuel_L: float, ledger: pl.DataFrame) -> str:
-    """The fuel of the cycles, and of a counted tonne; its channel states no uncertainty."""
+def _fuel_text(
+    fuel_L: float, ledger: pl.DataFrame, shift: Mapping[str, Any], u_1: float | None
+) -> str:
+    """The fuel of the cycles, and of a counted tonne."""
     both = ledger.filter("counted", pl.col(FUEL).is_not_null())
     tonnes = float(both["payload_kg"].sum()) / 1e3
-    each = f", {float(both[FUEL].sum()) / tonnes:.3f} L/t" if tonnes > 0.0 else ""
-    return f"{fuel_L:,.2f} L in the cycles{each}, as its channel says"
+    per_t = float(both[FUEL].sum()) / tonnes if tonnes > 0.0 else None
+    if u_1 is None:
+        each = "" if per_t is None else f", {per_t:.3f} L/t"
+        return f"{fuel_L:,.2f} L in the cycles{each}; ± not known (set machine.fuel_gain_u)"
+    each = ""
+    if per_t is not None:
+        u_per_t = per_t * hypot(u_1, shift["payload_u_kg"] / shift["payload_kg"])
+        each = f", {plus_minus(per_t, K * u_per_t)} L/t"
+    return f"{plus_minus(fuel_L, K * u_1 * fuel_L)} L in the cycles{each}"
 
 
 def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
@@ -137,9 +152,17 @@ def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     found: list[tuple[str, Sequence[str]]]
     found = [(part, [_cell(getattr(row, part), digits) for row in rows]) for part in PARTS]
     if any(row.fuel_L is not None for row in rows):
-        litres = ["–" if row.fuel_L is None else f"{row.fuel_L:.2f}" for row in rows]
-        found.append(("fuel in L", litres))
+        u_1 = state.energy.fuel_u_1
+        head = "fuel in L" if u_1 is not None else "fuel in L, ± not known"
+        found.append((head, [_litres(row.fuel_L, u_1) for row in rows]))
     return found
+
+
+def _litres(fuel_L: float | None, u_1: float | None) -> str:
+    """The fuel of a phase in the table, with its interval where that is known."""
+    if fuel_L is None:
+        return "–"
+    return f"{fuel_L:.2f}" if u_1 is None else f"{fuel_L:.2f} ± {K * u_1 * fuel_L:.2f}"
 
 
 def _cell(amount: EnergyAmount, digits: int) -> str:
@@ -160,6 +183,7 @@ def energy_dict(
     return {
         "per_t": None if per_t is None else per_t._asdict(),
         "scale_unknown": state.energy.scale_unknown,
+        "fuel_u_1": state.energy.fuel_u_1,
         "rows": [
             {"cycle": row.cycle, "phase": row.phase, "fuel_L": row.fuel_L}
             | {part: getattr(row, part)._asdict() for part in PARTS}

@@ -70,6 +70,10 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
         raise ReviewError(f"'{text}' is no time ({error})") from None
     if match is None:
         raise ReviewError(f"'{text}' is no time; write it like 14:32 or 2023-11-14 14:32:10")
+    begin_s = clock.t0_unix_ns / _NS
+    within_shift = [each for each in found if 0.0 <= each - begin_s <= clock.duration_s]
+    # of a shift over midnight the other day's hour is hours before it begins
+    found = within_shift or found
     if len(found) != 1:
         times = "never" if not found else f"{len(found)} times"
         raise ReviewError(f"the clock shows '{text}' {times}; give the day, and the UTC offset")

@@ -12,9 +12,10 @@ import xlsxwriter
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
-from recordings.review.energy_columns import ENERGIES, FUEL, u_column, value_column
+from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
 from recordings.review.reviewer_verdicts import LABELS
 from recordings.review.safe_cell import safe_cell
+from recordings.review.shift_ledger import remark
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
@@ -74,7 +75,7 @@ def _describe_counted(row: Row, _: ShiftClock) -> Cell:
 
 
 def _remark(row: Row, _: ShiftClock) -> Cell:
-    return "; ".join(filter(None, (row["withheld_for"], row["doubt"])))
+    return remark(row)
 
 
 def _energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
@@ -108,6 +109,7 @@ COLUMNS: Final = (
     TableColumn("standing", "s", _scale_column("standing_s"), 0),
     *(column for name in ENERGIES for column in _energy_columns(name)),
     TableColumn("fuel", "L", _scale_column(FUEL), 3),
+    TableColumn("± fuel", "L", _scale_column(FUEL_U, K), 3),
     TableColumn("id", "", _as_it_is("id")),
 )
 

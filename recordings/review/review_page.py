@@ -8,8 +8,10 @@ import polars as pl
 
 from analysis.cycles.label_totals import LabelTotal
 from analysis.cycles.payload_target import TargetCheck
+from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
-from recordings.report.number_text import plus_minus
+from recordings.report.clock_text import duration_text
+from recordings.report.number_text import REMARKED, plus_minus
 from recordings.report.render_page import page_html
 from recordings.report.shift_text import K, tonnes
 from recordings.review.cycle_rows import DETAILS, PAYLOAD, cycle_rows
@@ -18,11 +20,9 @@ from recordings.review.hour_rows import HEADS, hour_rows
 from recordings.review.review_plots import more_pictures, pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
-    NO_VERDICTS,
     VERDICTS,
     CycleVerdict,
-    VerdictFile,
-    verdict_toml,
+    verdict_lines,
 )
 from recordings.review.shift_facts import (
     facts,
@@ -39,7 +39,7 @@ from recordings.review.shift_facts import (
 PAGE: Final = "review.html"
 _PACKAGE: Final = "recordings.review"
 _TEMPLATE: Final = "review.html.j2"
-_SCRIPT: Final = "verdict_buttons.js"
+_SCRIPTS: Final = ("find_rows.js", "verdict_buttons.js")
 #: A page is no list of all that may be wrong.
 _MOST_FINDINGS: Final = 3
 NOT_CALIBRATED: Final = "Payloads are not calibrated"
@@ -74,7 +74,7 @@ class ReviewPage:
         changes: since the last review; None where this is the first.
         calibration: whose line the payloads are on.
         track: positions, where there are.
-        verdicts: all that reviewers said.
+        verdicts: the file of all that reviewers said, with their comments.
         by_row: verdicts on cycles, by row of the ledger.
         totals: by label (product, operator …), where loads have one.
     """
@@ -86,7 +86,7 @@ class ReviewPage:
     changes: list[tuple[str, str, str]] | None
     calibration: UsedCalibration
     track: pl.DataFrame | None = None
-    verdicts: VerdictFile = NO_VERDICTS
+    verdicts: str = ""
     by_row: Mapping[int, CycleVerdict] = field(default_factory=dict[int, CycleVerdict])
     totals: Mapping[str, Sequence[LabelTotal]] = field(
         default_factory=dict[str, Sequence[LabelTotal]]
@@ -101,19 +101,21 @@ def review_html(page: ReviewPage) -> str:
     return page_html(
         _PACKAGE,
         _TEMPLATE,
-        script=_SCRIPT,
+        scripts=_SCRIPTS,
+        led_to=REMARKED,
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
-        duration=f"{shift['duration_s'] / 3600.0:.2f} h",
+        duration=duration_text(shift["duration_s"]),
         against=page.calibration.against and f"{NOT_CALIBRATED}: {page.calibration.against}.",
         headline=headline(shift, why_not, state),
         no_tonnes=bool(why_not),
-        holes=long_holes(shift, state),
+        alarms=list(filter(None, (two_machines(state), long_holes(shift, state)))),
         facts=facts(shift, page.ledger, state, page.target),
         warnings=_warnings(page),
         payload_heads=[column.head for column in PAYLOAD],
         detail_heads=[column.head for column in DETAILS],
         cycles=cycle_rows(page.ledger, page.by_row, state.clock),
+        t0_s=round(state.t0_unix_ns / NS_PER_S),
         doubted=page.ledger.filter("counted", pl.col("doubt") != "").height,
         hours=hour_rows(page.ledger, state),
         hour_heads=list(HEADS),
@@ -123,7 +125,7 @@ def review_html(page: ReviewPage) -> str:
         totals={name: _total_rows(rows) for name, rows in page.totals.items()},
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
-        verdict_lines=verdict_toml([*page.verdicts.shift, *page.verdicts.cycle]).splitlines(),
+        verdict_lines=verdict_lines(page.verdicts),
         verdict_file=VERDICTS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
         friction=_friction(state),
@@ -142,8 +144,7 @@ def _total_rows(totals: Sequence[LabelTotal]) -> list[tuple[str, str, str]]:
 
 def _warnings(page: ReviewPage) -> list[str]:
     state = page.state
-    found = [two_machines(state)] if state.mixed_machines else []
-    found += missing_loads(page.shift)
+    found = missing_loads(page.shift)
     found += torn_sentences(state)
     if losses := other_losses(state):
         found.append(f"Damaged or incomplete: {counted(len(losses), 'loss')}, listed below.")

@@ -1,6 +1,5 @@
 """Figures of a review: payloads in time and against the target, the gate's reasons, the track."""
 
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -21,7 +20,7 @@ _FEWEST_LOADS: Final = 5
 
 
 def pictures(ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None) -> list[Drawing]:
-    """The figures of the loads, none where no load counts.
+    """The figures of the loads: none where no load counts, no distribution of one.
 
     Args:
         ledger: the ledger.
@@ -31,7 +30,8 @@ def pictures(ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | Non
     counted = ledger.filter("counted")
     if not counted.height:
         return []
-    return [_timeline(ledger, state), _distribution(counted, target)]
+    found = [_timeline(ledger, state)]
+    return [*found, _distribution(counted, target)] if counted.height > 1 else found
 
 
 def more_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
@@ -70,11 +70,12 @@ def _timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
         (x0, _), (x1, _) = (axes.place(t, 0.0) for t in (start, end))
         picture.bar(x0, _BOX[1], max(x1 - x0, 1.0), _BOX[3] - _BOX[1], "band")
     axes.draw(picture, clock.axis_label, "payload in kg", clock.ticks(*axes.x))
+    spans = zip(seconds, payload, u, strict=True)
+    picture.path(
+        [[axes.place(s, p - 2.0 * w), axes.place(s, p + 2.0 * w)] for s, p, w in spans], "axis"
+    )
     rows = zip(seconds, payload, u, shown["cycle"], shown["counted"], strict=True)
     for at_s, kg, u_kg, number, counts in rows:
-        x, low = axes.place(at_s, kg - 2.0 * u_kg)
-        _, high = axes.place(at_s, kg + 2.0 * u_kg)
-        picture.line(x, low, x, high, "axis")
         tip = f"cycle {number}, {clock.at(at_s)}: {kg:,.0f} ± {2.0 * u_kg:,.0f} kg"
         picture.dot(*axes.place(at_s, kg), "point" if counts else "rejected", tip)
     return picture
@@ -89,8 +90,8 @@ def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
     against = (
         "" if target is None else f" Dashed: the target, {target.target_kg:,.0f} kg, 110 and 120 %."
     )
-    # of the sample, as in the frame `shift`; one load has none
-    std = float(payload.std(ddof=1)) if payload.size > 1 else 0.0
+    # of the sample, as in the frame `shift`
+    std = float(payload.std(ddof=1))
     picture = Drawing(
         "distribution",
         "Distribution of payloads",
@@ -181,7 +182,6 @@ def _track(track: pl.DataFrame) -> Drawing:
     )
     axes = Axes.around(east.tolist(), north.tolist(), _BOX)
     axes.draw(picture, "m east", "m north")
-    places = [axes.place(float(x), float(y)) for x, y in zip(east, north, strict=True)]
-    for (x0, y0), (x1, y1) in pairwise(places):
-        picture.line(x0, y0, x1, y1, "axis")
+    way = [axes.place(float(x), float(y)) for x, y in zip(east, north, strict=True)]
+    picture.path([way], "axis")
     return picture

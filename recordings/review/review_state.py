@@ -28,7 +28,7 @@ from recordings.rrd.recording_texts import local_time, machine_body, machine_nam
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
-FORMAT: Final = 8
+FORMAT: Final = 9
 _NS: Final = 10**9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5

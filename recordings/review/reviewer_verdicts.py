@@ -116,23 +116,41 @@ def _merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
     return Labels.model_validate(said)
 
 
-#: Of a folder without the file.
-NO_VERDICTS: Final = VerdictFile()
-
-
 def read_verdicts(folder: Path) -> VerdictFile:
-    """Read the verdicts of a review's folder, none where there is no file.
+    """The verdicts of a review's folder, none where there is no file.
 
     Raises:
         ReviewError: the file cannot be read or says something else.
     """
+    return parse_verdicts(read_verdict_text(folder), folder)
+
+
+def read_verdict_text(folder: Path) -> str:
+    """Read the file of a review's folder as somebody wrote it, empty where there is none.
+
+    Raises:
+        ReviewError: the file cannot be read.
+    """
     path = folder / VERDICTS
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        return NO_VERDICTS
+        return ""
     except (OSError, UnicodeDecodeError) as error:
         raise ReviewError(f"{path}: cannot be read ({error})") from None
+
+
+def parse_verdicts(text: str, folder: Path) -> VerdictFile:
+    """The verdicts that a file says.
+
+    Args:
+        text: of the file.
+        folder: of the review, for what is said.
+
+    Raises:
+        ReviewError: the text says something else.
+    """
+    path = folder / VERDICTS
     try:
         return VerdictFile.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
@@ -157,6 +175,11 @@ def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
         lines += [f"{key} = {_toml_value(said[key])}" for key in _KEYS if key in said]
         blocks.append("\n".join(lines) + "\n")
     return "\n".join(blocks)
+
+
+def verdict_lines(text: str) -> list[str]:
+    """The file's own lines, comments too, for a page; what no screen shows is by its number."""
+    return ["".join(_visible(c) for c in line.replace("\t", " ")) for line in text.splitlines()]
 
 
 def matched(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
@@ -205,6 +228,8 @@ def _toml_value(value: object) -> str:
 
 def _toml_character(c: str) -> str:
     """A character of a basic string; what no screen shows is written by its number."""
-    if c in '\\"':
-        return f"\\{c}"
+    return f"\\{c}" if c in '\\"' else _visible(c)
+
+
+def _visible(c: str) -> str:
     return c if c.isprintable() else f"\\U{ord(c):08x}"

@@ -13,6 +13,7 @@ from recordings.report.number_text import plus_minus
 from recordings.report.shift_text import K, shift_sentence, tonnes
 from recordings.review.energy_columns import energy_fact
 from recordings.review.review_state import ReviewState
+from recordings.review.shift_ledger import HOLE_S
 from recordings.review.torn_logs import open_end
 
 #: A headline is no list of all that may be wrong; the table has all.
@@ -21,8 +22,6 @@ _MOST_CHECKS: Final = 3
 _MOST_STANDS: Final = 3
 #: A hole of so long, in s, is about one cycle: longer ones are said on top, each.
 _LONG_HOLE_S: Final = 120.0
-#: A cycle with a longer hole in it, in s, is left out of the mean times.
-_HOLE_S: Final = 5.0
 _HOUR_S: Final = 3600.0
 _KM_H: Final = 3.6
 
@@ -151,13 +150,19 @@ def _work(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str
         numbers = ", ".join(map(str, doubted))
         found.append(("worth a second look", f"{counted(len(doubted), 'load')}: {numbers}"))
     if shift["cycles_counted"]:
-        mean, std = shift["payload_mean_kg"], shift["payload_std_kg"] or 0.0
-        found.append(("a load", f"{mean:,.0f} kg on average, standard deviation {std:,.0f} kg"))
+        found.append(("a load", _mean_load(shift)))
     back_kg, back_u_kg = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
     # an interval that holds zero says nothing about what stays in the bucket
     if back_kg is not None and abs(back_kg) > back_u_kg:
         found.append(("carried back", f"{back_kg:,.0f} ± {back_u_kg:,.0f} kg on average"))
     return found
+
+
+def _mean_load(shift: Mapping[str, Any]) -> str:
+    mean = f"{shift['payload_mean_kg']:,.0f} kg"
+    if shift["cycles_counted"] == 1:
+        return mean
+    return f"{mean} on average, standard deviation {shift['payload_std_kg'] or 0.0:,.0f} kg"
 
 
 def _times(
@@ -267,7 +272,7 @@ def cycle_times(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     """
     parts = ("return_s", "load_s", "haul_s", "dump_s")
     whole = ledger.drop_nulls(parts).filter(
-        pl.col("hole_s").fill_null(0.0) <= _HOLE_S, ~pl.col("rejected")
+        pl.col("hole_s").fill_null(0.0) <= HOLE_S, ~pl.col("rejected")
     )
     if not whole.height:
         return []
@@ -291,8 +296,9 @@ def target_sentence(target: TargetCheck) -> str:
 
 
 def two_machines(state: ReviewState) -> str:
-    """The warning that these may be logs of two machines, as a sentence."""
-    return f"{state.mixed_machines[:1].upper()}{state.mixed_machines[1:]}."
+    """The warning that these may be logs of two machines, as a sentence; empty where none is."""
+    said = state.mixed_machines
+    return f"{said[:1].upper()}{said[1:]}." if said else ""
 
 
 def _number(cycles: float, u: float) -> str:

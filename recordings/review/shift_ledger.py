@@ -3,13 +3,14 @@
 import datetime as dt
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import polars as pl
 
 from analysis.cycles.cycle_doubts import cycle_doubts
 from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.clock_text import duration_text
 from recordings.review.energy_columns import with_energy
 from recordings.review.review_state import ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
@@ -19,6 +20,8 @@ PARQUET: Final = "ledger.parquet"
 CSV: Final = "ledger.csv"
 #: Quality of a load that counts and is worth a second look.
 CHECK: Final = "check"
+#: A cycle with a longer hole in it, in s, says so, and is left out of the mean times.
+HOLE_S: Final = 5.0
 NO_LABELS: Final = Labels()
 _NS: Final = 10**9
 _QUALITY: Final = ("quality", "withheld_for", "counted")
@@ -107,6 +110,17 @@ def with_motion(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
         *(pl.Series(name, numbers, dtype=pl.Float64) for name, numbers in columns.items()),
     )
     return with_energy(moved, state)
+
+
+def remark(row: Mapping[str, Any]) -> str:
+    """What a reader should know of a cycle: why it has no mass, why to look again, its hole.
+
+    Args:
+        row: of the ledger, with motion.
+    """
+    hole_s = row["hole_s"] or 0.0
+    hole = f"{duration_text(hole_s)} of it not recorded" if hole_s > HOLE_S else ""
+    return "; ".join(filter(None, (row["withheld_for"], row["doubt"], hole)))
 
 
 def cycles_of(rows: pl.DataFrame, t0_unix_ns: int) -> pl.DataFrame:

@@ -265,7 +265,7 @@ def _foremost(findings: pl.DataFrame, span: tuple[int, int] | None) -> pl.DataFr
 
 
 def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
-    """The rows where a state begins; no state (null) after the last one."""
+    """The rows where a state begins; no state (null) in a hole and after the last one."""
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
         column = pl.when(column).then(pl.lit(series.column))
@@ -275,7 +275,10 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
         ends = frame.select((pl.col("end_t_ns") + 1).alias("t_ns"))
     else:
         starts = frame.select("t_ns", column)
-        ends = frame.tail(1).select(pl.col("t_ns") + period_ns)
+        step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
+        # a frame that keeps one row of many has a period of its own
+        is_last = (step > 1.5 * step.median()).fill_null(value=True)
+        ends = frame.filter(is_last).select(pl.col("t_ns") + period_ns)
     # where one manoeuvre ends as the next begins, the beginning is the later of the two rows
     states = pl.concat([ends, starts], how="diagonal").sort("t_ns", maintain_order=True)
     changed = pl.col(STATE).ne_missing(pl.col(STATE).shift(1))

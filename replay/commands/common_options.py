@@ -48,6 +48,17 @@ RequireSigned = Annotated[
     ),
 ]
 
+#: Viscous friction whose day is asked for.
+FrictionLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--friction-limit",
+        metavar="N_S_M",
+        min=1e-3,
+        help="Say on which day each machine's viscous friction reaches so many N·s/m.",
+    ),
+]
+
 
 def read_calibration(
     folder: Path | None, key: Path | None, *, signed: bool

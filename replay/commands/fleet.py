@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.common_options import FormatOption, OutputFile
+from replay.commands.common_options import FormatOption, FrictionLimit, OutputFile
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -142,14 +142,7 @@ def report_command(
     destination: Results,
     output: Annotated[Path, typer.Option("-o", "--output", help="The page (.html).")],
     force: Annotated[bool, typer.Option(help="Replace an existing page.")] = False,
-    friction_limit: Annotated[
-        float | None,
-        typer.Option(
-            metavar="N_S_M",
-            min=1e-3,
-            help="Say on which day each machine's viscous friction reaches so many N·s/m.",
-        ),
-    ] = None,
+    friction_limit: FrictionLimit = None,
     as_json: AsJson = False,
 ) -> None:
     """Write one page over machines and weeks: tonnes, drift, what needs a look."""

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
+from replay.commands.common_options import (
+    Calibration,
+    FrictionLimit,
+    RequireSigned,
+    SignerKey,
+    read_calibration,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -114,14 +120,7 @@ def command(
     week: Annotated[
         bool, typer.Option("--week", help="Sum the folders of reviews by day, machine, product.")
     ] = False,
-    friction_limit: Annotated[
-        float | None,
-        typer.Option(
-            metavar="N_S_M",
-            min=1e-3,
-            help="With --week: the day on which viscous friction reaches so many N·s/m.",
-        ),
-    ] = None,
+    friction_limit: FrictionLimit = None,
     decimal_comma: Annotated[
         bool,
         typer.Option("--decimal-comma", help="Write ledger_table.csv with 1,5 and semicolons."),
@@ -150,7 +149,7 @@ def command(
         report_week(logs, output, friction_limit, as_json=as_json)
         return
     if friction_limit is not None:
-        raise typer.BadParameter("--friction-limit needs shifts of several days: --week DIR…")
+        raise typer.BadParameter("--friction-limit needs shifts of several days: add --week")
     labels = {
         "product": product,
         "operator": operator,

@@ -22,7 +22,8 @@ from recordings.review.reviewer_verdicts import (
     ShiftVerdict,
     VerdictFile,
     matched,
-    read_verdicts,
+    parse_verdicts,
+    read_verdict_text,
     verdict_toml,
 )
 from recordings.review.shift_ledger import PARQUET, cycles_of
@@ -191,14 +192,11 @@ def count_again(folder: Path, given: GivenVerdicts) -> ShiftReview:
             raise ReviewError(
                 f"{folder}: cannot be counted anew ({error}); review its logs once more"
             ) from None
-        before = read_verdicts(folder)
-        added = given.added_to(before, rows, state, folder)
-        text = _with_added(folder, added)
-        verdicts = VerdictFile(
-            shift=(*before.shift, *(v for v in added if isinstance(v, ShiftVerdict))),
-            cycle=(*before.cycle, *(v for v in added if isinstance(v, CycleVerdict))),
-        )
-        shift = CountedShift.of(cycles, summary, state.t0_unix_ns, verdicts, folder)
+        before = read_verdict_text(folder)
+        added = given.added_to(parse_verdicts(before, folder), rows, state, folder)
+        # what a person wrote stays as it is
+        text = "\n".join(filter(None, (before and f"{before.rstrip()}\n", verdict_toml(added))))
+        shift = CountedShift.of(cycles, summary, state.t0_unix_ns, text, folder)
         page = shift.page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]
         with atomic_files([folder / name for name in names], force=True) as stage:
@@ -206,12 +204,3 @@ def count_again(folder: Path, given: GivenVerdicts) -> ShiftReview:
             if added:
                 (stage / VERDICTS).write_text(text, encoding="utf-8")
     return ShiftReview.of(folder, page, replayed=False)
-
-
-def _with_added(folder: Path, added: Sequence[CycleVerdict | ShiftVerdict]) -> str:
-    """The file's own text, as a person wrote it, with more at its end."""
-    try:
-        text = (folder / VERDICTS).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        text = ""
-    return "\n".join(filter(None, (text and f"{text.rstrip()}\n", verdict_toml(added))))

@@ -32,7 +32,7 @@ from recordings.review.review_state import (
     read_state,
     state_of,
 )
-from recordings.review.reviewer_verdicts import read_verdicts
+from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
 from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
 from replay.inputs.channel_inputs import (
     channel_fields,
@@ -109,7 +109,8 @@ def review(
         machine = by.checked(by.weighing(machine), machine_file)
     logs = logs_in(logs)
     with locked(folder), ExitStack() as stack:
-        verdicts = read_verdicts(folder)
+        verdicts = read_verdict_text(folder)
+        parse_verdicts(verdicts, folder)  # what is wrong in it is said before the logs are read
         on_stage("open")
         opened = _in_time(
             [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]

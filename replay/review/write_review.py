@@ -14,7 +14,7 @@ from recordings.review.energy_columns import energy_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
 from recordings.review.review_state import STATE, ReviewState
-from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, VerdictFile, matched
+from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, matched, parse_verdicts
 from recordings.review.shift_facts import no_tonnes
 from recordings.review.shift_ledger import (
     CSV,
@@ -85,14 +85,14 @@ class CountedShift:
     Attributes:
         rows: the ledger, without motion.
         shift: frame `shift`, one row.
-        verdicts: all that was said.
+        verdicts: the file of all that was said.
         by_row: on cycles, by row.
         totals: by label, where loads have one.
     """
 
     rows: pl.DataFrame
     shift: Mapping[str, Any]
-    verdicts: VerdictFile
+    verdicts: str
     by_row: Mapping[int, CycleVerdict]
     totals: Mapping[str, list[LabelTotal]]
 
@@ -102,7 +102,7 @@ class CountedShift:
         cycles: pl.DataFrame,
         summary: pl.DataFrame,
         t0_unix_ns: int,
-        verdicts: VerdictFile,
+        text: str,
         folder: Path,
     ) -> "CountedShift":
         """Count.
@@ -111,12 +111,13 @@ class CountedShift:
             cycles: the frame, on the line of a calibration where there is one.
             summary: frame `shift` as replayed.
             t0_unix_ns: where times begin.
-            verdicts: of reviewers.
-            folder: theirs.
+            text: of the file of verdicts.
+            folder: where that lies.
 
         Raises:
-            ReviewError: a verdict is about no cycle.
+            ReviewError: the file says something else, or a verdict is about no cycle.
         """
+        verdicts = parse_verdicts(text, folder)
         by_row = matched(verdicts, identities(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
         rows = ledger(cycles, t0_unix_ns, by_row, verdicts.labels_at)
@@ -124,7 +125,7 @@ class CountedShift:
         return cls(
             rows,
             recount_shift(summary, cycles, rejected).row(0, named=True),
-            verdicts,
+            text,
             by_row,
             {name: sums for name, sums in totals.items() if sums},
         )

@@ -50,11 +50,35 @@ def test_on_a_phone_the_page_scrolls_down_only_and_its_texts_can_be_read(opened:
     assert cut == []
 
 
-def payloads(page: Any) -> list[float]:
-    cells = (
-        "[...document.querySelectorAll('#cycles tbody tr')].map(r => Number(r.cells[2].dataset.v))"
+def cycles_shown(page: Any) -> list[str]:
+    return page.evaluate(
+        "[...document.querySelectorAll('#cycles tbody tr')]"
+        ".filter(r => !r.hidden).map(r => r.cells[0].textContent)"
     )
-    return page.evaluate(cells)
+
+
+@pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
+def test_a_cycle_is_found_by_the_clock_its_number_and_its_quality(opened: Any) -> None:
+    opened.click("#fold summary")
+    everything = cycles_shown(opened)
+    dumped = opened.locator("#cycles tbody tr .day").nth(1).evaluate("c => c.firstChild.data")
+    begins = opened.locator("#cycles tbody tr .day").nth(0).evaluate("c => c.firstChild.data")
+    hour, minute, second = map(int, begins.split()[0].split(":"))
+    under_way = f"{hour:02d}:{minute:02d}:{second + 2:02d}" if second < 58 else begins.split()[0]
+    for words, shown in (
+        (dumped.split()[0], [everything[1]]),
+        (under_way, [everything[1 if second < 58 else 0]]),
+        ("2", ["2"]),
+        ("no such word", []),
+        ("", everything),
+    ):
+        opened.fill("#find", words)
+        assert cycles_shown(opened) == shown, words
+
+
+def payloads(page: Any) -> list[float]:
+    cells = "[...document.querySelectorAll('#cycles tbody tr')].map(r => r.cells[2].textContent)"
+    return [float(cell.replace(",", "")) for cell in page.evaluate(cells)]
 
 
 @pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)

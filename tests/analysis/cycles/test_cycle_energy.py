@@ -167,8 +167,62 @@ def test_the_gain_of_the_force_is_in_every_interval_and_said_where_it_is_not_kno
 
 
 def test_a_cycle_with_a_hole_has_no_energy() -> None:
-    hole = (2 * NS, 9 * NS)
-    assert shift_energy(driven(), machine(), [hole]) == NO_ENERGY
+    for hole_s in (1, 7):
+        hole = (2 * NS, (2 + hole_s) * NS)
+        assert shift_energy(driven(), machine(), [hole]) == NO_ENERGY
+
+
+def test_a_cycle_without_a_mass_has_those_of_its_starts_on_either_side_of_the_pile() -> None:
+    weighed, not_weighed = driven(), driven()
+    nothing = pl.lit(None, pl.Float64)
+    not_weighed["cycles"] = weighed["cycles"].with_columns(
+        empty_before_kg=nothing, loaded_kg=nothing
+    )
+    # the next start is nearer to the end of the return than the last one
+    not_weighed["manoeuvres"] = not_weighed["manoeuvres"].with_columns(
+        end_t_ns=pl.col("start_t_ns") + 10**9
+    )
+    for phase in ("return", "haul"):
+        assert row(not_weighed, phase).braking == row(weighed, phase).braking
+
+
+def test_a_late_force_drives_when_it_acted_not_when_it_was_measured() -> None:
+    late = driven()
+    rows = 8
+    for name in ("aligned", "excitation"):
+        late[name] = late[name].with_columns(pl.col("force_x_N").shift(rows, fill_value=0.0))
+    late["nuisances"] = pl.DataFrame(
+        {
+            "term": ["const", "offset", "lag"],
+            "posterior": [0.0, 0.0, rows / RATE_HZ],
+            "posterior_std": [1.0, 1.0, 1e-4],
+            "prior_std": [1e6, 1.0, 0.02],
+        }
+    )
+    assert row(late, "return").kinetic.kWh == pytest.approx(row(driven(), "return").kinetic.kWh)
+
+
+def test_an_offset_of_the_force_pushes_nothing() -> None:
+    without, biased = (row(driven(offset_N=offset_N)).kinetic for offset_N in (0.0, 400.0))
+    assert biased.kWh == pytest.approx(without.kWh, rel=0.01)
+
+
+def test_coulomb_friction_that_the_fit_cannot_tell_is_in_the_interval_of_braking() -> None:
+    told = driven()
+    direction = {"term": ["direction"], "posterior": [0.0], "posterior_std": [0.0]}
+    told["nuisances"] = pl.concat(
+        [told["nuisances"], pl.DataFrame({**direction, "prior_std": [1e3]})]
+    )
+    assert row(driven()).braking.u_kWh > 1.5 * row(told).braking.u_kWh
+    assert row(driven()).work == row(told).work
+
+
+def test_a_radius_moves_energy_between_kinetic_and_slope_and_changes_no_work() -> None:
+    radius = {"wheel_radius_m": 0.4, "wheel_radius_u_m": 0.04}
+    stated, plain = row(driven(), **radius), row(driven())
+    assert stated.kinetic.u_kWh > 0.09 * stated.kinetic.kWh > plain.kinetic.u_kWh
+    assert stated.slope.u_kWh > 0.09 * stated.kinetic.kWh
+    assert (stated.work, stated.digging) == (plain.work, plain.digging)
 
 
 def test_masses_that_are_withheld_split_nothing() -> None:
@@ -182,3 +236,5 @@ def test_fuel_is_counted_while_standing_too() -> None:
     frames["aligned"] = frames["aligned"].with_columns(fuel_rate_L_h=pl.lit(12.0))
     assert row(frames).fuel_L == pytest.approx(12.0 * 30.0 / 3600.0, rel=0.01)
     assert row(driven()).fuel_L is None
+    assert shift_energy(frames, machine(fuel_gain_u=0.03), ()).fuel_u_1 == 0.03
+    assert shift_energy(frames, machine(), ()).fuel_u_1 is None

@@ -7,7 +7,7 @@ import pytest
 
 from estimators.errors import ReviewError
 from recordings.report.clock_text import ShiftClock
-from recordings.review.find_cycle import find_cycle
+from recordings.review.find_cycle import find_cycle, find_instant
 
 NS = 10**9
 
@@ -79,6 +79,12 @@ def test_half_past_two_in_the_night_without_it_is_no_cycle() -> None:
 def test_a_time_after_midnight_is_of_the_second_day() -> None:
     rows, clock = NIGHT
     assert rows["local_time"][find_cycle("00:20:30", rows, clock)].startswith("2023-11-15 00:20:30")
+
+
+def test_an_hour_of_a_shift_over_midnight_is_the_one_in_the_shift() -> None:
+    _, clock = NIGHT
+    before, after = (find_instant(text, clock) for text in ("23:30", "00:20"))
+    assert (after - before).total_seconds() == 50 * 60.0
 
 
 @pytest.mark.parametrize(

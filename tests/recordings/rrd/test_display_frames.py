@@ -69,6 +69,15 @@ def test_a_state_is_kept_only_where_it_changes_and_ends_with_the_log():
     assert lane[STATE].to_list() == ["standstill", None, "cruising", None]
 
 
+def test_a_hole_has_no_state_also_where_one_row_of_many_is_kept():
+    times = [t * S for t in (0, 10, 20, 300, 310)]
+    phases = pl.Series(["standstill"] * 5, dtype=PHASE)
+    run = _run(excitation=pl.DataFrame({"t_ns": times, "phase": phases}))
+    lane = display_frames(run)["display/states/phase"]
+    assert lane[STATE].to_list() == ["standstill", None, "standstill", None]
+    assert lane["t_ns"].to_list()[2] == 300 * S
+
+
 def test_the_threshold_is_a_line_over_the_whole_log_with_its_value_in_the_legend(drives):
     run = drives(60.0)
     shown = display_frames(run)

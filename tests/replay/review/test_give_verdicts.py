@@ -100,6 +100,24 @@ def test_a_product_that_is_cancelled_is_no_verdict(opened: Any) -> None:
     assert opened.locator("#verdict-file").input_value() == ""
 
 
+def test_what_a_person_wrote_stays_where_the_page_saves_the_file(
+    chromium: Any, folder: Path, payscope: Payscope
+) -> None:
+    own = '# of the night shift, by phone\n[[shift]]\noperator = "A. Kim"  # not his brother\n'
+    (folder / VERDICTS).write_text(own, encoding="utf-8")
+    assert payscope("review", folder).status == 0
+    tab = chromium.new_page()
+    tab.goto((folder / "review.html").as_uri())
+    tab.locator("#fold summary").click()
+    tab.locator("#cycles [data-act=reject]").first.click()
+    tab.locator("#author").fill("R. Meier")
+    save(tab, folder)
+    tab.close()
+    assert (folder / VERDICTS).read_text(encoding="utf-8").startswith(own)
+    assert payscope("review", folder).status == 0
+    assert (rows(folder)[0]["rejected"], rows(folder)[0]["operator"]) == (True, "A. Kim")
+
+
 @pytest.mark.parametrize("name", ["number", "id", "clock"])
 def test_by_the_command_line(folder: Path, payscope: Payscope, name: str) -> None:
     third = rows(folder)[2]

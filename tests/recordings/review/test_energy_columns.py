@@ -1,0 +1,48 @@
+"""Sentences of energy and fuel: of how many cycles they are, and what the ± is worth."""
+
+from typing import Any
+
+import pytest
+
+from analysis.cycles.cycle_energy import EnergyAmount, EnergyRow, ShiftEnergy
+from recordings.review.energy_columns import FUEL_U, energy_fact, energy_table
+from recordings.review.review_state import ReviewState
+from tests.analysis.cycles.test_cycles import summed
+from tests.recordings.review.test_shift_facts import FRAMES, rows, state
+
+KWH = EnergyAmount(0.1, 0.001)
+NONE = EnergyAmount(0.0, 0.0)
+
+
+def burnt(cycle: int | None, fuel_L: float) -> EnergyRow:
+    return EnergyRow(cycle, "whole", KWH, NONE, NONE, KWH, NONE, NONE, fuel_L)
+
+
+def reviewed(cycles: int, fuel_u_1: float | None) -> ReviewState:
+    """A shift of which so many cycles have an energy and burnt half a litre each."""
+    own = [burnt(number, 0.5) for number in range(1, cycles + 1)]
+    return state(energy=ShiftEnergy((burnt(None, 0.5 * cycles), *own), "", fuel_u_1))
+
+
+def facts(of: ReviewState) -> dict[str, Any]:
+    return dict(energy_fact(rows(of), summed(FRAMES), of))
+
+
+def test_an_energy_of_some_cycles_says_of_how_many() -> None:
+    assert "kWh in 3 of 4 cycles, " in facts(reviewed(3, None))["energy at the wheels"]
+    assert "cycles" not in facts(reviewed(4, None))["energy at the wheels"]
+
+
+def test_litres_of_a_channel_without_an_uncertainty_say_so() -> None:
+    said = facts(reviewed(4, None))["fuel"]
+    assert said.endswith("; ± not known (set machine.fuel_gain_u)")
+    assert said.count("±") == 1
+    assert dict(energy_table(reviewed(4, None)))["fuel in L, ± not known"] == ["2.00"]
+
+
+def test_litres_of_a_channel_with_one_have_it_in_sentence_table_and_ledger() -> None:
+    of = reviewed(4, 0.03)
+    assert facts(of)["fuel"].startswith("2.00 ± 0.12 L in the cycles, ")
+    assert facts(of)["fuel"].count("±") == 2
+    assert dict(energy_table(of))["fuel in L"] == ["2.00 ± 0.12"]
+    assert rows(of)[FUEL_U].to_list() == pytest.approx([0.015] * 4)
