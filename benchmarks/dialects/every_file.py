@@ -9,6 +9,7 @@ from benchmarks.dialects import (
     drawn_frozen_files,
     drawn_last_files,
     drawn_next_files,
+    drawn_once_more_files,
     later_files,
     logger_files,
     recorder_files,
@@ -27,6 +28,7 @@ SETS: Final = {
     "drawn before it was mended for those": tuple(drawn_next_files.dialect_files()),
     "drawn after the code was frozen": tuple(drawn_last_files.dialect_files()),
     "drawn when it was frozen again": tuple(drawn_frozen_files.dialect_files()),
+    "drawn when it was frozen a third time": tuple(drawn_once_more_files.dialect_files()),
 }
 _ANSWERS: Final = {
     "GEAR": GEAR,
@@ -34,6 +36,7 @@ _ANSWERS: Final = {
     "POLE_PAIRS": POLE_PAIRS,
     "EFFICIENCY": 1.0,
 }
+_ASKED: Final = re.compile(r"# \[channels\.(?P<channel>\w+)\]")
 _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")
 
 
@@ -57,7 +60,14 @@ def answered(draft: str, file: DialectFile) -> str:
     """
     lines: list[str] = []
     field = ""
+    is_replaced = False
     for line in draft.splitlines():
+        # what is asked for may be answered by a channel of one's own
+        if match := _ASKED.match(line):
+            is_replaced = match["channel"] in file.channels
+        if is_replaced and line:
+            continue
+        is_replaced = False
         line = _COMMENT.sub("", line)
         if line.startswith("field = "):
             field = line.split('"')[1]
