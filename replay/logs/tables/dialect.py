@@ -179,6 +179,8 @@ def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
 def _readings(
     lines: Sequence[str], separator: str, decimals: Iterable[str], hints: TableHints
 ) -> Iterator[_Reading]:
+    if not any(separator in line for line in lines):
+        return
     rows = list(split_rows(lines, separator))
     below = max(hints.header_row or 0, hints.units_row or 0)
     data = [row for row in rows if row.line >= below]

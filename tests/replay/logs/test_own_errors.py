@@ -48,10 +48,15 @@ def read_everything(path: Path) -> None:
 def on_every_call(look: Callable[[CodeType], None]) -> Iterator[None]:
     """Show each function of ours when it is called, in any thread."""
 
+    # a generator that goes on, or is closed by the collector, is not called
+    begins: dict[CodeType, int] = {}
+
     def trace(frame: FrameType, event: str, arg: Any) -> None:
         del event, arg
-        if frame.f_code.co_filename.startswith(OWN):
-            look(frame.f_code)
+        code = frame.f_code
+        is_call = frame.f_lasti == begins.setdefault(code, frame.f_lasti)
+        if is_call and code.co_filename.startswith(OWN):
+            look(code)
 
     before = sys.gettrace()
     threading.settrace(trace)
