@@ -1,4 +1,4 @@
-"""Dialects drawn while the reader was frozen at b98fc684: recorders, plants, phones, test benches."""
+"""Dialects drawn while the reader was frozen at b98fc684: recorders, plants, robots, phones."""
 
 from typing import Final
 
@@ -86,7 +86,7 @@ def _recorders() -> list[DialectFile]:
             Style(";", ",", 3).table(
                 [as_integers(_T, 10_000), _F, _V], ["Zeit [0.1 ms];Kraft [N];Geschwindigkeit [m/s]"]
             ),
-            {"F": ("Kraft [N]", SI)},
+            {"F": ("Kraft [N]", SI)}, keys=("log.rate_hz=50",),
         ),
         DialectFile(
             "Instron: seconds, displacement in mm, kN, every cell in quotes",
@@ -142,7 +142,9 @@ def _plants() -> list[DialectFile]:
         ),
         DialectFile(
             "all upper case: MS, KMH, KN",
-            Style(";").table([as_integers(_T, 1000), _KMH, _F * _KN], ["TIME [MS];V [KM/H];F [KN]"]),
+            Style(";").table(
+                [as_integers(_T, 1000), _KMH, _F * _KN], ["TIME [MS];V [KM/H];F [KN]"]
+            ),
             {"F": ("F [KN]", _KN)},
             units={"F [KN]": 'unit = "kN"', "V [KM/H]": 'unit = "km/h"'},
             channels={"speed_x_m_s": 'field = "V [KM/H]"\nunit = "km/h"',

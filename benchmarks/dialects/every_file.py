@@ -40,15 +40,15 @@ _ASKED: Final = re.compile(r"# \[channels\.(?P<channel>\w+)\]")
 _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")
 
 
-#: Those that are refused, by the beginning of their names: names behind blank cells, a row
-#: a reading under a time whose unit is not the one that it states.
-_REFUSED: Final = ("Yokogawa", "WinCC")
+#: Those whose columns are not read, by the beginning of their names: a row a reading, and names
+#: within the cells.
+_UNREAD: Final = ("WinCC", "Foxglove plot", "Arduino monitor")
 
 
 def every_file() -> list[DialectFile]:
     """All that are read."""
     files = [file for files in SETS.values() for file in files]
-    return [file for file in files if not file.name.startswith(_REFUSED)]
+    return [file for file in files if not file.name.startswith(_UNREAD)]
 
 
 def answered(draft: str, file: DialectFile) -> str:

@@ -15,7 +15,7 @@ from typing import Final
 from replay.logs.tables.cells import common_unit, is_numeric, is_signed, kind
 from replay.logs.tables.dates import is_clock, is_date
 from replay.logs.tables.header import ColumnName, column_names
-from replay.logs.tables.header_rows import TextRow, header_row, rows_of_names
+from replay.logs.tables.header_rows import TextRow, header_row, rows_behind_words, rows_of_names
 from replay.logs.tables.hints import DialectError, TableHints
 
 SEPARATORS: Final = (",", ";", "\t", "|")
@@ -232,7 +232,14 @@ def _reading(
             for k, yes in enumerate(is_data)
             if yes
             and sum(n := is_data[k : k + _NEXT]) >= _NEXT_SHARE * len(n)
-            and not _has_names_below(rows[k + 1 : k + _NEXT], n[1:], numeric, width, decimal)
+            # a row that is short of cells may be one of a long preamble
+            and not _has_names_below(
+                rows[k + 1 : k + 1 + (_FEW_ABOVE if len(rows[k].cells) == width else _NEXT)],
+                is_data[k + 1 :],
+                numeric,
+                width,
+                decimal,
+            )
         ),
         None,
     )
@@ -263,7 +270,7 @@ def _has_names_below(
     """Whether names stand closely below: then a row above them is of the preamble."""
     return any(
         len(row.cells) == width and all(kind(row.cells[k], decimal) == "text" for k in numeric)
-        for row, yes in list(zip(rows, is_data, strict=False))[:_FEW_ABOVE]
+        for row, yes in zip(rows, is_data, strict=False)
         if not yes
     )
 
@@ -294,8 +301,12 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
     """Find the rows of names and units above the data."""
     rows, width, separator = reading.rows, reading.width, reading.separator
     above = [header_row(row, separator, width, lines) for row in rows[: reading.first]]
-    names, units = rows_of_names(above, width, hints)
     data = [row.cells for row in rows[reading.first :]]
+    is_blank_first = bool(data) and not any(row[0] for row in data)
+    behind_words = rows_behind_words(above, width, is_blank_first=is_blank_first)
+    is_given = hints.header_row is not None or hints.units_row is not None
+    named = None if is_given else behind_words
+    names, units = named or rows_of_names(above, width, hints)
     cells = list(names.cells) if names else [""] * width
     # a separator at the end of each line
     has_tail = not any(len(row) >= width and row[width - 1] for row in data) and bool(data)

@@ -1,11 +1,16 @@
 """The values of a time column of a known unit as integer nanoseconds."""
 
 from collections.abc import Iterable
+from math import isfinite
 from typing import Final
 
 import polars as pl
 
 NS_PER_UNIT: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+
+
+#: Below so many ns (two hours) a float has a thousandth of one, and need not be split.
+_EXACT_NS: Final = 2.0**43
 
 
 class TimeError(Exception):
@@ -41,13 +46,20 @@ def nanoseconds(values: pl.Series, unit: str) -> pl.Series:
 
 def _from_floats(values: pl.Series, unit: str) -> pl.Series:
     number, ns = pl.col(values.name), NS_PER_UNIT[unit]
-    finite = number.filter(number.is_finite())
-    extremes = values.to_frame().select(low=finite.min(), high=finite.max()).row(0)
+    extremes = values.min(), values.max()
+    if not all(isinstance(each, float) and isfinite(each) for each in extremes):
+        finite = values.filter(values.is_finite())
+        extremes = finite.min(), finite.max()
     _check_range(extremes, (2**63 - 1) // ns - 1, unit)
+    if all(isinstance(each, float) and abs(each) * ns < _EXACT_NS for each in extremes):
+        return values.to_frame().select(_rounded(number * ns)).to_series()
     whole = number.floor()
-    fraction = ((number - whole) * ns).round(mode="half_to_even")
-    stamps = whole.cast(pl.Int64, strict=False) * ns + fraction.cast(pl.Int64, strict=False)
+    stamps = whole.cast(pl.Int64, strict=False) * ns + _rounded((number - whole) * ns)
     return values.to_frame().select(stamps.alias(values.name)).to_series()
+
+
+def _rounded(number: pl.Expr) -> pl.Expr:
+    return number.round(mode="half_to_even").cast(pl.Int64, strict=False)
 
 
 def _parse_text(values: pl.Series) -> pl.Series:
