@@ -39,7 +39,10 @@ def _clocks() -> list[DialectFile]:
     clock = [BEGIN + timedelta(seconds=k / RATE_HZ) for k in range(ROWS)]
     milli = [f"{c.microsecond // 1000:03d}" for c in clock]
     spanish = [f"{c:%d/%m/%Y %I:%M:%S},{ms} a. m." for c, ms in zip(clock, milli, strict=True)]
-    chinese = [f"{c.year}年{c.month}月{c.day}日 {c:%H:%M:%S}.{ms}" for c, ms in zip(clock, milli, strict=True)]
+    chinese = [
+        f"{c.year}年{c.month}月{c.day}日 {c:%H:%M:%S}.{ms}"
+        for c, ms in zip(clock, milli, strict=True)
+    ]
     kibana = [f'"{c:%b %d, %Y @ %H:%M:%S}.{ms}"' for c, ms in zip(clock, milli, strict=True)]
     postgres = [s.rstrip("0").rstrip(".") + "+00" for s in stamps("%Y-%m-%d %H:%M:%S.%3f")]
     deltas = [f"0 days 00:{int(t // 60):02d}:{t % 60:09.6f}" for t in _T]
@@ -81,7 +84,9 @@ def _clocks() -> list[DialectFile]:
         ),
         DialectFile(
             "Spanish spreadsheet: a. m.",
-            Style(";", ",").table([spanish, _KMH, _F], ["Fecha y hora;Velocidad (km/h);Fuerza (N)"]),
+            Style(";", ",").table(
+                [spanish, _KMH, _F], ["Fecha y hora;Velocidad (km/h);Fuerza (N)"]
+            ),
             {"F": ("Fuerza (N)", SI)}, t0_ns=T0_NS,
         ),
         DialectFile(
@@ -191,9 +196,10 @@ def _several() -> list[DialectFile]:
             ),
             {"v": ("Speed (km/h)", KMH)},
             channels={
-                "motor_front_N_m": 'field = "Front Motor Torque (Nm)"',
+                "motor_torque_N_m": 'field = "Front Motor Torque (Nm)"',
                 "motor_rear_N_m": 'field = "Rear Motor Torque (Nm)"',
-                "force_x_N": 'derive = "(motor_front_N_m + motor_rear_N_m) * 9.665 / wheel_radius_m"',
+                "force_x_N": 'derive = "(motor_torque_N_m + motor_rear_N_m) * 9.665'
+                             ' / wheel_radius_m"',
             },
         ),
         DialectFile(

@@ -18,6 +18,8 @@ _ROWS: Final = 200_000
 _SPAN_S: Final = 0.2
 #: A correlation is of so many rows at least.
 _FEWEST: Final = 100
+#: Readings of one and the same differ by less than so much of what they vary by: a GPS and a wheel.
+_SAME: Final = 0.1
 #: A correlation that says something.
 _CLEAR: Final = 0.5
 #: Gravity on an axis of an accelerometer, in m/s²: what it shows on a machine that may stand on a
@@ -94,6 +96,18 @@ def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
             return set()
         total += (_median_reading(log, column) * to_si(column.unit, "m/s²")[0]) ** 2
     return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
+
+
+def show_the_same(log: Log, one: LogColumn, other: LogColumn) -> bool:
+    """Whether two columns are readings of one and the same: their difference is small."""
+    try:
+        (t, x), (at, y) = (_read_series(log, c.topic, c.field) for c in (one, other))
+    except (LogError, pl.exceptions.PolarsError):
+        return False
+    if min(t.size, at.size) < _FEWEST or one.unit is None or other.unit is None:
+        return False
+    y = y * to_si(other.unit, one.unit)[0]
+    return float(np.std(x - np.interp(t, at, y))) < _SAME * float(np.std(x))
 
 
 def _median_reading(log: Log, column: LogColumn) -> float:

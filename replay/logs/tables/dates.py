@@ -26,10 +26,10 @@ _MONTH_OF: Final = {each: k for k, names in enumerate(_MONTHS, start=1) for each
 _MONTH: Final = "(?i:" + "|".join(_MONTH_OF) + r")[^\W\d_]*"
 _CLOCK: Final = (
     r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
-    r"\s*(?P<half>[AaPp])?\.?(?:[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+    r"\s*(?P<half>[AaPp])?\.?\s?(?:[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?"
 )
 #: Years first, as in ISO 8601; two numbers and a year; with the name of the month.
-_YEAR_FIRST: Final = r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})"
+_YEAR_FIRST: Final = r"(?P<y>\d{4})[-/.年](?P<m>\d{1,2})[-/.月](?P<d>\d{1,2})日?"
 _YEAR_LAST: Final = r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})[-/.](?P<y>\d{4}|\d{2})"
 _DAY_MONTH: Final = rf"(?P<d>\d{{1,2}})[-/. ]+(?P<name>{_MONTH})[-/., ]+(?P<y>\d{{4}})"
 _MONTH_DAY: Final = rf"(?P<name>{_MONTH})[-/. ]+(?P<d>\d{{1,2}}),?[-/. ]+(?P<y>\d{{4}})"
@@ -56,6 +56,8 @@ _TWELVE_NS: Final = (10 * 3600 * 10**9, 12 * 3600 * 10**9)
 _MINUTES: Final = r"(?P<min>\d{1,3}):(?P<s>\d{2})[.,](?P<frac>\d{1,9})"
 
 
+#: Time since the beginning, as pandas and Python write it: 0 days 00:00:12.5.
+_SINCE: Final = rf"(?P<days>\d+) days?,? {_CLOCK}"
 #: A day and a time of day in digits alone, which no clock that counts shows before 2033.
 _DIGITS: Final = rf"{_COMPACT}(?:[T, ]\s*)?{_COMPACT_CLOCK}"
 
@@ -75,17 +77,17 @@ def is_date(cell: str) -> bool:
 def is_clock(cell: str) -> bool:
     """Whether a cell is a time of day, with or without a day."""
     text = cell.strip()
-    if re.fullmatch(_MINUTES, text) or re.fullmatch(_CLOCK, text):
+    if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):
         return True
     return _date_pattern(text) is not None
 
 
 def _date_pattern(text: str) -> str | None:
     """The pattern of a day with a time of day behind it."""
-    moments = [
-        rf"{pattern}(?:[T, ]\s*){_CLOCK}" if pattern != _COMPACT else _DIGITS for pattern in _DATES
-    ]
-    for moment in (*moments, _YEAR_BEHIND):
+    days = [pattern for pattern in _DATES if pattern != _COMPACT]
+    moments = [rf"{day}(?:[T, ]|\s+@)\s*{_CLOCK}" for day in days]
+    behind = [rf"{_CLOCK}[, ]\s*{day}" for day in days]
+    for moment in (*moments, _DIGITS, _YEAR_BEHIND, *behind):
         if re.fullmatch(_WEEKDAY + moment, text):
             return f"^{_WEEKDAY}{moment}$"
     return None
@@ -160,7 +162,10 @@ def _clock_ns(part: pl.DataFrame) -> pl.Series:
     sign = pl.when(zone.str.starts_with("-")).then(-1).otherwise(1)
     offset = (
         sign
-        * (_whole_numbers(zone.str.slice(1, 2)) * 3600 + _whole_numbers(zone.str.slice(3, 2)) * 60)
+        * (
+            _whole_numbers(zone.str.slice(1, 2)).fill_null(0) * 3600
+            + _whole_numbers(zone.str.slice(3, 2)).fill_null(0) * 60
+        )
     ).fill_null(0)
     seconds = (
         hour * 3600
@@ -226,6 +231,10 @@ def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str])
 
 def _of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which go on over midnight."""
+    if re.fullmatch(_SINCE, first):
+        part = _groups(text, f"^{_SINCE}$")
+        day = part.select(_whole_numbers(pl.col("days"))).to_series()
+        return (_clock_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
     if re.fullmatch(_MINUTES, first):
         pattern = f"^{_MINUTES}$"
