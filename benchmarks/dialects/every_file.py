@@ -43,8 +43,8 @@ _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive 
 
 
 #: Those whose columns are not read, by the beginning of their names: a row a reading, and names
-#: within the cells.
-_UNREAD: Final = ("WinCC", "Foxglove plot", "Arduino monitor")
+#: within the cells, single quotes, and commas that end a cell or do not.
+_UNREAD: Final = ("WinCC", "Foxglove plot", "Arduino monitor", "SQL: single", "commas between")
 
 
 def every_file() -> list[DialectFile]:

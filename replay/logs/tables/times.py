@@ -52,13 +52,13 @@ def _from_floats(values: pl.Series, unit: str) -> pl.Series:
         extremes = finite.min(), finite.max()
     _check_range(extremes, (2**63 - 1) // ns - 1, unit)
     if all(isinstance(each, float) and abs(each) * ns < _EXACT_NS for each in extremes):
-        return values.to_frame().select(_rounded(number * ns)).to_series()
+        return values.to_frame().select(_round_to_integers(number * ns)).to_series()
     whole = number.floor()
-    stamps = whole.cast(pl.Int64, strict=False) * ns + _rounded((number - whole) * ns)
+    stamps = whole.cast(pl.Int64, strict=False) * ns + _round_to_integers((number - whole) * ns)
     return values.to_frame().select(stamps.alias(values.name)).to_series()
 
 
-def _rounded(number: pl.Expr) -> pl.Expr:
+def _round_to_integers(number: pl.Expr) -> pl.Expr:
     return number.round(mode="half_to_even").cast(pl.Int64, strict=False)
 
 
