@@ -245,7 +245,8 @@ def _reading(
     )
     if first is None:
         return None
-    cells = [row.cells[k] for row in rows[first:] for k in numeric if k < len(row.cells)]
+    some = rows[first : first + _ROWS]
+    cells = [row.cells[k] for row in some for k in numeric if k < len(row.cells)]
     with_sign = [is_signed(cell, decimal) for cell in cells]
     return _Reading(
         separator,
