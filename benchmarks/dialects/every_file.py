@@ -6,6 +6,7 @@ from typing import Final
 from benchmarks.dialects import (
     controller_files,
     drawn_anew_files,
+    drawn_fifth_files,
     drawn_files,
     drawn_frozen_files,
     drawn_last_files,
@@ -31,6 +32,7 @@ SETS: Final = {
     "drawn when it was frozen again": tuple(drawn_frozen_files.dialect_files()),
     "drawn when it was frozen a third time": tuple(drawn_once_more_files.dialect_files()),
     "drawn when it was frozen a fourth time": tuple(drawn_anew_files.dialect_files()),
+    "drawn when it was frozen a fifth time": tuple(drawn_fifth_files.dialect_files()),
 }
 _ANSWERS: Final = {
     "GEAR": GEAR,

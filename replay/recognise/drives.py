@@ -77,7 +77,7 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
             found.ask("radius", _RADIUS)
             return True
         motors = [c for c in fitting if c.said.part == column.said.part]
-        if quantity == "torque" and len(motors) > 1:
+        if len(motors) > 1:
             names = ", ".join(f"'{each.field}'" for each in motors)
             found.ask("column", f"which of {names} drive: those that do are added")
         reason = f"{column.field}: at the motor; needs the gear"

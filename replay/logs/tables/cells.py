@@ -26,6 +26,8 @@ _TIME: Final = re.compile(
 )
 #: A cell of these alone is meant for a number, or a time.
 _NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
+#: A label of digits: a serial number, a clock of another kind (317:08:15:30.020, 08-15-30.020).
+_LABEL: Final = re.compile(r"\d[\d.]*(?:[:-]\d[\d.]*){2,}")
 #: A negative number with the minus of typographers, behind its digits, or in brackets.
 _SIGN_STARTS: Final = "\u2212\u2013("
 _SIGNED: Final = re.compile(
@@ -63,6 +65,8 @@ def kind(cell: str, decimal: str) -> str:
         return "grouped"
     if _GROUPED[decimal].fullmatch(cell):
         return "maybe grouped"
+    if _LABEL.fullmatch(cell):
+        return "text"
     if _NUMBERLIKE.fullmatch(cell):
         return "odd"
     return "measure" if unit_in_cell(cell, decimal) else "text"

@@ -114,7 +114,9 @@ def sniff(lines: Sequence[str], hints: TableHints) -> Dialect:
     if not best:
         return _dialect_without_numbers(lines, separators, hints)
     if len({each.separator for each in best}) > 1:
-        said = " or ".join(_NAMED[each] for each in dict.fromkeys(e.separator for e in best))
+        said = " or ".join(
+            _NAMED.get(each, each) for each in dict.fromkeys(e.separator for e in best)
+        )
         raise DialectError(f"its cells may be separated by {said}; set [log] separator")
     reading = _decide_decimal(best, hints)
     return _find_head_rows(reading, lines, hints)
@@ -322,7 +324,8 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
     if names is not None and len(cells) < width:
         raise DialectError(
             f"its header (line {names.line + 1}) has {len(cells)} cells, its rows {width}: "
-            f"separated by {_NAMED[separator]}; set [log] separator and decimal, or header_row"
+            f"separated by {_NAMED.get(separator, separator)}; set [log] separator and decimal, "
+            "or header_row"
         )
     cell_units = tuple(
         common_unit([row[k] for row in data[:_ROWS] if k < len(row) and row[k]], reading.decimal)
@@ -350,7 +353,7 @@ def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
 def _notes(dialect: Dialect, names: TextRow | None, units: TextRow | None) -> Iterator[str]:
     said: list[str] = []
     if dialect.separator != ",":
-        said.append(f"cells separated by {_NAMED[dialect.separator]}")
+        said.append(f"cells separated by {_NAMED.get(dialect.separator, dialect.separator)}")
     if dialect.decimal != ".":
         said.append("a decimal comma")
     if names is None and dialect.rows:
