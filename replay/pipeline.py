@@ -23,8 +23,9 @@ from analysis.findings import (
     findings,
     first_findings,
 )
+from analysis.model.loss import Loss
 from analysis.model.machine import Machine
-from analysis.model.run_record import Loss, Run
+from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import planar
 from analysis.stages.estimation.masses import masses, withhold

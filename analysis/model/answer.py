@@ -1,14 +1,15 @@
 """The answer of a run: one object, which every command, recording and picture renders."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 import polars as pl
 
 from analysis.model.axes import Z
 from analysis.model.fingerprint import Fingerprint
-from analysis.model.run_record import Loss, Run
+from analysis.model.loss import Loss
+from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.model.windows import samples_of
 
@@ -138,7 +139,7 @@ class Answer:
             **({"shift": dict(self.shift)} if self.shift else {}),
             "accepted_share": self.accepted_share,
             "verdict": self.verdict.to_dict(),
-            "losses": [loss.model_dump() for loss in self.losses],
+            "losses": [asdict(loss) for loss in self.losses],
             "notes": list(self.notes),
             "fingerprint": self.fingerprint.model_dump(exclude={"frames"})
             if self.fingerprint

@@ -1,25 +1,25 @@
 """A `Loss`: what a log does not give. Readers of logs need this word of the model alone."""
 
-from typing import Annotated
-
-from pydantic import AfterValidator, BaseModel, ConfigDict
+from dataclasses import dataclass, fields
 
 from estimators.errors import one_line
 
-OneLine = Annotated[str, AfterValidator(one_line)]
 
-
-class Loss(BaseModel):
+# no pydantic: importing it takes as long as opening a log does
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loss:
     """What was recorded and is missing, altered or not provably there, in a sentence.
 
     `topic` is empty for a whole file.
     """
 
-    model_config = ConfigDict(frozen=True)
+    source: str
+    topic: str = ""
+    what: str
 
-    source: OneLine
-    topic: OneLine = ""
-    what: OneLine
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            object.__setattr__(self, each.name, one_line(getattr(self, each.name)))
 
     def __str__(self) -> str:
         """The sentence, after where it happened."""

@@ -2,14 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import polars as pl
-from pydantic import BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from analysis.model.fingerprint import Fingerprint, fingerprint
-from analysis.model.loss import Loss, OneLine
+from analysis.model.loss import Loss
 from analysis.model.settings import Settings
+from estimators.errors import one_line
 
 
 class InputFile(BaseModel):
@@ -39,7 +40,7 @@ class Provenance(BaseModel):
     #: What a reader of the answer should know, a sentence each.
     notes: tuple[str, ...] = ()
     #: The machine's serial number as the logs' own metadata have it; "" where they do not tell.
-    logged_machine_id: OneLine = ""
+    logged_machine_id: Annotated[str, AfterValidator(one_line)] = ""
     #: Of the inputs, the settings and the frames, as `run` left them.
     fingerprint: Fingerprint | None = None
 

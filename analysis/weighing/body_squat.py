@@ -73,15 +73,18 @@ def find_squat(
         return Squat(gain, float(np.sqrt(variance)), relative_load)
     found = _estimate_by_wheels(_stretch_rows(motion, wheels, loads))
     if wheels.squat[0] > 0.0:
-        gain, variance = _scale_squat_with_load(wheels.squat[0], found)
+        seen = None if found is None else (found.gain, found.variance)
+        gain, variance = _scale_squat_with_load(wheels.squat[0], seen)
         return Squat(gain, float(np.sqrt(variance)), relative_load)
     if found is None:
         return None
-    value, variance = found
+    value, variance = found.gain, found.variance
     before = LIMITS.squat_prior_probability
     if wheels.gain_counts and wheels.gain[0] < 0.0:
         # a body that squats without a load does so more with one
         before = LIMITS.squat_by_load_prior_probability
+    if _shows_grades(found, wheels):
+        return Squat(0.0, float(np.sqrt(before)) * prior_std, relative_load)
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
     log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
@@ -170,11 +173,36 @@ def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[flo
     return -float(theta[0]), variance
 
 
-def _estimate_by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
-    """The change of gain by load that the wheels say, and its variance, by clusters.
+@dataclass(frozen=True, slots=True)
+class _GainByLoad:
+    """The change of gain by load that the wheels say.
 
-    None where it is undetermined.
+    Attributes:
+        gain: for a load of the reference mass.
+        variance: of it, by clusters.
+        residual_ratio: what it leaves of the disagreement of wheels and accelerometer, r.m.s. over
+            that without it.
     """
+
+    gain: float
+    variance: float
+    residual_ratio: float
+
+
+def _shows_grades(found: _GainByLoad, wheels: WheelKinematics) -> bool:
+    """Whether what the wheels say is of grades that come back with the load.
+
+    They bend the comparison either way and leave most of the disagreement; springs only make the
+    accelerometer read more, and explain it.
+    """
+    if abs(found.gain) < LIMITS.squat_by_load_min_std * float(np.sqrt(found.variance)):
+        return False
+    explained = wheels.is_consistent or found.residual_ratio < LIMITS.squat_residual_ratio
+    return found.gain > 0.0 or not explained
+
+
+def _estimate_by_wheels(rows: list[_Stretch]) -> _GainByLoad | None:
+    """The change of gain by load that the wheels say; None where it is undetermined."""
     if len(rows) < LIMITS.squat_min_stretches or len({load for *_, load in rows}) < 2:
         return None
     free = [_whiten_random_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
@@ -187,6 +215,8 @@ def _estimate_by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
     variance = float(((y - X @ beta) ** 2).sum()) / max(freedom, 1)
     if not variance > 0.0:
         return None
+    bare = y - X[:, 1:] @ np.linalg.lstsq(X[:, 1:], y)[0]
+    left = float(np.linalg.norm(y - X @ beta) / np.linalg.norm(bare))
     slopes = np.array([time @ (y - X @ beta) / (time @ time) for X, y, time, _ in rows])
     noise = np.array([variance / (time @ time) for *_, time, _ in rows])
     count = slopes.size
@@ -211,7 +241,7 @@ def _estimate_by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
     # stretches that agree by chance tell no more than white noise lets them
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
     found *= student_factor(max(count - X.shape[1], 1)) ** 2
-    return float(theta[0] / scale[0]), found / float(scale[0]) ** 2
+    return _GainByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 
 def _whiten_random_slope(

@@ -4,6 +4,9 @@
 with the other manoeuvres. A change that all share is hidden in their common terms; `fit_filling`
 gives it a term of its own. Beside that term, friction that drives or a resistance that falls with
 the square of the speed is what a growing load leaves in the others.
+
+A load that changes while a manoeuvre creeps for a second or two shows in no residual: `find_creeps`
+tells such manoeuvres by their speed, and that other loads are moved before and after.
 """
 
 from dataclasses import dataclass
@@ -164,6 +167,27 @@ def find_growing_loads(
         )
         for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
     )
+
+
+def find_creeps(fit: JointFit) -> Ints:
+    """Number the manoeuvres that creep between two loads, of a log whose loads come back.
+
+    Args:
+        fit: its load states and samples.
+    """
+    states, none = fit.states, np.empty(0, np.int64)
+    if states is None or not states.load_returns:
+        return none
+    place = np.searchsorted(states.unit, sample_units(fit.motion))
+    top_m_s = np.zeros(states.unit.size)
+    np.maximum.at(top_m_s, place, np.abs(fit.motion.speed[fit.motion.used]))
+    creeps = top_m_s < LIMITS.creep_speed_ratio * np.median(top_m_s)
+    drives = np.flatnonzero(~creeps)
+    after = np.searchsorted(drives, np.arange(creeps.size))
+    between = creeps & (after > 0) & (after < drives.size)
+    loads = states.membership[drives]
+    changes = loads[(after - 1).clip(0)] != loads[after.clip(0, drives.size - 1)]
+    return states.unit[between & changes]
 
 
 def _residual(fit: JointFit, rows: FitRows, unit: Ints) -> Floats:

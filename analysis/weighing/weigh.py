@@ -1,6 +1,6 @@
 """Weigh a log: the joint fit, how it bears other priors, and whether braking goes with driving."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -13,7 +13,13 @@ from analysis.model.settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 from analysis.weighing.fit_columns import FitRows
-from analysis.weighing.growing_load import LoadFilling, LoadGrowth, find_growing_loads, fit_filling
+from analysis.weighing.growing_load import (
+    LoadFilling,
+    LoadGrowth,
+    find_creeps,
+    find_growing_loads,
+    fit_filling,
+)
 from analysis.weighing.joint_fit import (
     JointFitInputs,
     add_load_states,
@@ -25,7 +31,13 @@ from analysis.weighing.joint_fit import (
     refit,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples, motion_samples
+from analysis.weighing.motion_samples import (
+    ColumnNoiseModel,
+    Floats,
+    Ints,
+    MotionSamples,
+    motion_samples,
+)
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
     AlternativeMotion,
@@ -188,16 +200,21 @@ def _weigh_with_priors(
     if not _has_enough_samples(whole):
         return None
     fit = of_states(whole)
+    creeps = find_creeps(fit)
+    if creeps.size:
+        whole = _exclude_manoeuvres(whole, creeps)
+        fit = of_states(whole, fit)
     grown = find_growing_loads(fit, columns)
     if grown:
         # one mass says nothing of them, and would say something wrong of the others' friction
-        fit = of_states(_exclude_growing(whole, grown), fit)
+        fit = of_states(_exclude_manoeuvres(whole, [each.unit for each in grown]), fit)
         # what the others say of friction and drifts shows how much it is
         better = {each.unit: each for each in find_growing_loads(fit, columns, whole)}
         grown = tuple(better.get(each.unit, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
-        driving = _exclude_growing(motion(braking=False), grown)
+        excluded = [*creeps, *(each.unit for each in grown)]
+        driving = _exclude_manoeuvres(motion(braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.of(driving, columns, priors)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
@@ -253,9 +270,9 @@ def _has_enough_samples(motion: MotionSamples) -> bool:
     return int(motion.used.sum()) >= fewest and motion.drives
 
 
-def _exclude_growing(motion: MotionSamples, grown: tuple[LoadGrowth, ...]) -> MotionSamples:
-    """The same without the manoeuvres whose load changes."""
-    return motion.exclude(np.isin(motion.unit, [each.unit for each in grown]))
+def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int] | Ints) -> MotionSamples:
+    """The same without some manoeuvres, by their numbers."""
+    return motion.exclude(np.isin(motion.unit, units))
 
 
 def _fit_without_learnt(

@@ -25,6 +25,11 @@ class WeighingLimits:
     #: Standard deviation of a squat's growth with the mass, over proportional growth: springs
     #: stiffen, and the load raises or lowers the centre of mass.
     squat_growth_std: float = 0.5
+    #: Standard deviations from which a change of gain by load shows something, a squat or grades.
+    squat_by_load_min_std: float = 2.0
+    #: What a squat leaves of the disagreement of wheels and accelerometer that it explains, r.m.s.:
+    #: squats left 0.3 in logs where grades that were taken for one left 0.93 and more.
+    squat_residual_ratio: float = 0.7
     #: Log odds above which the choice is certain.
     squat_certain_log_odds: float = 50.0
 
@@ -69,6 +74,9 @@ class WeighingLimits:
     drift_min_drives: int = 6
 
     # growing_load
+    #: Top speed of a manoeuvre that creeps, over the median of all manoeuvres: who shunts over a
+    #: truck's side drives at a walk, who hauls does not.
+    creep_speed_ratio: float = 0.35
     #: Fewest rows of a manoeuvre that shows a growing load.
     growth_min_rows: int = 20
     #: Share of a column's squares below which what is left is rounding.

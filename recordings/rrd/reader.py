@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 from pydantic import ValidationError
 
-from analysis.model.run_record import Loss, Provenance, Run
+from analysis.model.loss import Loss
+from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError, nearest
 from recordings.rrd.recording_table import component_name
 from recordings.rrd.stored_frames import Manifest, StoredColumn, StoredFrame

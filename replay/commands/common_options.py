@@ -86,6 +86,8 @@ def time_axis_of(
     Raises:
         BadParameter: no such unit or key.
     """
+    if column is None and unit is None and not keys:
+        return None
     from analysis.model.machine import LogSection
     from estimators.errors import MachineError
     from replay.machines.machine_file import table_axis

@@ -5,7 +5,7 @@ import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import ceil
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, OutputError, nearest
 from recordings.report.atomic_output import check_folder, refuse_input_as_output
 from replay.convert.part_writer import PartWriter, arrow_schema
@@ -24,8 +24,8 @@ from replay.convert.unfinished_folder import (
     write_whole,
 )
 from replay.logs import Log
+from replay.logs.converted import DESCRIPTION
 from replay.logs.converted.description import (
-    DESCRIPTION,
     LOG_TIME,
     ConvertedDescription,
     ConvertedField,
@@ -90,7 +90,7 @@ class Conversion:
                 }
                 for topic in self.topics
             ],
-            "losses": [loss.model_dump() for loss in self.losses],
+            "losses": [asdict(loss) for loss in self.losses],
         }
 
 

@@ -76,10 +76,11 @@ class TopicShape:
 
     def frame(self, read: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
         """Make columns of what was read of their fields."""
+        values = read.to_dict()
         made = [
-            read[self._own[name]].cast(self.schema[name]).alias(name)
+            values[self._own[name]].cast(self.schema[name]).alias(name)
             if name in self._own
-            else self._column(self._tree[name], read.to_dict(), 0).alias(name)
+            else self._column(self._tree[name], values, 0).alias(name)
             for name in columns
         ]
         return pl.DataFrame(made)

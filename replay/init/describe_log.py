@@ -3,13 +3,15 @@
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from replay.logs import TABLE, Log, LogCheck
-from replay.recognise.profile import FieldProfile, profiles
+
+if TYPE_CHECKING:
+    from replay.recognise.profile import FieldProfile
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +32,7 @@ class LogInfo:
     checked: LogCheck | None = None
     check_s: float | None = None
     #: every field that holds single values; of a log of messages only where it was asked for
-    fields: tuple[FieldProfile, ...] = ()
+    fields: "tuple[FieldProfile, ...]" = ()
     #: what was recognised of how the log is written
     notes: tuple[str, ...] = ()
 
@@ -52,7 +54,7 @@ class LogInfo:
             "topics": self.topics.to_dicts(),
             "fields": [each.to_dict() for each in self.fields],
             "notes": list(self.notes),
-            "losses": [loss.model_dump() for loss in self.losses],
+            "losses": [asdict(loss) for loss in self.losses],
             "check": None
             if self.checked is None
             else {"whole": self.is_whole, **asdict(self.checked), "seconds": self.check_s},
@@ -78,7 +80,11 @@ def describe(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
     ).row(0, named=True)
     start, end = ends["start_ns"], ends["end_ns"]
     is_table = topics.height > 0 and str(topics["topic"][0]).partition("/")[0] == TABLE
-    described = tuple(profiles(log)) if fields or is_table else ()
+    described: tuple[FieldProfile, ...] = ()
+    if fields or is_table:
+        from replay.recognise.profile import profiles  # imports machines, which is slow
+
+        described = tuple(profiles(log))
     return LogInfo(
         path=log.path,
         format=log.format,

@@ -8,9 +8,10 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.model.physical_units import to_si
-from analysis.model.run_record import InputFile, Loss, Provenance
+from analysis.model.run_record import InputFile, Provenance
 from analysis.model.schema import HINTS
 from analysis.stages.signals.derive import unit_of
 from estimators.errors import LogError, MachineError, nearest
@@ -51,7 +52,7 @@ def read_channels(
     """
     wanted = channel_fields(machine)
     losses: list[Loss] = []
-    has = {log: set(log.topics()["topic"]) for log in logs}
+    has = {log: set(log.topic_names()) for log in logs}
     # what no estimate needs must not stop one
     hints = {topic for topic in wanted if HINTS.issuperset(_filled_by(topic, machine))}
     for topic in list(wanted):

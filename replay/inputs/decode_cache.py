@@ -19,8 +19,8 @@ from typing import Any, Final
 import polars as pl
 from pydantic import BaseModel, ConfigDict
 
+from analysis.model.loss import Loss
 from analysis.model.machine import Machine
-from analysis.model.run_record import Loss
 from estimators.errors import LogError, OutputError, PayscopeError
 from replay.inputs.channel_inputs import channel_fields, input_files, package_versions
 from replay.logs import TABLE, Log, LogCheck, TableHints, TimeAxis, open_log

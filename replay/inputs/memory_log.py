@@ -5,8 +5,8 @@ from pathlib import Path
 
 import polars as pl
 
+from analysis.model.loss import Loss
 from analysis.model.machine import Channel, Machine
-from analysis.model.run_record import Loss
 from analysis.simulation import SimulatedLog
 from estimators.errors import LogError, nearest
 from replay.logs import Log, LogCheck

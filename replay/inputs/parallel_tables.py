@@ -7,8 +7,8 @@ from typing import Final
 
 import polars as pl
 
+from analysis.model.loss import Loss
 from analysis.model.machine import Machine
-from analysis.model.run_record import Loss
 from estimators.errors import LogError, nearest
 from replay.logs import TABLE, Log, LogCheck
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from replay.logs import Log, LogCheck
 
 

@@ -10,8 +10,9 @@ from pydantic import ValidationError
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
 from estimators.file_digest import file_sha256
+from replay.logs.converted import DESCRIPTION
 from replay.logs.converted.converted_topics import ConvertedFieldError, ConvertedTopics
-from replay.logs.converted.description import DESCRIPTION, FORMAT, ConvertedDescription
+from replay.logs.converted.description import FORMAT, ConvertedDescription
 from replay.logs.log import Log, LogCheck
 from replay.logs.messages.message_types import LeafField
 from replay.logs.storage import LossList

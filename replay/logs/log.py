@@ -283,7 +283,8 @@ class Log(ABC):
     @staticmethod
     def _timing(log_times: NDArray[np.int64]) -> dict[str, Any]:
         """The columns of `topics()` that follow from log times (n,) in ns and any order."""
-        times = np.sort(log_times)
+        # recorders write them nearly in order, which timsort makes use of
+        times = np.sort(log_times, kind="stable")
         count = int(times.size)
         start = int(times[0]) if count else None
         end = int(times[-1]) if count else None

@@ -5,7 +5,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from estimators.errors import LogError
-from replay.logs.converted.description import DESCRIPTION
+from replay.logs.converted import DESCRIPTION
 from replay.logs.log import Log, TimeAxis
 
 # The libraries behind the formats are imported when a log of theirs is opened: they are slow to

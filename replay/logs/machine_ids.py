@@ -71,10 +71,11 @@ def machine_ids(files: Iterable[Path]) -> tuple[str, ...]:
 
 def _of_mcap(path: Path) -> Iterator[str]:
     from replay.logs.mcap import metadata_records
-    from replay.logs.rosbag2 import custom_data
 
     for name, texts in metadata_records(path):
         if name == _ROSBAG2 and _SERIALIZED in texts:
+            from replay.logs.rosbag2 import custom_data  # imports a reader of YAML
+
             yield from ids_among(custom_data(texts[_SERIALIZED].encode()))
         else:
             yield from ids_among(texts, name)

@@ -10,7 +10,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
 from replay.fleet.gathered_tables import fleet_results

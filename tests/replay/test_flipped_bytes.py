@@ -24,6 +24,7 @@ from recordings.calibration.check_outcomes import BundleOutcome, worst
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import document_of
 from recordings.calibration.signature_check import check_signature
+from recordings.signatures.keyring import Keyring
 from recordings.signatures.signing import public_key
 from tests.replay.made_evidence import Made
 
@@ -75,7 +76,7 @@ def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> 
                 held = check_files(folder, checked)
                 if name in UNLISTED:
                     digests = {n: each.sha256 for n, each in held.items() if n not in UNLISTED}
-                    check_signature(checked, held, digests, document, key)
+                    check_signature(checked, held, digests, document, key, Keyring(Path()))
             assert worst(checked.findings) is TAMPERED, (name, place)
             flips += 1
     assert flips == sum((folder / name).stat().st_size for name in names)

@@ -15,9 +15,9 @@ from analysis.expressions.parse import (
     slopes,
 )
 from analysis.expressions.values import NEAR_ZERO, evaluate
+from analysis.model.loss import Loss
 from analysis.model.machine import BODY_NUMBERS, Channel, Machine
 from analysis.model.physical_units import registry, to_si, unit_behind
-from analysis.model.run_record import Loss
 from analysis.model.schema import CHANNEL_COLUMNS, HINTS
 from analysis.model.settings import AlignSettings, Settings
 from analysis.stages.signals import filters, mounting

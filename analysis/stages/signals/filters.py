@@ -15,11 +15,21 @@ HIGHEST_CUTOFF: Final = 0.45
 _ORDER: Final = 4
 #: Stamps that stray less than this share of a period count as uniform.
 _UNIFORM = 0.01
+#: Steps that are looked at for the one that most others equal: enough that a majority shows.
+_FEW_STEPS: Final = 101
 
 
 def period_ns(t_ns: Ints) -> float:
     """The median period of ascending stamps; NaN below two samples."""
-    return float(np.median(np.diff(t_ns))) if t_ns.size > 1 else float("nan")
+    if t_ns.size < 2:
+        return float("nan")
+    steps = np.diff(t_ns)
+    # of steps that are mostly equal, as a grid's, `np.median` takes fifteen times as long
+    few = np.sort(steps[:_FEW_STEPS])
+    usual = few[few.size // 2]
+    below, equal = np.count_nonzero(steps < usual), np.count_nonzero(steps == usual)
+    is_median = below <= (steps.size - 1) // 2 and steps.size // 2 < below + equal
+    return float(usual if is_median else np.median(steps))
 
 
 def longest_step_ns(t_ns: Ints, settings: AlignSettings) -> float:

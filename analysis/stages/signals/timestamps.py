@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 
 #: Clocks that start at boot count from 0: what lies before 1990 is no date.
 FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9

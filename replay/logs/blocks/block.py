@@ -1,6 +1,7 @@
 """A block: a stretch of a file that holds whole records, mostly a compressed chunk."""
 
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -43,7 +44,7 @@ class Block:
     #: the file ends inside it: what can be unpacked of it counts
     is_torn: bool = False
     #: messages by connection
-    counts: dict[int, int] = field(default_factory=lambda: _NO_COUNTS)
+    counts: Mapping[int, int] = field(default_factory=lambda: _NO_COUNTS)
     #: log times of its messages, both inclusive
     first_ns: int = 0
     last_ns: int = -1

@@ -1,8 +1,10 @@
 """The messages of a file that keeps them in blocks: whose they are, when, and their bytes."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
+from threading import Lock
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -19,6 +21,9 @@ if TYPE_CHECKING:
 #: The last log time, ns.
 _INT64_MAX: Final = 2**63 - 1
 
+#: Reads the log times (as 64 bits) by connection that an index gives of a block; None where it is
+#: not whole.
+ReadTimes = Callable[[], Mapping[int, NDArray[np.int64]] | None]
 #: (opcode, bytes, offset): of what records say of the same thing, what stands first counts. They
 #: come in another order, and what an index repeats may be damaged.
 Describe = Callable[[int, bytes, int], None]
@@ -47,6 +52,10 @@ class BlockStore:
         self._blocks: list[Block] = []
         self._times: dict[int, list[NDArray[np.int64]]] = {}
         self._late: dict[int, int] = {}
+        self._counts: Counter[int] = Counter()
+        #: blocks whose log times an index has, which are read when someone asks for them
+        self._unread: list[tuple[Block, ReadTimes]] = []
+        self._reading = Lock()
         #: the CRCs that agree, by where their blocks begin
         self._sealed: set[int] = set()
         self._topics: Mapping[int, str] = {}
@@ -59,7 +68,7 @@ class BlockStore:
     @property
     def message_count(self) -> int:
         """Messages in all blocks."""
-        return sum(sum(block.counts.values()) for block in self._blocks)
+        return self._counts.total()
 
     @property
     def torn_messages(self) -> int:
@@ -97,9 +106,16 @@ class BlockStore:
         """Add a block whose messages are known: their log times (as 64 bits) by connection."""
         described, usable = _describe_block(block, times)
         self._blocks.append(described)
+        self._counts.update(described.counts)
         for key, values in usable.items():
             self._late[key] = self._late.get(key, 0) + times[key].size - values.size
             self._times.setdefault(key, []).append(values)
+
+    def add_indexed(self, block: Block, read_times: ReadTimes) -> None:
+        """Add a block whose counts and span of log times are known, but not each time."""
+        self._blocks.append(block)
+        self._counts.update(block.counts)
+        self._unread.append((block, read_times))
 
     def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
         """Note that a block, whose messages are known, cannot be read."""
@@ -143,11 +159,36 @@ class BlockStore:
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """Log times of a connection, (n,) in ns."""
-        return np.concatenate([no_times(), *self._times.get(connection_id, [])])
+        self._read_times()
+        times = np.concatenate([no_times(), *self._times.get(connection_id, [])])
+        # an index that lies may give times beyond the year 2262
+        return times if times.min(initial=0) >= 0 else times[times >= 0]
 
     def messages_of(self, connection_id: int) -> int:
         """How many log times a connection has."""
-        return sum(times.size for times in self._times.get(connection_id, ()))
+        return self._counts[connection_id] - self._late.get(connection_id, 0)
+
+    def _read_times(self) -> None:
+        """Read the log times of indexed blocks; unpack those whose index does not give them."""
+        with self._reading:
+            found: dict[int, list[NDArray[np.int64]]] = {}
+            unknown: list[Block] = []
+            for block, read_times in self._unread:
+                times = read_times()
+                if times is None or _count_times(times) != block.counts:
+                    unknown.append(block)
+                    continue
+                for key, values in times.items():
+                    found.setdefault(key, []).append(values)
+            if unknown:
+                unpacked = BlockStore(self.file, self._load_grammar, self._describe)
+                unpacked.damage = self.damage
+                unpacked.survey(unknown)
+                for key, parts in unpacked._times.items():
+                    found.setdefault(key, []).extend(parts)
+            for key, parts in found.items():
+                self._times.setdefault(key, []).extend(parts)
+            self._unread = []
 
     def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
@@ -238,10 +279,14 @@ def _describe_block(
     Those beyond the year 2262 cannot; their 64 bits are a negative number here.
     """
     everything = np.concatenate([no_times(), *times.values()])
-    counts = {key: values.size for key, values in times.items() if values.size}
+    counts = _count_times(times)
     first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
     if first < 0:
         times = {key: values[values >= 0] for key, values in times.items()}
         everything = everything[everything >= 0]
         first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
     return replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), times
+
+
+def _count_times(times: Mapping[int, NDArray[np.int64]]) -> dict[int, int]:
+    return {key: values.size for key, values in times.items() if values.size}

@@ -6,8 +6,6 @@ from pydantic import BaseModel, ConfigDict
 
 from analysis.model.loss import Loss
 
-#: Written last: a folder with it is whole.
-DESCRIPTION: Final = "payscope-log.json"
 LOG_TIME: Final = "log_time_ns"
 #: Raised whenever what is written changes its meaning.
 FORMAT: Final = 1

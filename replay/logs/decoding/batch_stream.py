@@ -67,6 +67,9 @@ class Stream:
         Args:
             floor_ns: no message that is still to be taken has an earlier log time.
         """
+        if not self.tally.rows:  # whoever wants the first rows does not wait for a batch of them
+            self._begin_few(at_once)
+            self.settle()
         waiting = [int(batch.log_times.min()) for batch in self._few]
         frame = joined_frames(self._frames)
         if not frame.height:
@@ -183,7 +186,8 @@ def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:
     placed: list[pl.DataFrame] = []
     for frame in filter(len, found):
         placed += _meeting(placed.pop(), frame) if placed else [frame]
-    whole = pl.concat(placed or found[:1], rechunk=False)
+    placed = placed or found[:1]
+    whole = pl.concat(placed, rechunk=False) if len(placed) > 1 else placed[0]
     # a frame that begins before those in front of the last
     return whole if whole[TIME].is_sorted() else whole.sort(TIME, maintain_order=True)
 

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Final
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, ChunkIndex, Metadata, Schema
 from rosbags.typesys.msg import normalize_msgtype
 
 from estimators.errors import LogError
@@ -23,7 +24,7 @@ from replay.logs.blocks import (
     torn_end,
     until,
 )
-from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_times
+from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_counts, indexed_times
 from replay.logs.mcap.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -169,16 +170,19 @@ class McapFile(BlockFile):
         unknown: list[Block] = []
         chunks = {chunk.chunk_start_offset: chunk for chunk in summary.chunks}
         for offset in sorted(chunks):
-            block = chunk_block(self._file, offset)
-            times = indexed_times(self._file, chunks[offset])
+            chunk = chunks[offset]
+            counts = indexed_counts(chunk)
+            block = chunk_block(self._file, offset, counts)
+            read_times = partial(indexed_times, self._file, chunk)
+            is_described = described and self._channels.keys() >= counts.keys()
             # the index stands behind all chunks, so that the end of the file tears none of them
             if block is None or block.is_torn:
-                lost = damaged_block(chunks[offset])
-                self._store.lose(lost, times or {}, "it is not where the index says")
-            elif times is None or not described or not self._channels.keys() >= times.keys():
-                unknown.append(block)
+                lost = damaged_block(chunk)
+                self._store.lose(lost, read_times() or {}, "it is not where the index says")
+            elif counts and is_described and _has_same_times(chunk, block):
+                self._store.add_indexed(block, read_times)
             else:
-                self._store.add(block, times)
+                unknown.append(block)
         if unknown:
             self._store.survey(unknown)
 
@@ -221,6 +225,11 @@ class McapFile(BlockFile):
                 self._channels[record.id], self._channels_at[record.id] = record, at
         elif at < self._schemas_at.get(record.id, self._file.size):
             self._schemas[record.id], self._schemas_at[record.id] = record, at
+
+
+def _has_same_times(chunk: ChunkIndex, block: Block) -> bool:
+    said = chunk.message_start_time, chunk.message_end_time
+    return (block.first_ns, block.last_ns) == said
 
 
 def make_connection(channel: Channel, schema: Schema | None) -> Connection:

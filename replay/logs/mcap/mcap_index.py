@@ -4,6 +4,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from io import BytesIO
+from operator import itemgetter
 from struct import Struct
 from typing import Final
 
@@ -36,6 +37,8 @@ _CHUNK_INDEX_REST: Final = Struct("<QI")
 _SIZES: Final = Struct("<QQ")
 #: opcode, length, channel, length of the entries
 _MESSAGE_INDEX: Final = Struct("<BQHI")
+#: log time, place in the chunk
+_ENTRY_BYTES: Final = 8 + 8
 
 
 class SummaryError(Exception):
@@ -150,6 +153,26 @@ def damaged_block(chunk: ChunkIndex) -> Block:
     return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
 
 
+def indexed_counts(chunk: ChunkIndex) -> dict[int, int]:
+    """Messages by channel, from where the message indexes of a chunk begin: nothing is read.
+
+    Empty where they do not follow each other, and the chunk, without gaps.
+    """
+    begin = chunk.chunk_start_offset + chunk.chunk_length
+    places = sorted(chunk.message_index_offsets.items(), key=itemgetter(1))
+    ends = [*(offset for _, offset in places), begin + chunk.message_index_length]
+    if ends[0] != begin:
+        return {}
+    counts: dict[int, int] = {}
+    for (key, offset), end in zip(places, ends[1:], strict=True):
+        count, rest = divmod(end - offset - _MESSAGE_INDEX.size, _ENTRY_BYTES)
+        if rest or count < 0:
+            return {}
+        if count:
+            counts[key] = count
+    return counts
+
+
 def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np.int64]] | None:
     """Log times (as 64 bits) by channel, from the message indexes of a chunk.
 
@@ -169,7 +192,7 @@ def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np
         opcode, _, channel, size = _MESSAGE_INDEX.unpack_from(section.data, at)
         at += _MESSAGE_INDEX.size
         left -= _MESSAGE_INDEX.size + size
-        is_whole = left >= 0 and at + size <= len(section) and size % 16 == 0
+        is_whole = left >= 0 and at + size <= len(section) and size % _ENTRY_BYTES == 0
         if opcode != MESSAGE_INDEX or channel != key or not is_whole:
             return None
         times[key] = np.frombuffer(section, "<i8", size // 8, at)[::2].astype(np.int64)

@@ -1,6 +1,7 @@
 """The records of an MCAP file (mcap.dev/spec): opcode u8, length u64, content; little endian."""
 
 import struct
+from collections.abc import Mapping
 from typing import Final
 
 from replay.logs.blocks import Block
@@ -34,8 +35,10 @@ _LONGEST_NAME: Final = 32
 _INT64_MAX: Final = 2**63 - 1
 
 
-def chunk_block(file: FileBytes, offset: int) -> Block | None:
-    """The chunk whose record begins at `offset`, None where there is none.
+def chunk_block(
+    file: FileBytes, offset: int, counts: Mapping[int, int] | None = None
+) -> Block | None:
+    """The chunk whose record begins at `offset`, with messages by channel; None if there is none.
 
     One that reaches beyond the end of the file is torn.
     """
@@ -61,6 +64,7 @@ def chunk_block(file: FileBytes, offset: int) -> Block | None:
         unpacked,
         crc,
         is_torn=stored > left,
+        counts=counts or {},
         first_ns=first if fits else 0,
         last_ns=last if fits else -1,
     )

@@ -4,13 +4,20 @@ A reading of a text is taken only where every other one is impossible; what was 
 of the log, and what is ambiguous is an error that names the key of `[log]` that answers it.
 """
 
-from replay.logs.tables.axis import RowTimes, TableTimes, find_times
-from replay.logs.tables.csv_columns import CsvColumns
-from replay.logs.tables.dialect import Dialect, sniff
+from typing import TYPE_CHECKING
+
+from estimators.late_names import resolve_late
+
+# every log takes a `TimeAxis`; what reads tables is imported when one is opened
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
-from replay.logs.tables.only_time import disagreement
-from replay.logs.tables.text import Utf8Text, as_utf8, head_lines
-from replay.logs.tables.times import NS_PER_UNIT, TimeError
+
+if TYPE_CHECKING:
+    from replay.logs.tables.axis import RowTimes, TableTimes, find_times
+    from replay.logs.tables.csv_columns import CsvColumns
+    from replay.logs.tables.dialect import Dialect, sniff
+    from replay.logs.tables.only_time import disagreement
+    from replay.logs.tables.text import Utf8Text, as_utf8, head_lines
+    from replay.logs.tables.times import NS_PER_UNIT, TimeError
 
 __all__ = [
     "NS_PER_UNIT",
@@ -29,3 +36,21 @@ __all__ = [
     "head_lines",
     "sniff",
 ]
+
+__getattr__ = resolve_late(
+    "replay.logs.tables",
+    {
+        "NS_PER_UNIT": "replay.logs.tables.times",
+        "CsvColumns": "replay.logs.tables.csv_columns",
+        "Dialect": "replay.logs.tables.dialect",
+        "RowTimes": "replay.logs.tables.axis",
+        "TableTimes": "replay.logs.tables.axis",
+        "TimeError": "replay.logs.tables.times",
+        "Utf8Text": "replay.logs.tables.text",
+        "as_utf8": "replay.logs.tables.text",
+        "disagreement": "replay.logs.tables.only_time",
+        "find_times": "replay.logs.tables.axis",
+        "head_lines": "replay.logs.tables.text",
+        "sniff": "replay.logs.tables.dialect",
+    },
+)

@@ -4,7 +4,7 @@ import polars as pl
 
 from analysis import Run
 from analysis.model.answer import answer
-from analysis.model.run_record import Loss
+from analysis.model.loss import Loss
 from recordings.report.planar_text import planar_lines
 from recordings.rrd.recording_texts import (
     headline,

@@ -20,7 +20,7 @@ from replay import load_machine, open_log, run
 from replay.convert.convert_log import convert
 from replay.convert.unfinished_folder import unfinished_folder
 from replay.logs import logs_in
-from replay.logs.converted.description import DESCRIPTION
+from replay.logs.converted import DESCRIPTION
 from replay.simulation.simulate_logs import simulate
 from tests.one_line import assert_one_line
 from tests.own_logs import make

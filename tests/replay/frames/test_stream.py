@@ -72,7 +72,7 @@ def test_scanning_imports_nothing_of_recordings(log: Path) -> None:
     code = (
         f"import sys, payscope; payscope.scan_log({str(log)!r}, '/joints').collect()\n"
         # numba takes BLAS from scipy.linalg where compiled code is loaded
-        "heavy = ('rerun', 'matplotlib', 'pandas', 'typer', 'recordings')\n"
+        "heavy = ('rerun', 'matplotlib', 'pandas', 'typer', 'pydantic', 'recordings')\n"
         "heavy += tuple(f'scipy.{part}' for part in ('signal', 'special', 'stats', 'optimize'))\n"
         "print([name for name in heavy if name in sys.modules])"
     )

@@ -194,6 +194,36 @@ def test_an_index_that_hides_messages_is_not_used_where_a_chunk_is_lost_either(
     ]
 
 
+def test_message_indexes_are_not_needed_for_rows_and_unpacked_chunks_take_their_place(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000)
+    with open_log(path) as log:
+        whole, described = log.read("/joints0", ["effort[left]"]), log.topics()
+    for chunk in chunks(path):
+        behind = chunk.chunk_start_offset + chunk.chunk_length
+        overwrite(path, behind, b"\xff" * chunk.message_index_length)
+    with open_log(path) as log:
+        assert log.read("/joints0", ["effort[left]"]).equals(whole)
+        assert log.topics().equals(described)
+        assert log.losses() == ()
+
+
+def test_a_chunk_that_says_other_times_than_the_summary_is_unpacked_for_its_own(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000)
+    chunk = chunks(path)[1]
+    first = chunk.message_start_time
+    overwrite(path, chunk.chunk_start_offset + 9, struct.pack("<Q", chunk.message_end_time))
+    with open_log(path) as log:
+        rows = [log.read(topic, [], first, first).height for topic in ("/joints0", "/joints1")]
+        assert sum(rows) == 1
+        assert log.losses() == ()
+
+
 def test_many_damaged_chunks_are_told_in_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "shift.mcap"
     write_mcap(path, DRIVE, chunk_size=300)

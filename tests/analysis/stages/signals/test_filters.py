@@ -151,3 +151,11 @@ def test_stretches_cut_at_every_long_step_and_nowhere_else(steps):
 def test_the_period_is_the_median_step():
     assert period_ns(np.array([0, 10, 20, 1000])) == 10.0
     assert np.isnan(period_ns(np.array([5])))
+
+
+@pytest.mark.parametrize("samples", [2, 3, 101, 102, 103, 4000])
+@pytest.mark.parametrize("kinds", [1, 2, 3, 10**9])
+def test_the_period_is_the_median_however_many_steps_are_equal(samples: int, kinds: int) -> None:
+    steps = np.random.default_rng(samples).integers(1, kinds + 1, samples - 1)
+    stamps = np.concatenate([[0], np.cumsum(steps)])
+    assert period_ns(stamps) == np.median(steps)
