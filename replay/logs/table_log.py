@@ -291,9 +291,8 @@ class TableLog(Log):
         cells = self._cells(list(dict.fromkeys(fields)))
         columns = [self._values(cells.pop(field)) for field in dict.fromkeys(fields)]
         times = self._times(topic)
-        frame = pl.DataFrame(
-            [times, pl.Series("header_stamp_ns", [None] * times.len(), dtype=pl.Int64), *columns]
-        )
+        no_stamps = pl.repeat(None, times.len(), dtype=pl.Int64, eager=True)
+        frame = pl.DataFrame([times, no_stamps.alias("header_stamp_ns"), *columns])
         if start_ns is None and end_ns is None and times.null_count() == 0 and times.is_sorted():
             return frame
         inside = pl.col("log_time_ns").is_not_null()

@@ -18,6 +18,8 @@ _ROWS: Final = 200_000
 _SPAN_S: Final = 0.2
 #: A correlation is of so many rows at least.
 _FEWEST: Final = 100
+#: Readings of one and the same differ by less than so much of what they vary by: a GPS and a wheel.
+_SAME: Final = 0.1
 #: A correlation that says something.
 _CLEAR: Final = 0.5
 #: Gravity on an axis of an accelerometer, in m/s²: what it shows on a machine that may stand on a
@@ -39,6 +41,21 @@ _AGAINST_PLACE: Final = (
     "which way '{0}' is positive: it goes against the change of '{1}' ({2:.2f}); if it is "
     "inverted, scale = -1"
 )
+_WITHOUT_SIGN: Final = (
+    "which way '{0}' acts: it is never negative, and as large where the machine brakes; another "
+    "column may have its sign: where(braking_1 > 0.5, -x, x)"
+)
+_WRAPPED: Final = (
+    "which numbers of '{0}' are negative: it jumps by 2^{1}; where those of the upper half are, "
+    "where(x > {2}, x - {3}, x)"
+)
+#: Bits of integers whose sign is lost.
+_BITS: Final = (16, 32)
+#: Share of its size at starts that a force without a sign has where the machine brakes, at least;
+#: what brakes by friction shows none there.
+_BRAKING: Final = 0.25
+#: Share of its largest that noise takes a force without a sign below 0.
+_NOISE: Final = 0.05
 #: Both sides of a machine, in m/s or as turns.
 _OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
 
@@ -81,6 +98,18 @@ def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
 
 
+def show_the_same(log: Log, one: LogColumn, other: LogColumn) -> bool:
+    """Whether two columns are readings of one and the same: their difference is small."""
+    try:
+        (t, x), (at, y) = (_read_series(log, c.topic, c.field) for c in (one, other))
+    except (LogError, pl.exceptions.PolarsError):
+        return False
+    if min(t.size, at.size) < _FEWEST or one.unit is None or other.unit is None:
+        return False
+    y = y * to_si(other.unit, one.unit)[0]
+    return float(np.std(x - np.interp(t, at, y))) < _SAME * float(np.std(x))
+
+
 def _median_reading(log: Log, column: LogColumn) -> float:
     try:
         _, x = _read_series(log, column.topic, column.field)
@@ -105,6 +134,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
     channels: list[ChannelProposal] = []
     for each in found.channels:
         reason = each.reason
+        _ask_wrapped(log, each, found)
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
@@ -113,6 +143,8 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
                 reason += f"; goes with the change of {speed.field}, {goes:.2f}"
                 if goes < -_CLEAR:
                     found.ask("sign", _SIGN.format(f"'{each.field}'", goes))
+            if is_force:
+                _ask_without_sign(log, each, speed, found)
         if each is speed and place is not None:
             goes = _correlation(log, each, place)
             if goes is not None and goes < -_CLEAR:
@@ -131,32 +163,59 @@ def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Rec
     """
     for name in _OF_SIDES:
         left, right = (by_name.get(name.format(side)) for side in ("left", "right"))
-        if left is None or right is None or left.field is None or right.field is None:
+        if left is None or right is None:
             continue
-        try:
-            t, x = _read_series(log, left.topic, left.field)
-            at, y = _read_series(log, right.topic, right.field)
-        except (LogError, pl.exceptions.PolarsError):
-            continue
+        (t, x), (at, y) = _try_series(log, left), _try_series(log, right)
         goes = _correlate(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
         if goes is not None and goes < -_CLEAR:
             found.ask("sign", _MIRRORED.format(left.field, right.field, goes))
 
 
+def _ask_wrapped(log: Log, each: ChannelProposal, found: Recognition) -> None:
+    """Ask which are negative, where integers jump from one end of their bits to the other."""
+    x = _try_series(log, each)[1]
+    if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
+        return
+    largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
+    for bits in _BITS:
+        half = 2 ** (bits - 1)
+        if half < jump and half < largest < 2 * half:
+            found.ask("sign", _WRAPPED.format(each.field, bits, half - 1, 2 * half))
+
+
+def _ask_without_sign(
+    log: Log, each: ChannelProposal, speed: ChannelProposal, found: Recognition
+) -> None:
+    """Ask for the sign of a force that is never negative, though the machine brakes with it."""
+    (t, x), (at, y) = _try_series(log, each), _try_series(log, speed)
+    if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
+        return
+    slope = _slope(t, at, y)
+    starts, stops = x[slope > slope.max() / 2], x[slope < slope.min() / 2]
+    if slope.min() < 0 < slope.max() and stops.mean() > _BRAKING * starts.mean() > 0:
+        found.ask("sign", _WITHOUT_SIGN.format(each.field))
+
+
+def _try_series(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
+    """Seconds and readings of a proposal; empty where it has none."""
+    if each.field is None:
+        return np.empty(0), np.empty(0)
+    try:
+        return _read_series(log, each.topic, each.field)
+    except (LogError, pl.exceptions.PolarsError):
+        return np.empty(0), np.empty(0)
+
+
+def _slope(t: Floats, at: Floats, y: Floats) -> Floats:
+    """How much `y`, of the times `at`, changes about each of the times `t`."""
+    half = _SPAN_S / 2
+    return np.interp(t + half, at, y) - np.interp(t - half, at, y)
+
+
 def _correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
     """Correlation of a column with the slope of another; None where there is none."""
-    assert one.field is not None
-    assert other.field is not None
-    try:
-        t, x = _read_series(log, one.topic, one.field)
-        at, y = _read_series(log, other.topic, other.field)
-    except (LogError, pl.exceptions.PolarsError):
-        return None
-    if t.size < _FEWEST or at.size < _FEWEST:
-        return None
-    half = _SPAN_S / 2
-    slope = np.interp(t + half, at, y) - np.interp(t - half, at, y)
-    return _correlate(x, slope)
+    (t, x), (at, y) = _try_series(log, one), _try_series(log, other)
+    return _correlate(x, _slope(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
 
 
 def _correlate(x: Floats, y: Floats) -> float | None:

@@ -16,15 +16,15 @@ _TURNS: Final = ("rpm", "rad/s", "Hz")
 
 def propose_drives(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Sketch force and speed from what motors and wheels report, where no column has them."""
-    if not {"force_x_N"} & found.taken and not _has_both(found, "torque_{}_N_m"):
+    if "force_x_N" not in found.named and not _has_both(found, "torque_{}_N_m"):
         sketches = (_unnamed_sides, _motor_force, _recognise_pressure, _recognise_power)
         any(propose(columns, found) for propose in sketches)
-    if "speed_x_m_s" not in found.taken and not _has_both(found, "speed_{}_m_s"):
+    if "speed_x_m_s" not in found.named and not _has_both(found, "speed_{}_m_s"):
         any(propose(columns, found) for propose in (_wheel_speeds, _motor_speed))
 
 
 def _has_both(found: Recognition, name: str) -> bool:
-    return {name.format(side) for side in _SIDES} <= found.taken
+    return {name.format(side) for side in _SIDES} <= found.named
 
 
 def _unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
@@ -76,6 +76,10 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
             found.sketch("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
             found.ask("radius", _RADIUS)
             return True
+        motors = [c for c in fitting if c.said.part == column.said.part]
+        if len(motors) > 1:
+            names = ", ".join(f"'{each.field}'" for each in motors)
+            found.ask("column", f"which of {names} drive: those that do are added")
         reason = f"{column.field}: at the motor; needs the gear"
         found.sketch_source(column, name, column.unit, reason)
         found.sketch("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)

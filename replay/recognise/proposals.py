@@ -10,7 +10,7 @@ from estimators.errors import MachineError
 from replay.recognise.words import Meaning
 
 #: What the answer needs and no column tells, in the order that it is asked in.
-ORDER: Final = ("gear", "radius", "side", "unit", "sign")
+ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +85,11 @@ class Recognition:
     def taken(self) -> set[str]:
         """The channels that are filled."""
         return {each.column for each in self.channels if not each.is_comment}
+
+    @property
+    def named(self) -> set[str]:
+        """The channels that are filled or sketched."""
+        return {each.column for each in self.channels}
 
     def ask(self, kind: str, question: str) -> None:
         """Ask for one of `ORDER`."""

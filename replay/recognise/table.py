@@ -5,8 +5,9 @@ leaves one alone; how it goes with the others is said beside it. What the answer
 column tells is a question: the gear, the radius, the side, the unit, the sign.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Final
 
@@ -14,10 +15,18 @@ from analysis.model.physical_units import registry, unit_behind
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import unit_of
 from replay.logs import TABLE, Log
-from replay.recognise.correlations import add_correlations, units_by_gravity, without_gravity
+from replay.recognise.correlations import (
+    add_correlations,
+    show_the_same,
+    units_by_gravity,
+    without_gravity,
+)
 from replay.recognise.drives import propose_drives
 from replay.recognise.proposals import LogColumn, Recognition
 from replay.recognise.words import meaning
+
+#: A column that may fill a channel, why, and the unit that it is in.
+Claim = tuple[LogColumn, str, str | None]
 
 _KNOWN: Final = frozenset(column.name for column in CHANNEL_COLUMNS)
 #: What a column is whose unit is of this dimension, whatever its name.
@@ -47,6 +56,7 @@ def recognise(log: Log) -> Recognition:
             found.fill(column, column.field, "its name", unit_of(column.field))
     by_gravity = units_by_gravity(log, columns)
     kinematic = without_gravity(log, columns)
+    claims: defaultdict[str, list[Claim]] = defaultdict(list)
     for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
             channel = channel_of(column) if column.quantity == quantity else None
@@ -64,11 +74,34 @@ def recognise(log: Log) -> Recognition:
                 column.field,
                 (column.unit, "its name and unit" if column.unit else "its name"),
             )
-            found.fill(column, channel, reason, unit)
+            # an axis of an accelerometer claims its channel in the turn of each quantity
+            if all(column != claimed for claimed, *_ in claims[channel]):
+                claims[channel].append((column, reason, unit))
+    for channel, each in claims.items():
+        _settle(log, channel, each, found)
     _by_unit_alone(columns, found)
     propose_drives(columns, found)
     _without_unit(columns, found)
     return add_correlations(log, columns, found)
+
+
+def _settle(log: Log, channel: str, claims: Sequence[Claim], found: Recognition) -> None:
+    """Fill a channel by the one column that may; ask where there are several.
+
+    Of several that show the same the first is taken, but of forces: those add up.
+    """
+    if channel in found.taken:
+        return
+    column, reason, unit = claims[0]
+    adds_up = channel.startswith(("force", "torque"))
+    others = [other for other, *_ in claims[1:]]
+    if all(not adds_up and show_the_same(log, column, other) for other in others):
+        found.fill(column, channel, reason, unit)
+        return
+    names = ", ".join(f"'{each.field}'" for each, *_ in claims)
+    found.sketch_source(column, channel, unit, f"one of {names}")
+    together = "; where they act together, their sum" if adds_up else ""
+    found.ask("column", f"which of {names} is channels.{channel}{together}")
 
 
 def _list_columns(log: Log) -> list[LogColumn]:
@@ -81,6 +114,10 @@ def _list_columns(log: Log) -> list[LogColumn]:
                 meaning(_name_without_unit(name)),
                 units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
             )
+            if said.is_no_reading:
+                said = replace(said, quantity=None)
+                found.append(LogColumn(topic, name, unit, said, None))
+                continue
             # "Motor Amps": the unit is the only word that names the quantity
             said = said if said.quantity or unit is None else meaning(name)
             found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
@@ -174,6 +211,8 @@ def _by_unit_alone(columns: Sequence[LogColumn], found: Recognition) -> None:
     units = Counter(_quantity("", column.unit) for column in columns if column.unit)
     for column in columns:
         if column.said.quantity is not None or column.unit is None or column.unit in _TURNS:
+            continue
+        if column.said.is_no_reading:
             continue
         quantity = _quantity("", column.unit)
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")

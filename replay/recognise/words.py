@@ -23,7 +23,8 @@ _QUANTITIES: Final = (
                "vitesse", "drehzahl", "rpm", "kph", "kmh", "mph", "скорость", "hız", "velocidade",
                "velocità", "prędkość", "snelheid", "hastighet", "nopeus", "rychlost", "速度",
                "车速", "속도")),
-    ("position", ("position", "pos", "distance", "dist", "weg", "odometer", "travel")),
+    ("position", ("position", "pos", "distance", "dist", "weg", "odometer", "travel",
+                  "displacement", "stroke", "crosshead")),
     ("steering", ("steer", "steering", "articulation", "lenk", "lenkwinkel")),
     ("boom", ("boom", "lift", "arm", "ausleger", "hub")),
     ("bucket", ("bucket", "tilt", "schaufel", "cuchara")),
@@ -42,6 +43,13 @@ _WITHOUT_GRAVITY: Final = ("linear", "gps", "calculated", "calc", "derived", "wi
 _WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
 
 
+#: What was wanted or allowed, or an end of an interval: no reading of a sensor.
+_NO_READING: Final = frozenset((
+    "setpoint", "setpt", "soll", "sollwert", "target", "demand", "demanded", "desired", "wanted",
+    "command", "commanded", "cmd", "request", "requested", "reference", "ref", "consigne", "limit",
+    "limits", "min", "max", "minimum", "maximum", "peak", "threshold", "error", "std", "deviation",
+    "grenze", "grenzwert",
+))  # fmt: skip
 #: A long one may be a part of a compound: Zugkraft, Motordrehzahl.
 _LONG: Final = 4
 
@@ -65,6 +73,7 @@ class Meaning:
     is_linkage: bool = False  #: of the boom or the bucket
     is_without_gravity: bool = False  #: an acceleration that a program or a GPS made
     is_of_supply: bool = False  #: of the battery or of what feeds a drive
+    is_no_reading: bool = False  #: wanted or allowed, or the end of an interval
 
 
 @lru_cache(maxsize=1 << 12)
@@ -97,4 +106,5 @@ def meaning(name: str) -> Meaning:
     # the input of a gear is its shaft, that of a current the supply
     of_motor = any(word.startswith("mot") for word in words)
     supply = not of_motor and any(word in _SUPPLY for word in words)
-    return Meaning(quantity, side, axis, part, linkage, without, supply)
+    no_reading = not own.isdisjoint(_NO_READING)
+    return Meaning(quantity, side, axis, part, linkage, without, supply, no_reading)

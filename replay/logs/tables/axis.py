@@ -11,7 +11,7 @@ import polars as pl
 from estimators.arrays import Floats
 from replay.logs.tables.dates import clock_times, is_clock, is_date
 from replay.logs.tables.epochs import epoch_of, from_1904
-from replay.logs.tables.header import ColumnName, split_unit, zone_s
+from replay.logs.tables.header import ColumnName, split_unit, states_multiple, zone_s
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import only_time
 from replay.logs.tables.time_parts import (
@@ -234,8 +234,11 @@ def _one_axis(
 
 
 def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]) -> list[int]:
-    """Places of time columns, the best name first; a unit of time in the name is better."""
-    ranked: list[tuple[int, int, int]] = []
+    """Places of time columns, the best name first; a unit of time in the name is better.
+
+    A clock that repeats itself is the last: another one goes on between its ticks.
+    """
+    ranked: list[tuple[bool, int, int, int]] = []
     for place, column in enumerate(columns):
         # what stands behind a number is an axis or a state: time1, t_2
         bare = letters(column.bare)
@@ -245,14 +248,28 @@ def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
             continue
         if bare in _NAMES and (column.unit is None or column.unit in _NS):
             stated = list(NS_PER_UNIT).index(column.unit) if column.unit in NS_PER_UNIT else -1
-            ranked.append((-stated if stated >= 0 else 9, _NAMES.index(bare), place))
-        elif bare in _DATES and any(map(is_clock, cells(place)[:5])):
-            ranked.append((10, 0, place))
+            rank = -stated if stated >= 0 else 9
+            ranked.append((_repeats(cells(place)), rank, _NAMES.index(bare), place))
+        elif (bare in _DATES or "time" in bare) and any(map(is_clock, cells(place)[:5])):
+            ranked.append((_repeats(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
 
 
+def _repeats(cells: Sequence[str]) -> bool:
+    return 2 * len(set(cells)) < len(cells)
+
+
 def _named_unit(column: ColumnName) -> str | None:
-    """The unit of time that a column's name states."""
+    """The unit of time that a column's name states.
+
+    Raises:
+        DialectError: it states a multiple of one.
+    """
+    if states_multiple(column.name):
+        raise DialectError(
+            f"column '{column.name}' counts multiples of a unit of time; set [log] rate_hz = the "
+            "rows in a second"
+        )
     if column.unit in _NS:
         return column.unit
     return _UNITS.get(letters(column.name)) or (

@@ -20,11 +20,14 @@ _WORDS_OF_NUMBERS: Final = frozenset({"nan", "inf", "-inf", "+inf", "-nan", "inf
 _THOUSANDS: Final = {sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:[{sign}]\d{{3}})+") for sign in ".,"}
 _TIME: Final = re.compile(
     r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T, ]*)?\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?|[.,]\d+)?"
-    r"\s*([AaPp]\.?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+    r"\s*([AaPp]\.?\s?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}(:?\d{2})?)?"
+    r"([, ]+\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})?"
     r"|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{8}T\d{6}([.,]\d+)?Z?"
 )
 #: A cell of these alone is meant for a number, or a time.
 _NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
+#: A label of digits: a serial number, a clock of another kind (317:08:15:30.020, 08-15-30.020).
+_LABEL: Final = re.compile(r"\d[\d.]*(?:[:-]\d[\d.]*){2,}")
 #: A negative number with the minus of typographers, behind its digits, or in brackets.
 _SIGN_STARTS: Final = "\u2212\u2013("
 _SIGNED: Final = re.compile(
@@ -62,6 +65,8 @@ def kind(cell: str, decimal: str) -> str:
         return "grouped"
     if _GROUPED[decimal].fullmatch(cell):
         return "maybe grouped"
+    if _LABEL.fullmatch(cell):
+        return "text"
     if _NUMBERLIKE.fullmatch(cell):
         return "odd"
     return "measure" if unit_in_cell(cell, decimal) else "text"

@@ -11,6 +11,7 @@ from polars.exceptions import PanicException, PolarsError
 
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.tables.cells import is_numeric, kind, with_points
+from replay.logs.tables.dates import is_of_digits
 from replay.logs.tables.dialect import BLANKS, sniff, some_cells
 from replay.logs.tables.hints import TableHints
 from replay.logs.tables.text import Utf8Text, as_utf8, drop_torn_quote, head_lines, with_tabs
@@ -260,6 +261,8 @@ class CsvColumns:
 def _kind(cells: Sequence[str]) -> pl.DataType:
     """What the first cells of a column are."""
     if not cells:
+        return pl.String()
+    if all(map(is_of_digits, cells)):
         return pl.String()
     if all(map(_WHOLE.fullmatch, cells)):
         return pl.Int64()

@@ -7,35 +7,43 @@ import polars as pl
 
 from replay.logs.tables.times import TimeError
 
+#: Beginnings of the names of the months, in the languages of Western Europe.
 _MONTHS: Final = (
-    "jan",
-    "feb",
-    "mar",
-    "apr",
-    "may",
-    "jun",
-    "jul",
-    "aug",
-    "sep",
-    "oct",
-    "nov",
-    "dec",
+    ("jan", "jän", "ene", "gen"),
+    ("feb", "fév", "fev"),
+    ("mar", "mär", "mrz", "mrt"),
+    ("apr", "avr", "abr"),
+    ("may", "mai", "mei", "mag", "maj"),
+    ("jun", "juin", "giu"),
+    ("jul", "juil", "lug"),
+    ("aug", "aoû", "aou", "ago"),
+    ("sep", "set"),
+    ("oct", "okt", "ott", "out"),
+    ("nov",),
+    ("dec", "dez", "déc", "dic"),
 )
-_MONTH: Final = "(?i:" + "|".join(_MONTHS) + ")[a-z]*"
+_MONTH_OF: Final = {each: k for k, names in enumerate(_MONTHS, start=1) for each in names}
+_MONTH: Final = "(?i:" + "|".join(_MONTH_OF) + r")[^\W\d_]*"
 _CLOCK: Final = (
     r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
-    r"\s*(?P<half>[AaPp])?\.?(?:[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
+    r"\s*(?P<half>[AaPp])?\.?\s?(?:[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?"
 )
 #: Years first, as in ISO 8601; two numbers and a year; with the name of the month.
-_YEAR_FIRST: Final = r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})"
+_YEAR_FIRST: Final = r"(?P<y>\d{4})[-/.年](?P<m>\d{1,2})[-/.月](?P<d>\d{1,2})日?"
 _YEAR_LAST: Final = r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})[-/.](?P<y>\d{4}|\d{2})"
 _DAY_MONTH: Final = rf"(?P<d>\d{{1,2}})[-/. ]+(?P<name>{_MONTH})[-/., ]+(?P<y>\d{{4}})"
 _MONTH_DAY: Final = rf"(?P<name>{_MONTH})[-/. ]+(?P<d>\d{{1,2}}),?[-/. ]+(?P<y>\d{{4}})"
-_COMPACT: Final = r"(?P<y>\d{4})(?P<m>\d{2})(?P<d>\d{2})"
+_COMPACT: Final = r"(?P<y>(?:19|20)\d{2})(?P<m>0[1-9]|1[0-2])(?P<d>0[1-9]|[12]\d|3[01])"
 _DATES: Final = (_YEAR_FIRST, _YEAR_LAST, _DAY_MONTH, _MONTH_DAY, _COMPACT)
 _WEEKDAY: Final = r"(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,?\s+)?"
 _COMPACT_CLOCK: Final = (
-    r"(?P<h>\d{2})(?P<min>\d{2})(?P<s>\d{2})(?:[.,](?P<frac>\d{1,9})\d*)?(?P<zone>Z)?"
+    r"(?P<h>[01]\d|2[0-3])(?P<min>[0-5]\d)(?P<s>[0-5]\d)(?:[.,]?(?P<frac>\d{1,9})\d*)?(?P<zone>Z)?"
+)
+#: As `date` and Java write it, the year behind the zone: Fri Nov 13 08:15:30 GMT+00:00 2026.
+_YEAR_BEHIND: Final = (
+    rf"(?P<name>{_MONTH}) +(?P<d>\d{{1,2}}) +(?P<h>\d{{1,2}}):(?P<min>\d{{2}}):(?P<s>\d{{2}})"
+    r"(?:[.,](?P<frac>\d{1,9})\d*)?(?: +(?:UTC|GMT)?(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2})?)? +"
+    r"(?P<y>\d{4})"
 )
 #: Nanoseconds of a day.
 DAY_NS: Final = 86_400 * 10**9
@@ -48,6 +56,17 @@ _TWELVE_NS: Final = (10 * 3600 * 10**9, 12 * 3600 * 10**9)
 _MINUTES: Final = r"(?P<min>\d{1,3}):(?P<s>\d{2})[.,](?P<frac>\d{1,9})"
 
 
+#: Time since the beginning, as pandas and Python write it: 0 days 00:00:12.5.
+_SINCE: Final = rf"(?P<days>\d+) days?,? {_CLOCK}"
+#: A day and a time of day in digits alone, which no clock that counts shows before 2033.
+_DIGITS: Final = rf"{_COMPACT}(?:[T, ]\s*)?{_COMPACT_CLOCK}"
+
+
+def is_of_digits(cell: str) -> bool:
+    """Whether a number is a day and a time of day: 20261113081530020."""
+    return re.fullmatch(_DIGITS, cell) is not None
+
+
 def is_date(cell: str) -> bool:
     """Whether a cell is a day without a time of day; of digits alone it is a number."""
     return any(
@@ -58,17 +77,19 @@ def is_date(cell: str) -> bool:
 def is_clock(cell: str) -> bool:
     """Whether a cell is a time of day, with or without a day."""
     text = cell.strip()
-    if re.fullmatch(_MINUTES, text) or re.fullmatch(_CLOCK, text):
+    if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):
         return True
     return _date_pattern(text) is not None
 
 
 def _date_pattern(text: str) -> str | None:
     """The pattern of a day with a time of day behind it."""
-    for pattern in _DATES:
-        clock = _COMPACT_CLOCK if pattern == _COMPACT else _CLOCK
-        if re.fullmatch(rf"{_WEEKDAY}{pattern}(?:[T, ]\s*){clock}", text):
-            return rf"^{_WEEKDAY}{pattern}(?:[T, ]\s*){clock}$"
+    days = [pattern for pattern in _DATES if pattern != _COMPACT]
+    moments = [rf"{day}(?:[T, ]|\s+@)\s*{_CLOCK}" for day in days]
+    behind = [rf"{_CLOCK}[, ]\s*{day}" for day in days]
+    for moment in (*moments, _DIGITS, _YEAR_BEHIND, *behind):
+        if re.fullmatch(_WEEKDAY + moment, text):
+            return f"^{_WEEKDAY}{moment}$"
     return None
 
 
@@ -141,7 +162,10 @@ def _clock_ns(part: pl.DataFrame) -> pl.Series:
     sign = pl.when(zone.str.starts_with("-")).then(-1).otherwise(1)
     offset = (
         sign
-        * (_whole_numbers(zone.str.slice(1, 2)) * 3600 + _whole_numbers(zone.str.slice(3, 2)) * 60)
+        * (
+            _whole_numbers(zone.str.slice(1, 2)).fill_null(0) * 3600
+            + _whole_numbers(zone.str.slice(3, 2)).fill_null(0) * 60
+        )
     ).fill_null(0)
     seconds = (
         hour * 3600
@@ -157,8 +181,9 @@ def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Se
     if "one" in part.columns:
         part = _day_and_month(part, day_first, notes)
     if "name" in part.columns:
-        short = pl.col("name").str.slice(0, 3).str.to_lowercase()
-        number = short.replace_strict(list(_MONTHS), list(range(1, 13)), default=None)
+        begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
+        months = zip(begins, _MONTH_OF.values(), strict=True)
+        number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
         part = part.with_columns(number.cast(pl.String).alias("m"))
     years = part.get_column("y").cast(pl.Int64, strict=False).drop_nulls()
     odd = years.filter((years < _YEARS[0]) | (years > _YEARS[1]))
@@ -206,6 +231,10 @@ def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str])
 
 def _of_day(text: pl.Series, first: str) -> tuple[pl.Series, tuple[str, ...]]:
     """Times of day, which go on over midnight."""
+    if re.fullmatch(_SINCE, first):
+        part = _groups(text, f"^{_SINCE}$")
+        day = part.select(_whole_numbers(pl.col("days"))).to_series()
+        return (_clock_ns(part) + day * DAY_NS).alias("log_time_ns"), ()
     pattern = f"^{_CLOCK}$"
     if re.fullmatch(_MINUTES, first):
         pattern = f"^{_MINUTES}$"

@@ -15,7 +15,7 @@ from typing import Final
 from replay.logs.tables.cells import common_unit, is_numeric, is_signed, kind
 from replay.logs.tables.dates import is_clock, is_date
 from replay.logs.tables.header import ColumnName, column_names
-from replay.logs.tables.header_rows import TextRow, header_row, rows_of_names
+from replay.logs.tables.header_rows import TextRow, header_row, rows_behind_words, rows_of_names
 from replay.logs.tables.hints import DialectError, TableHints
 
 SEPARATORS: Final = (",", ";", "\t", "|")
@@ -114,7 +114,9 @@ def sniff(lines: Sequence[str], hints: TableHints) -> Dialect:
     if not best:
         return _dialect_without_numbers(lines, separators, hints)
     if len({each.separator for each in best}) > 1:
-        said = " or ".join(_NAMED[each] for each in dict.fromkeys(e.separator for e in best))
+        said = " or ".join(
+            _NAMED.get(each, each) for each in dict.fromkeys(e.separator for e in best)
+        )
         raise DialectError(f"its cells may be separated by {said}; set [log] separator")
     reading = _decide_decimal(best, hints)
     return _find_head_rows(reading, lines, hints)
@@ -179,6 +181,8 @@ def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
 def _readings(
     lines: Sequence[str], separator: str, decimals: Iterable[str], hints: TableHints
 ) -> Iterator[_Reading]:
+    if not any(separator in line for line in lines):
+        return
     rows = list(split_rows(lines, separator))
     below = max(hints.header_row or 0, hints.units_row or 0)
     data = [row for row in rows if row.line >= below]
@@ -230,13 +234,21 @@ def _reading(
             for k, yes in enumerate(is_data)
             if yes
             and sum(n := is_data[k : k + _NEXT]) >= _NEXT_SHARE * len(n)
-            and not _has_names_below(rows[k + 1 : k + _NEXT], n[1:], numeric, width, decimal)
+            # a row that is short of cells may be one of a long preamble
+            and not _has_names_below(
+                rows[k + 1 : k + 1 + (_FEW_ABOVE if len(rows[k].cells) == width else _NEXT)],
+                is_data[k + 1 :],
+                numeric,
+                width,
+                decimal,
+            )
         ),
         None,
     )
     if first is None:
         return None
-    cells = [row.cells[k] for row in rows[first:] for k in numeric if k < len(row.cells)]
+    some = rows[first : first + _ROWS]
+    cells = [row.cells[k] for row in some for k in numeric if k < len(row.cells)]
     with_sign = [is_signed(cell, decimal) for cell in cells]
     return _Reading(
         separator,
@@ -261,7 +273,7 @@ def _has_names_below(
     """Whether names stand closely below: then a row above them is of the preamble."""
     return any(
         len(row.cells) == width and all(kind(row.cells[k], decimal) == "text" for k in numeric)
-        for row, yes in list(zip(rows, is_data, strict=False))[:_FEW_ABOVE]
+        for row, yes in zip(rows, is_data, strict=False)
         if not yes
     )
 
@@ -292,8 +304,12 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
     """Find the rows of names and units above the data."""
     rows, width, separator = reading.rows, reading.width, reading.separator
     above = [header_row(row, separator, width, lines) for row in rows[: reading.first]]
-    names, units = rows_of_names(above, width, hints)
     data = [row.cells for row in rows[reading.first :]]
+    is_blank_first = bool(data) and not any(row[0] for row in data)
+    behind_words = rows_behind_words(above, width, is_blank_first=is_blank_first)
+    is_given = hints.header_row is not None or hints.units_row is not None
+    named = None if is_given else behind_words
+    names, units = named or rows_of_names(above, width, hints)
     cells = list(names.cells) if names else [""] * width
     # a separator at the end of each line
     has_tail = not any(len(row) >= width and row[width - 1] for row in data) and bool(data)
@@ -308,7 +324,8 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
     if names is not None and len(cells) < width:
         raise DialectError(
             f"its header (line {names.line + 1}) has {len(cells)} cells, its rows {width}: "
-            f"separated by {_NAMED[separator]}; set [log] separator and decimal, or header_row"
+            f"separated by {_NAMED.get(separator, separator)}; set [log] separator and decimal, "
+            "or header_row"
         )
     cell_units = tuple(
         common_unit([row[k] for row in data[:_ROWS] if k < len(row) and row[k]], reading.decimal)
@@ -336,7 +353,7 @@ def _begins_with_a_date(data: Sequence[Sequence[str]]) -> bool:
 def _notes(dialect: Dialect, names: TextRow | None, units: TextRow | None) -> Iterator[str]:
     said: list[str] = []
     if dialect.separator != ",":
-        said.append(f"cells separated by {_NAMED[dialect.separator]}")
+        said.append(f"cells separated by {_NAMED.get(dialect.separator, dialect.separator)}")
     if dialect.decimal != ".":
         said.append("a decimal comma")
     if names is None and dialect.rows:

@@ -16,6 +16,10 @@ _FORM: Final = re.compile(
 _OVER: Final = re.compile(r"(?P<name>[^\s/]+)/(?P<unit>\([^()]+\)|[^\s()]+)")
 #: "Speed / km/h", "Speed in km/h", "Speed, km/h".
 _BEHIND: Final = re.compile(r"(?s)(?P<name>.*?)(?:\s+/\s*|\s+in\s+|,\s*)(?P<unit>\S+)\s*")
+#: A multiple of a unit, which no number of the table is in: "[0.1 ms]", "(x10 N)", "/100 ms".
+_MULTIPLE: Final = re.compile(
+    r"(?s).*[\[(/{<\s][x×*]?\s*\d[\d.,]*\s*[x×*]?\s*(?P<unit>[^\d\s\[\](){}<>]+)[\])}>]*\s*"
+)
 #: Words behind the unit: "Time (s) Run #1", "Speed, km/h (LGR S/N: 209)".
 _MIDDLE: Final = re.compile(
     r"(?s)(?P<name>[^\[\](){}]+?)\s*[\[(](?P<unit>[^\[\](){}]*)[\])]\s*(?P<rest>\S.*)"
@@ -72,6 +76,8 @@ def split_unit(name: str) -> tuple[str, str | None]:
     name = _ZONE.sub("", name) or name
     if match := _FORM.fullmatch(name):
         return match["name"], None
+    if states_multiple(name):
+        return name, None
     for form in (_BRACKETS, _BEHIND, _MIDDLE):
         match = form.fullmatch(name)
         unit = spelt_unit(match["unit"]) if match and match["name"] else None
@@ -83,6 +89,12 @@ def split_unit(name: str) -> tuple[str, str | None]:
         if unit:
             return remarked["name"].strip(), unit
     return unit_behind(name)
+
+
+def states_multiple(name: str) -> bool:
+    """Whether a name states a multiple of a unit, in which its numbers are: `Time [0.1 ms]`."""
+    match = _MULTIPLE.fullmatch(name)
+    return match is not None and spelt_unit(match["unit"]) is not None
 
 
 def zone_s(name: str) -> int | None:

@@ -11,6 +11,8 @@ from replay.logs.tables.hints import DialectError, TableHints
 
 #: A cell of a row that says one thing of each column: "Unit: m/s", "Type: double".
 _ATTRIBUTE: Final = re.compile(r"(?P<key>[A-Za-z][A-Za-z ]*):\s*(?P<value>.*)")
+_NUMBER: Final = re.compile(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)?")
+_OF_UNITS: Final = re.compile(r"(?i)unit|einheit")
 _COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
 
 
@@ -92,6 +94,29 @@ def rows_of_names(
     if adjacent and is_units(last.cells):
         return before, last
     return last, before if adjacent and is_units(before.cells) else None
+
+
+def rows_behind_words(
+    above: list[TextRow], width: int, *, is_blank_first: bool
+) -> tuple[TextRow, TextRow] | None:
+    """Names and units where a word stands before each: "SIGNAL", "TIME", "CH1".
+
+    No column is below those words: the data have a blank there, or a cell less. Where they have
+    a cell less, one word is about units: the header of a table that is short of cells has none.
+    """
+    rows = [
+        TextRow(row.line, row.after, ("",) * is_blank_first + row.cells[1:])
+        for row in above
+        if row.cells[0] and (is_blank_first or len(row.cells) == width + 1)
+    ]
+    rows = [row for row in rows if width - sum(map(bool, row.cells)) <= 2 * is_blank_first]
+    units = [row for row in rows if is_units(row.cells)]
+    names = [row for row in rows if row not in units and not any(map(_NUMBER.fullmatch, row.cells))]
+    words = {row.line: row.cells[0] for row in above}
+    said = any(_OF_UNITS.search(words[row.line]) for row in units)
+    if not names or not units or not (said or is_blank_first):
+        return None
+    return names[-1], min(units, key=lambda row: abs(row.line - names[-1].line))
 
 
 def _wide_rows(

@@ -2,6 +2,7 @@
 
 import codecs
 import gzip
+import io
 import re
 import tempfile
 import zlib
@@ -65,7 +66,9 @@ def as_utf8(path: Path, encoding: str | None) -> Utf8Text:
     found = encoding or _recognise_encoding(path)
     try:
         name = codecs.lookup(found).name
-    except LookupError:
+        # there are codecs that make no text: base64
+        io.TextIOWrapper(io.BytesIO(), found)
+    except (LookupError, ValueError):
         raise BrokenBytesError(
             f"no encoding '{found}'; [log] encoding is utf-8, utf-16 or latin-1"
         ) from None
@@ -145,7 +148,7 @@ def _copy_lines(path: Path, lines: Iterator[str], notes: tuple[str, ...]) -> Utf
     try:
         with place.open("w", encoding="utf-8", newline="") as file:
             file.writelines(lines)
-    except (OSError, UnicodeError, LookupError, TypeError) as error:
+    except (OSError, UnicodeError) as error:
         folder.cleanup()
         raise BrokenBytesError(f"its text cannot be read: {error}") from error
     return Utf8Text(place, folder, notes)

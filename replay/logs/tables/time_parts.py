@@ -27,6 +27,7 @@ _FRACTIONS: Final = {
     **dict.fromkeys(("us", "usec", "usecs", "micros", "microsecond", "microseconds"), "us"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
 }
+_BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
 #: Nanoseconds of a second.
 _NS: Final = 10**9
 
@@ -80,11 +81,18 @@ def fraction_column(
             column.name
             for k, column in enumerate(columns)
             if k != place
-            and letters(column.name) in _FRACTIONS
+            and _fraction_unit(column.name) is not None
             and all(cell.isdigit() for cell in cells(k))
         ),
         None,
     )
+
+
+def _fraction_unit(name: str) -> str | None:
+    """The unit of fractions of a second that a name says: `nanosec`, `Millitm`."""
+    word = letters(name)
+    by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
+    return _FRACTIONS.get(word) or next(by_beginning, None)
 
 
 def fractions_ns(cells: pl.Series) -> tuple[pl.Series, str]:
@@ -97,7 +105,7 @@ def fractions_ns(cells: pl.Series) -> tuple[pl.Series, str]:
     largest, least = numbers.max(), numbers.min()
     if not isinstance(largest, float) or not isinstance(least, float) or least < 0:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second")
-    stated = _FRACTIONS.get(letters(cells.name))
+    stated = _fraction_unit(cells.name)
     possible = [unit for unit in ("ms", "us", "ns") if largest < _NS / NS_PER_UNIT[unit]]
     unit = stated or (possible[0] if possible else "")
     if unit not in possible:

@@ -1,11 +1,16 @@
 """The values of a time column of a known unit as integer nanoseconds."""
 
+from collections.abc import Iterable
+from math import isfinite
 from typing import Final
 
-import numpy as np
 import polars as pl
 
 NS_PER_UNIT: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+
+
+#: Below so many ns (two hours) a float has a thousandth of one, and need not be split.
+_EXACT_NS: Final = 2.0**43
 
 
 class TimeError(Exception):
@@ -32,7 +37,7 @@ def nanoseconds(values: pl.Series, unit: str) -> pl.Series:
         return _temporal(values)
     if dtype.is_integer():
         largest = (2**63 - 1) // NS_PER_UNIT[unit]
-        _check_range(values, largest, unit)
+        _check_range((values.min(), values.max()), largest, unit)
         return values.cast(pl.Int64) * NS_PER_UNIT[unit]
     if not dtype.is_numeric():
         raise TimeError(f"it holds {dtype}, not times")
@@ -40,13 +45,21 @@ def nanoseconds(values: pl.Series, unit: str) -> pl.Series:
 
 
 def _from_floats(values: pl.Series, unit: str) -> pl.Series:
-    finite = values.is_finite().fill_null(value=False)
-    _check_range(values.filter(finite), (2**63 - 1) // NS_PER_UNIT[unit] - 1, unit)
-    seconds = values.zip_with(finite, pl.Series([0.0])).to_numpy()
-    whole = np.floor(seconds)
-    fraction = np.rint((seconds - whole) * NS_PER_UNIT[unit])
-    stamps = whole.astype(np.int64) * NS_PER_UNIT[unit] + fraction.astype(np.int64)
-    return pl.Series(values.name, stamps).zip_with(finite, pl.Series([None], dtype=pl.Int64))
+    number, ns = pl.col(values.name), NS_PER_UNIT[unit]
+    extremes = values.min(), values.max()
+    if not all(isinstance(each, float) and isfinite(each) for each in extremes):
+        finite = values.filter(values.is_finite())
+        extremes = finite.min(), finite.max()
+    _check_range(extremes, (2**63 - 1) // ns - 1, unit)
+    if all(isinstance(each, float) and abs(each) * ns < _EXACT_NS for each in extremes):
+        return values.to_frame().select(_round_to_integers(number * ns)).to_series()
+    whole = number.floor()
+    stamps = whole.cast(pl.Int64, strict=False) * ns + _round_to_integers((number - whole) * ns)
+    return values.to_frame().select(stamps.alias(values.name)).to_series()
+
+
+def _round_to_integers(number: pl.Expr) -> pl.Expr:
+    return number.round(mode="half_to_even").cast(pl.Int64, strict=False)
 
 
 def _parse_text(values: pl.Series) -> pl.Series:
@@ -72,9 +85,9 @@ def _temporal(values: pl.Series) -> pl.Series:
     raise TimeError(f"it holds {values.dtype}, not times")
 
 
-def _check_range(values: pl.Series, largest: int, unit: str) -> None:
+def _check_range(extremes: Iterable[object], largest: int, unit: str) -> None:
     # as Python numbers: polars compares integers only with what fits into their own dtype
-    for extreme in (values.min(), values.max()):
+    for extreme in extremes:
         if isinstance(extreme, (int, float)) and abs(extreme) > largest:
             raise TimeError(
                 f"{extreme} {unit} does not fit into 64 bit nanoseconds; its unit is wrong"

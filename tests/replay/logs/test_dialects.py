@@ -16,6 +16,7 @@ from tests.one_line import assert_one_line
 FILES = every_file()
 #: What is lost or moved in them is declared.
 DECLARED = (
+    *("TwinCAT: EOF in the last line", "names again after each thousand rows"),
     *("shuffled rows", "a footer of sums", "the newest row first"),
     "readings that are missing as ---",
     "TunerStudio: two lines of head, tabs, units below, marks between",

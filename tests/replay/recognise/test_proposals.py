@@ -132,6 +132,61 @@ def test_two_torques_without_a_side_are_a_question(tmp_path: Path) -> None:
     assert any("which is the left one" in question for question in questions)
 
 
+@pytest.mark.parametrize(
+    ("columns", "channel"),
+    [
+        ({"Load cell 1__N": A, "Load cell 2__N": A}, "force_x_N"),
+        ({"Wheel Torque FL__Nm": A, "Wheel Torque RL__Nm": A}, "torque_left_N_m"),
+        ({"speed front__m/s": V, "speed rear__m/s": V + A}, "speed_x_m_s"),
+    ],
+)
+def test_several_columns_of_one_channel_are_a_question(
+    tmp_path: Path, columns: dict[str, object], channel: str
+) -> None:
+    channels, questions = proposed(tmp_path, **columns)
+    assert channels[channel].is_comment
+    assert any(f"is channels.{channel}" in question for question in questions)
+
+
+def test_two_speeds_that_agree_are_no_question(tmp_path: Path) -> None:
+    columns = {"GPS speed__km/h": 3.6 * V, "OBD speed__m/s": V + 0.01 * A}
+    channels, questions = proposed(tmp_path, **columns)
+    assert channels["speed_x_m_s"].field == "GPS speed [km/h]"
+    assert questions == []
+
+
+@pytest.mark.parametrize("word", ["setpoint", "soll", "max", "limit", "target", "Cmd"])
+def test_what_was_wanted_or_allowed_is_no_reading(tmp_path: Path, word: str) -> None:
+    columns = {f"force_{word}__N": 2 * A, "force__N": A, f"speed {word}__m/s": 2 * V}
+    channels, _ = proposed(tmp_path, **columns)
+    assert channels["force_x_N"].field == "force [N]"
+    assert "speed_x_m_s" not in channels
+
+
+def test_a_torque_that_brakes_and_is_never_negative_has_lost_its_sign(tmp_path: Path) -> None:
+    columns = {"Motor Torque__Nm": np.abs(A), "Motor Speed__rpm": V * 100}
+    _, questions = proposed(tmp_path, **columns)
+    assert any("it is never negative" in question for question in questions)
+
+
+def test_a_torque_that_does_not_brake_may_never_be_negative(tmp_path: Path) -> None:
+    columns = {"Motor Torque__Nm": np.clip(A, 0, None), "Motor Speed__rpm": V * 100}
+    _, questions = proposed(tmp_path, **columns)
+    assert not any("negative" in question for question in questions)
+
+
+def test_an_integer_that_jumps_by_all_of_its_bits_has_lost_its_sign(tmp_path: Path) -> None:
+    force = np.rint(1000 * A).astype(int) % 65536
+    _, questions = proposed(tmp_path, speed_m_s=V, force_N=force)
+    assert any("it jumps by 2^16" in question for question in questions)
+
+
+@pytest.mark.parametrize("name", ["Force (0.1 N)", "Force [x10 kN]", "Force / 10 N"])
+def test_a_multiple_of_a_unit_is_not_the_unit(tmp_path: Path, name: str) -> None:
+    channels, _ = proposed(tmp_path, **{name: A})
+    assert channels["force_x_N"].unit == "?"
+
+
 def test_wheels_in_turns_need_the_radius_alone(tmp_path: Path) -> None:
     columns = {"left wheel speed__rad/s": V, "right wheel speed__rad/s": V}
     channels, questions = proposed(tmp_path, **columns)
