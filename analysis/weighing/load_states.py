@@ -183,7 +183,7 @@ def places(motion: MotionSamples) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
-        0 where the machine drove on, 1 where only the masses can, `RESTARTED` where the log was
+        0 where the machine drove on or is named as empty, 1 where only the masses can, `RESTARTED` where the log was
         silent as between two files, `HINTED` where the boom or the bucket moved as well, `FILLED`
         where the machine dug, `NAMED` where the time begins or ends in which it is named as empty.
     """
@@ -210,6 +210,8 @@ def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until:
         return FILLED
     if motion.empty is not None and motion.empty[end] != motion.empty[begin]:
         return NAMED
+    if motion.empty is not None and motion.empty[end]:
+        return 0
     if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
         return 0
     moved = any(_range(arm[since : until + 1]) > LIMITS.arm_movement_rad for arm in motion.arms)

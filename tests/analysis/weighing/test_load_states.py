@@ -15,7 +15,7 @@ from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
-from estimators.joint.group_effects import HINTED
+from estimators.joint.group_effects import HINTED, NAMED
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
@@ -195,6 +195,18 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
         probable[raised_rad] = states.single_probability
     # so few starts do not settle it: it then says "states or scatter"
     assert probable[1.0] < 0.5 < probable[0.0]
+
+
+def test_no_load_changes_while_the_machine_is_named_as_empty():
+    """Whatever the masses say."""
+    frames = loaded([0.0, 250.0, 120.0, 370.0, 180.0], 1).frames
+    aligned, rest = frames["aligned"], [frames[name] for name in ("excitation", "gate", "noise")]
+    third = np.flatnonzero(np.diff(aligned["gap"].to_numpy().astype(int), prepend=0) > 0)[1]
+    empty_to_s = aligned["t_ns"][int(third)] / 1e9
+    named = (f"settings.loads.empty_to_s={empty_to_s}", "settings.loads.empty_from_s=0.0")
+    found = weigh(aligned, *rest, machine((*POOLED, *named)))
+    assert found is not None
+    assert places(found.fit.motion).tolist() == [0, NAMED, 1, 1]
 
 
 def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
