@@ -160,9 +160,7 @@ class BlockStore:
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """Log times of a connection, (n,) in ns."""
         self._read_times()
-        times = np.concatenate([no_times(), *self._times.get(connection_id, [])])
-        # an index that lies may give times beyond the year 2262
-        return times if times.min(initial=0) >= 0 else times[times >= 0]
+        return np.concatenate([no_times(), *self._times.get(connection_id, [])])
 
     def messages_of(self, connection_id: int) -> int:
         """How many log times a connection has."""
@@ -175,7 +173,7 @@ class BlockStore:
             unknown: list[Block] = []
             for block, read_times in self._unread:
                 times = read_times()
-                if times is None or _count_times(times) != block.counts:
+                if times is None or not _are_times_of(block, times):
                     unknown.append(block)
                     continue
                 for key, values in times.items():
@@ -286,6 +284,13 @@ def _describe_block(
         everything = everything[everything >= 0]
         first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
     return replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), times
+
+
+def _are_times_of(block: Block, times: Mapping[int, NDArray[np.int64]]) -> bool:
+    """Whether an index counts as many messages as its block, all of them in its span."""
+    whole = np.concatenate([no_times(), *times.values()])
+    in_span = block.first_ns <= whole.min() and whole.max() <= block.last_ns if whole.size else True
+    return bool(in_span) and _count_times(times) == block.counts
 
 
 def _count_times(times: Mapping[int, NDArray[np.int64]]) -> dict[int, int]:

@@ -35,7 +35,7 @@ QUESTIONS = (
     Question("which load at 19:16", ROW, "19:16:48", (UNFOLD,), "19:16"),
     Question("why was it not counted", f"{ROW} .note", "caught the wall", (UNFOLD,), "rejected"),
     Question("which load is of gravel", f"{ROW} .said >> nth=1", "gravel", (UNFOLD,), "gravel"),
-    Question("tonnes by product", "h2:has-text('Tonnes by') + .scroll", "gravel"),
+    Question("tonnes by product", "[aria-label='Tonnes by product']", "gravel"),
     Question("tonnes by operator", "[aria-label='Tonnes by operator']", "A. Kim"),
     Question("how do I reject one", "#said", "not saved yet", (UNFOLD, f"{ROW} [data-act=reject]")),
     Question("where is its recording", "#said", "copied: payscope", (UNFOLD, f"{ROW} .copy")),
@@ -69,5 +69,6 @@ def test_it_is_answered(opened: Any, question: Question) -> None:
     if question.typed:
         opened.fill("#find", question.typed)
     answer = opened.locator(question.place).first
-    assert answer.is_visible()
+    # copying takes the browser a moment
+    answer.wait_for(state="visible", timeout=5_000)
     assert question.words in answer.text_content()
