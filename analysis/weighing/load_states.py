@@ -183,9 +183,10 @@ def places(motion: MotionSamples) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
-        0 where the machine drove on or is named as empty, 1 where only the masses can, `RESTARTED` where the log was
-        silent as between two files, `HINTED` where the boom or the bucket moved as well, `FILLED`
-        where the machine dug, `NAMED` where the time begins or ends in which it is named as empty.
+        0 where the machine drove on or is named as empty, 1 where only the masses can, `RESTARTED`
+        where the log was silent as between two files, `HINTED` where the boom or the bucket moved
+        as well, `FILLED` where the machine dug, `NAMED` where the time begins or ends in which it
+        is named as empty.
     """
     used = np.flatnonzero(motion.used)
     first = np.flatnonzero(np.append(True, np.diff(sample_units(motion)) > 0))
