@@ -134,3 +134,9 @@ T0_NS: Final = int(BEGIN.timestamp()) * 10**9
 MIDNIGHT_NS: Final = (8 * 3600 + 15 * 60 + 30) * 10**9
 SI: Final = 1.0
 KMH: Final = 3.6
+#: Time, speed and force of each row, and its time by the clock.
+T_S: Final = DRIVE["t"]
+V_M_S: Final = DRIVE["v"]
+V_KMH: Final = V_M_S * KMH
+F_N: Final = DRIVE["F"]
+CLOCK: Final = tuple(BEGIN + timedelta(seconds=k / RATE_HZ) for k in range(ROWS))

@@ -1,18 +1,20 @@
 """Dialects drawn while the reader was frozen at 81a16b31: several columns of one quantity."""
 
-from datetime import timedelta
 from typing import Final
 
 import numpy as np
 
 from benchmarks.dialects.dialect_file import (
-    BEGIN,
+    CLOCK,
     DRIVE,
+    F_N,
     KMH,
-    RATE_HZ,
     ROWS,
     SI,
     T0_NS,
+    T_S,
+    V_KMH,
+    V_M_S,
     DialectFile,
     Floats,
     Style,
@@ -20,10 +22,6 @@ from benchmarks.dialects.dialect_file import (
     stamps,
 )
 
-_T: Final = DRIVE["t"]
-_V: Final = DRIVE["v"]
-_F: Final = DRIVE["F"]
-_KMH: Final = _V * KMH
 _KN: Final = 1e-3
 _HEAD: Final = "Speed (km/h),Force (N)"
 _FIELDS: Final = {"F": ("Force (N)", SI)}
@@ -31,27 +29,26 @@ _FIELDS: Final = {"F": ("Force (N)", SI)}
 
 def _earlier(values: Floats, seconds: float) -> Floats:
     """What is wanted comes before what is."""
-    return np.interp(_T + seconds, _T, values)
+    return np.interp(T_S + seconds, T_S, values)
 
 
 def _clocks() -> list[DialectFile]:
     """Times."""
-    clock = [BEGIN + timedelta(seconds=k / RATE_HZ) for k in range(ROWS)]
-    milli = [f"{c.microsecond // 1000:03d}" for c in clock]
-    spanish = [f"{c:%d/%m/%Y %I:%M:%S},{ms} a. m." for c, ms in zip(clock, milli, strict=True)]
+    milli = [f"{c.microsecond // 1000:03d}" for c in CLOCK]
+    spanish = [f"{c:%d/%m/%Y %I:%M:%S},{ms} a. m." for c, ms in zip(CLOCK, milli, strict=True)]
     chinese = [
         f"{c.year}年{c.month}月{c.day}日 {c:%H:%M:%S}.{ms}"
-        for c, ms in zip(clock, milli, strict=True)
+        for c, ms in zip(CLOCK, milli, strict=True)
     ]
-    kibana = [f'"{c:%b %d, %Y @ %H:%M:%S}.{ms}"' for c, ms in zip(clock, milli, strict=True)]
+    kibana = [f'"{c:%b %d, %Y @ %H:%M:%S}.{ms}"' for c, ms in zip(CLOCK, milli, strict=True)]
     postgres = [s.rstrip("0").rstrip(".") + "+00" for s in stamps("%Y-%m-%d %H:%M:%S.%3f")]
-    deltas = [f"0 days 00:{int(t // 60):02d}:{t % 60:09.6f}" for t in _T]
+    deltas = [f"0 days 00:{int(t // 60):02d}:{t % 60:09.6f}" for t in T_S]
     days = T0_NS / 86_400e9 + 25_569
     return [
         DialectFile(
             "GoPro: cts beside an ISO date",
             Style(digits=4).table(
-                [[f"{t * 1000:.3f}" for t in _T], stamps("%Y-%m-%dT%H:%M:%S.%3fZ"), _V, _F],
+                [[f"{t * 1000:.3f}" for t in T_S], stamps("%Y-%m-%dT%H:%M:%S.%3fZ"), V_M_S, F_N],
                 ['"cts","date","GPS (2D speed) [m/s]","Tow bar [N]"'],
             ),
             {"F": ("Tow bar [N]", SI)}, t0_ns=T0_NS,
@@ -59,45 +56,46 @@ def _clocks() -> list[DialectFile]:
         DialectFile(
             "the time before the day in one cell",
             Style(";").table(
-                [stamps("%H:%M:%S.%3f %d/%m/%Y"), _KMH, _F], ["Fecha;Speed (km/h);Force (N)"]
+                [stamps("%H:%M:%S.%3f %d/%m/%Y"), V_KMH, F_N], ["Fecha;Speed (km/h);Force (N)"]
             ),
             _FIELDS, t0_ns=T0_NS,
         ),
         DialectFile(
             "u-blox: iTOW and gSpeed",
             Style(digits=3).table(
-                [as_integers(_T + 461_730, 1000), _V * 1000, _F],
+                [as_integers(T_S + 461_730, 1000), V_M_S * 1000, F_N],
                 ["iTOW [ms],gSpeed [mm/s],Pull [N]"],
             ),
             {"F": ("Pull [N]", SI)}, t0_ns=461_730 * 10**9,
         ),
         DialectFile(
             "PostgreSQL: an offset of two digits, fractions without their zeros",
-            Style().table([postgres, _KMH, _F], ["ts," + _HEAD]), _FIELDS, t0_ns=T0_NS,
+            Style().table([postgres, V_KMH, F_N], ["ts," + _HEAD]), _FIELDS, t0_ns=T0_NS,
         ),
         DialectFile(
-            "pandas: timedelta", Style().table([deltas, _KMH, _F], ["time," + _HEAD]), _FIELDS,
+            "pandas: timedelta", Style().table([deltas, V_KMH, F_N], ["time," + _HEAD]), _FIELDS,
         ),
         DialectFile(
             "Kibana: month, day, year @ time",
-            Style().table([kibana, _KMH, _F], ["@timestamp," + _HEAD]), _FIELDS, t0_ns=T0_NS,
+            Style().table([kibana, V_KMH, F_N], ["@timestamp," + _HEAD]), _FIELDS, t0_ns=T0_NS,
         ),
         DialectFile(
             "Spanish spreadsheet: a. m.",
             Style(";", ",").table(
-                [spanish, _KMH, _F], ["Fecha y hora;Velocidad (km/h);Fuerza (N)"]
+                [spanish, V_KMH, F_N], ["Fecha y hora;Velocidad (km/h);Fuerza (N)"]
             ),
             {"F": ("Fuerza (N)", SI)}, t0_ns=T0_NS,
         ),
         DialectFile(
             "Chinese: year, month and day by their signs",
-            Style().table([chinese, _KMH, _F], ["时间,速度(km/h),牵引力(N)"]),
+            Style().table([chinese, V_KMH, F_N], ["时间,速度(km/h),牵引力(N)"]),
             {"F": ("牵引力(N)", SI)}, t0_ns=T0_NS,
         ),
         DialectFile(
             "a spreadsheet's day and fraction of the day in two columns",
             Style(";").table(
-                [[str(int(days))] * ROWS, [f"{days % 1 + t / 86_400:.10f}" for t in _T], _KMH, _F],
+                [[str(int(days))] * ROWS, [f"{days % 1 + t / 86_400:.10f}" for t in T_S],
+                 V_KMH, F_N],
                 ["Date;Time;Speed (km/h);Force (N)"],
             ),
             _FIELDS, keys=("log.rate_hz=50",),
@@ -105,7 +103,7 @@ def _clocks() -> list[DialectFile]:
         DialectFile(
             "SQL: single quotes",
             Style(digits=4).table(
-                [[f"'{s}'" for s in stamps("%Y-%m-%d %H:%M:%S.%3f")], _KMH, _F],
+                [[f"'{s}'" for s in stamps("%Y-%m-%d %H:%M:%S.%3f")], V_KMH, F_N],
                 ["'created_at','speed_kmh','force_N'"],
             ),
             {"F": ("'force_N'", SI)}, t0_ns=T0_NS,
@@ -115,22 +113,22 @@ def _clocks() -> list[DialectFile]:
 
 def _shapes() -> list[DialectFile]:
     """Cells and rows."""
-    rows = Style(digits=4).table([_T, _KMH, _F], ["Time (s)," + _HEAD]).decode().splitlines()
+    rows = Style(digits=4).table([T_S, V_KMH, F_N], ["Time (s)," + _HEAD]).decode().splitlines()
     repeated = [
         line
         for k, row in enumerate(rows)
         for line in ([rows[0], row] if k > 1 and k % 1000 == 1 else [row])
     ]
-    scaled = [f"{x / 1000:.3f} kN" if abs(x) >= 1000 else f"{x:.1f} N" for x in _F]
-    short = [f"{x / 1000:.3f} K" if abs(x) >= 1000 else f"{x:.1f}" for x in _F]
+    scaled = [f"{x / 1000:.3f} kN" if abs(x) >= 1000 else f"{x:.1f} N" for x in F_N]
+    short = [f"{x / 1000:.3f} K" if abs(x) >= 1000 else f"{x:.1f}" for x in F_N]
     part = ROWS - 500
-    second = [f"{x:.4f}" for x in _V[:part]] + [""] * 500
-    second_t = [f"{x:.4f}" for x in _T[:part]] + [""] * 500
+    second = [f"{x:.4f}" for x in V_M_S[:part]] + [""] * 500
+    second_t = [f"{x:.4f}" for x in T_S[:part]] + [""] * 500
     return [
         DialectFile(
             "two pairs, one of which ends before the other",
             Style(";", digits=4).table(
-                [_T, _F, second_t, second], ["Time [s];Force [N];Time [s];Speed [m/s]"]
+                [T_S, F_N, second_t, second], ["Time [s];Force [N];Time [s];Speed [m/s]"]
             ),
             {"F": ("Force [N]", SI)},
         ),
@@ -144,7 +142,7 @@ def _shapes() -> list[DialectFile]:
         DialectFile(
             "Grafana: N or kN, as large as the cell is",
             Style().table(
-                [stamps("%Y-%m-%d %H:%M:%S.%3f"), [f"{x:.4f} km/h" for x in _KMH], scaled],
+                [stamps("%Y-%m-%d %H:%M:%S.%3f"), [f"{x:.4f} km/h" for x in V_KMH], scaled],
                 ["Time,Speed,Force"],
             ),
             {"v": ("Speed", KMH)}, t0_ns=T0_NS,
@@ -152,13 +150,13 @@ def _shapes() -> list[DialectFile]:
         DialectFile(
             "Grafana: K for thousands",
             Style().table(
-                [stamps("%Y-%m-%d %H:%M:%S.%3f"), _KMH, short], ["Time," + _HEAD]
+                [stamps("%Y-%m-%d %H:%M:%S.%3f"), V_KMH, short], ["Time," + _HEAD]
             ),
             {"v": ("Speed (km/h)", KMH)}, t0_ns=T0_NS,
         ),
         DialectFile(
             "commas between the cells and in them",
-            Style(",", ",", 3).table([_T, _F, _V], ["Zeit (s),Kraft (N),Tempo (m/s)"]),
+            Style(",", ",", 3).table([T_S, F_N, V_M_S], ["Zeit (s),Kraft (N),Tempo (m/s)"]),
             {"F": ("Kraft (N)", SI)},
         ),
     ]  # fmt: skip
@@ -182,7 +180,7 @@ def _several() -> list[DialectFile]:
         DialectFile(
             "four wheel motors",
             Style(digits=4).table(
-                [_T, _KMH, quarter, quarter, quarter, quarter],
+                [T_S, V_KMH, quarter, quarter, quarter, quarter],
                 ["Time (s),Speed (km/h)," + ",".join(
                     f"Wheel Torque {code} (Nm)" for code in ("FL", "FR", "RL", "RR"))],
             ),
@@ -191,7 +189,7 @@ def _several() -> list[DialectFile]:
         DialectFile(
             "a motor at each axle",
             Style(digits=4).table(
-                [_T, _KMH, DRIVE["motor_torque"] * 0.6, DRIVE["motor_torque"] * 0.4],
+                [T_S, V_KMH, DRIVE["motor_torque"] * 0.6, DRIVE["motor_torque"] * 0.4],
                 ["Time (s),Speed (km/h),Front Motor Torque (Nm),Rear Motor Torque (Nm)"],
             ),
             {"v": ("Speed (km/h)", KMH)},
@@ -205,7 +203,7 @@ def _several() -> list[DialectFile]:
         DialectFile(
             "two load cells that share the pull",
             Style(digits=3).table(
-                [_T, _KMH, _F * 0.55, _F * 0.45],
+                [T_S, V_KMH, F_N * 0.55, F_N * 0.45],
                 ["Time (s),Speed (km/h),Load cell 1 (N),Load cell 2 (N)"],
             ),
             {"v": ("Speed (km/h)", KMH)},
@@ -217,7 +215,7 @@ def _several() -> list[DialectFile]:
         DialectFile(
             "wanted and actual, soll and ist",
             Style(";", ",").table(
-                [_T, _earlier(_V, 0.4), _V, _earlier(_F, 0.4) * 1.1, _F],
+                [T_S, _earlier(V_M_S, 0.4), V_M_S, _earlier(F_N, 0.4) * 1.1, F_N],
                 ["Zeit [s];v_soll [m/s];v_ist [m/s];F_soll [N];F_ist [N]"],
             ),
             {"F": ("F_ist [N]", SI)},
@@ -226,7 +224,7 @@ def _several() -> list[DialectFile]:
         DialectFile(
             "setpoint and feedback",
             Style().table(
-                [_T, _earlier(_V, 0.4), _V, _earlier(_F, 0.4) * 1.1, _F],
+                [T_S, _earlier(V_M_S, 0.4), V_M_S, _earlier(F_N, 0.4) * 1.1, F_N],
                 ["time_s,speed_setpoint_m_s,speed_feedback_m_s,force_command_N,force_feedback_N"],
             ),
             {"F": ("force_feedback_N", SI)},
@@ -236,7 +234,7 @@ def _several() -> list[DialectFile]:
         DialectFile(
             "least, largest and mean of each interval",
             Style(digits=3).table(
-                [_T, _F - 80 - 0.1 * np.abs(_F), _F + 80 + 0.1 * np.abs(_F), _F, _KMH],
+                [T_S, F_N - 80 - 0.1 * np.abs(F_N), F_N + 80 + 0.1 * np.abs(F_N), F_N, V_KMH],
                 ["Time (s),Force Min (N),Force Max (N),Force Avg (N),Speed (km/h)"],
             ),
             {"F": ("Force Avg (N)", SI)}, channels={"force_x_N": 'field = "Force Avg (N)"'},
@@ -244,7 +242,7 @@ def _several() -> list[DialectFile]:
         DialectFile(
             "a limit before the force",
             Style(digits=3).table(
-                [_T, np.full(ROWS, 2500.0), np.full(ROWS, 40.0), _F, _KMH],
+                [T_S, np.full(ROWS, 2500.0), np.full(ROWS, 40.0), F_N, V_KMH],
                 ["Time (s),Force limit (N),Speed limit (km/h),Force (N),Speed (km/h)"],
             ),
             {"F": ("Force (N)", SI)},
@@ -254,7 +252,7 @@ def _several() -> list[DialectFile]:
         DialectFile(
             "speed in tenths of km/h, torque in inch-pounds",
             Style(digits=2).table(
-                [_T, as_integers(_KMH, 10), DRIVE["motor_torque"] / 0.1129848],
+                [T_S, as_integers(V_KMH, 10), DRIVE["motor_torque"] / 0.1129848],
                 ["Time (s),Speed (0.1 km/h),Motor Torque (in-lb)"],
             ),
             {"motor_torque": ("Motor Torque (in-lb)", 1 / 0.1129848)},

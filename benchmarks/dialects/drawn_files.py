@@ -6,11 +6,14 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.dialects.dialect_file import (
-    DRIVE,
+    F_N,
     KMH,
     ROWS,
     SI,
     T0_NS,
+    T_S,
+    V_KMH,
+    V_M_S,
     DialectFile,
     as_integers,
     stamps,
@@ -19,10 +22,6 @@ from benchmarks.dialects.dialect_file import (
 _KN: Final = 1e-3
 _LBF: Final = 1 / 4.4482216152605
 _MPH: Final = 1 / 0.44704
-_T: Final = DRIVE["t"]
-_V: Final = DRIVE["v"]
-_F: Final = DRIVE["F"]
-_KMH: Final = _V * KMH
 
 
 def cells(values: Iterable[Any], form: str = "{:.5f}", comma: bool = False) -> list[str]:
@@ -48,13 +47,13 @@ def _numbers() -> list[DialectFile]:
     """Headers and numbers."""
     random = np.random.default_rng(11)
     gaps = random.random(ROWS) < 0.02
-    plain, speed, force = cells(_T), cells(_KMH), cells(_F)
+    plain, speed, force = cells(T_S), cells(V_KMH), cells(F_N)
     return [
         DialectFile(
             "DIN: quantity over unit",
             lines(
                 ["t/s;v/(km/h);F/kN"],
-                [cells(_T, comma=True), cells(_KMH, comma=True), cells(_F * _KN, comma=True)],
+                [cells(T_S, comma=True), cells(V_KMH, comma=True), cells(F_N * _KN, comma=True)],
                 ";",
             ),
             {"v": ("v/(km/h)", KMH), "F": ("F/kN", _KN)},
@@ -70,7 +69,7 @@ def _numbers() -> list[DialectFile]:
             "thousands by commas in quotes",
             lines(
                 ["Time (s),Speed (km/h),Force (N)"],
-                [plain, speed, [f'"{c}"' for c in _thousands(_F, ",", ".")]],
+                [plain, speed, [f'"{c}"' for c in _thousands(F_N, ",", ".")]],
             ),
             {"v": ("Speed (km/h)", KMH), "F": ("Force (N)", SI)},
         ),
@@ -78,7 +77,7 @@ def _numbers() -> list[DialectFile]:
             "thousands by blanks, decimal comma",
             lines(
                 ["Zeit [s];Geschwindigkeit [km/h];Kraft [N]"],
-                [cells(_T, comma=True), cells(_KMH, comma=True), _thousands(_F, " ", ",")],
+                [cells(T_S, comma=True), cells(V_KMH, comma=True), _thousands(F_N, " ", ",")],
                 ";",
             ),
             {"v": ("Geschwindigkeit [km/h]", KMH), "F": ("Kraft [N]", SI)},
@@ -87,7 +86,7 @@ def _numbers() -> list[DialectFile]:
             "Fortran: exponents with D",
             lines(
                 ["  TIME  SPEED_KMH  FORCE_N"],
-                [[c.replace("E", "D") for c in cells(x, "{:16.8E}")] for x in (_T, _KMH, _F)],
+                [[c.replace("E", "D") for c in cells(x, "{:16.8E}")] for x in (T_S, V_KMH, F_N)],
                 " ",
             ),
             {"v": ("SPEED_KMH", KMH), "F": ("FORCE_N", SI)},
@@ -95,7 +94,7 @@ def _numbers() -> list[DialectFile]:
         ),
         DialectFile(
             "MATLAB timetable: seconds with a word",
-            lines(["Time,speed_kmh,force_N"], [cells(_T, "{:.2f} sec"), speed, force]),
+            lines(["Time,speed_kmh,force_N"], [cells(T_S, "{:.2f} sec"), speed, force]),
             {"v": ("speed_kmh", KMH), "F": ("force_N", SI)},
         ),
         DialectFile(
@@ -128,18 +127,18 @@ def _numbers() -> list[DialectFile]:
             "miles and pounds",
             lines(
                 ["Elapsed Time (sec),GPS Speed (mph),Load Cell (lbf)"],
-                [plain, cells(_V * _MPH), cells(_F * _LBF)],
+                [plain, cells(V_M_S * _MPH), cells(F_N * _LBF)],
             ),
             {"v": ("GPS Speed (mph)", _MPH), "F": ("Load Cell (lbf)", _LBF)},
         ),
         DialectFile(
             "Chinese names",
-            lines(["时间(s),速度(km/h),牵引力(kN)"], [plain, speed, cells(_F * _KN)]),
+            lines(["时间(s),速度(km/h),牵引力(kN)"], [plain, speed, cells(F_N * _KN)]),
             {"v": ("速度(km/h)", KMH), "F": ("牵引力(kN)", _KN)},
         ),
         DialectFile(
             "Japanese in Shift-JIS",
-            lines(["時間[s],速度[km/h],荷重[kN]"], [plain, speed, cells(_F * _KN)])
+            lines(["時間[s],速度[km/h],荷重[kN]"], [plain, speed, cells(F_N * _KN)])
             .decode()
             .encode("cp932"),
             {"v": ("速度[km/h]", KMH), "F": ("荷重[kN]", _KN)},
@@ -150,13 +149,13 @@ def _numbers() -> list[DialectFile]:
 
 def _times() -> list[DialectFile]:
     """Times."""
-    speed, force = cells(_KMH), cells(_F)
+    speed, force = cells(V_KMH), cells(F_N)
     back = slice(None, None, -1)
-    sec = [str(T0_NS // 10**9 + int(t)) for t in _T + 1e-6]
-    nanosec = [str(round((t % 1.0) * 1e9) % 10**9) for t in _T]
+    sec = [str(T0_NS // 10**9 + int(t)) for t in T_S + 1e-6]
+    nanosec = [str(round((t % 1.0) * 1e9) % 10**9) for t in T_S]
     six = stamps("%Y,%m,%d,%H,%M,%S.%3f")
     long: list[str] = []
-    for t, v, f in zip(_T, speed, force, strict=True):
+    for t, v, f in zip(T_S, speed, force, strict=True):
         long += [f'"{t:.3f}";"Vehicle speed";"{v}";"km/h"', f'"{t:.3f}";"Force";"{f}";"N"']
     return [
         DialectFile(
@@ -176,7 +175,7 @@ def _times() -> list[DialectFile]:
                     "Unit\tm/s\tUnit\tN",
                     "",
                 ],
-                [as_integers(_T, 1000), cells(_V), as_integers(_T, 1000), force],
+                [as_integers(T_S, 1000), cells(V_M_S), as_integers(T_S, 1000), force],
                 "\t",
             ),
             {"v": ("Axis.ActVelo", SI), "F": ("Axis.ActForce", SI)},
@@ -188,7 +187,7 @@ def _times() -> list[DialectFile]:
         ),
         DialectFile(
             "ros2 topic echo --csv: seconds and nanoseconds, no names",
-            lines([], [sec, nanosec, ["base_link"] * ROWS, cells(_V), force]),
+            lines([], [sec, nanosec, ["base_link"] * ROWS, cells(V_M_S), force]),
             {"v": ("column 4", SI), "F": ("column 5", SI)},
             keys=("log.time=column 1", "log.time_fraction=column 2"),
             channels={"speed_x_m_s": 'field = "column 4"', "force_x_N": 'field = "column 5"'},
@@ -198,7 +197,7 @@ def _times() -> list[DialectFile]:
             "a date, and seconds of the day",
             lines(
                 ["Date,Time (s),Speed (km/h),Force (N)"],
-                [stamps("%Y-%m-%d"), cells(_T + 29_730, "{:.3f}"), speed, force],
+                [stamps("%Y-%m-%d"), cells(T_S + 29_730, "{:.3f}"), speed, force],
             ),
             {"v": ("Speed (km/h)", KMH), "F": ("Force (N)", SI)},
             t0_ns=29_730 * 10**9,

@@ -1,18 +1,21 @@
 """Twenty more dialects, drawn while the reader was frozen: whole exports as tools write them."""
 
-from datetime import timedelta
 from typing import Final
 
 import numpy as np
 
 from benchmarks.dialects.dialect_file import (
-    BEGIN,
+    CLOCK,
     DRIVE,
+    F_N,
     KMH,
     RATE_HZ,
     ROWS,
     SI,
     T0_NS,
+    T_S,
+    V_KMH,
+    V_M_S,
     DialectFile,
     Floats,
     Style,
@@ -20,16 +23,11 @@ from benchmarks.dialects.dialect_file import (
     stamps,
 )
 
-_T: Final = DRIVE["t"]
-_V: Final = DRIVE["v"]
-_F: Final = DRIVE["F"]
-_KMH: Final = _V * KMH
 _MOTOR: Final = 'derive = "motor_current_A * 0.12 [N*m/A] * 9.665 / wheel_radius_m"'
 
 
 def _loggers() -> list[DialectFile]:
-    clock = [BEGIN + timedelta(seconds=k / RATE_HZ) for k in range(ROWS)]
-    hobo = [f"{c:%m/%d/%y %I:%M:%S}.{c.microsecond // 1000:03d} {c:%p}" for c in clock]
+    hobo = [f"{c:%m/%d/%y %I:%M:%S}.{c.microsecond // 1000:03d} {c:%p}" for c in CLOCK]
     ticks = 621_355_968_000_000_000 + T0_NS // 100
     zone = [s.replace("Z", "+01:00") for s in stamps("%Y-%m-%dT%H:%M:%S.%3fZ")]
     numbers = as_integers(np.arange(1, ROWS + 1))
@@ -37,7 +35,7 @@ def _loggers() -> list[DialectFile]:
         DialectFile(
             "HOBO: unit after a comma, year of two digits, serial numbers, trailing marks",
             ("\ufeff" + Style(digits=3, end="\r\n", tail=",,").table(
-                [numbers, hobo, _KMH, _F / 1e3],
+                [numbers, hobo, V_KMH, F_N / 1e3],
                 ['"Plot Title: yard"',
                  '"#","Date Time, GMT+00:00","Speed, km/h (LGR S/N: 2090, SEN S/N: 201)",'
                  '"Pull, kN (LGR S/N: 2090, SEN S/N: 202)","Host Connected (LGR S/N: 2090)",'
@@ -50,7 +48,7 @@ def _loggers() -> list[DialectFile]:
             "OpenLog Artemis: rtcDate, rtcTime, ground speed in mm/s without a unit",
             Style(digits=2, end="\r\n", tail=",").table(
                 [stamps("%m/%d/%Y"), [s[:-1] for s in stamps("%H:%M:%S.%3f")],
-                 as_integers(_V, 1000), _F, ["50.000"] * ROWS, numbers],
+                 as_integers(V_M_S, 1000), F_N, ["50.000"] * ROWS, numbers],
                 ["rtcDate,rtcTime,gps_GroundSpeed,weight(N),output_Hz,count,"],
             ),
             {"F": ("weight(N)", SI)}, suffix=".TXT", t0_ns=T0_NS,
@@ -60,13 +58,13 @@ def _loggers() -> list[DialectFile]:
         ),
         DialectFile(
             "PicoLog 6: times without a name, an offset of an hour",
-            Style(digits=4).table([zone, _F / 1e3, _V], ['"",Pull Ave. (kN),Speed Ave. (m/s)']),
+            Style(digits=4).table([zone, F_N / 1e3, V_M_S], ['"",Pull Ave. (kN),Speed Ave. (m/s)']),
             {"F": ("Pull Ave. (kN)", 1e-3)}, t0_ns=T0_NS - 3600 * 10**9,
         ),
         DialectFile(
             "C#: DateTime.Ticks",
             Style(digits=4).table(
-                [[str(ticks + k * 200_000) for k in range(ROWS)], _KMH, _F],
+                [[str(ticks + k * 200_000) for k in range(ROWS)], V_KMH, F_N],
                 ["Timestamp,Speed_kmh,Force_N"],
             ),
             {"F": ("Force_N", SI)}, t0_ns=T0_NS,
@@ -74,7 +72,7 @@ def _loggers() -> list[DialectFile]:
         DialectFile(
             "LabVIEW: seconds since 1904, tabs, decimal comma",
             Style("\t", ",", 3, end="\r\n").table(
-                [_T + T0_NS / 1e9 + 2_082_844_800, _F, _V], ["Time\tForce (N)\tSpeed (m/s)"]
+                [T_S + T0_NS / 1e9 + 2_082_844_800, F_N, V_M_S], ["Time\tForce (N)\tSpeed (m/s)"]
             ),
             {"F": ("Force (N)", SI)}, suffix=".txt", t0_ns=T0_NS,
         ),
@@ -84,7 +82,7 @@ def _loggers() -> list[DialectFile]:
                 [[""] * ROWS, ["_result"] * ROWS, ["0"] * ROWS,
                  ["2026-11-13T00:00:00Z"] * ROWS, ["2026-11-14T00:00:00Z"] * ROWS,
                  [s.replace(".000Z", "Z") for s in stamps("%Y-%m-%dT%H:%M:%S.%3fZ")],
-                 ["loader"] * ROWS, _F, _V],
+                 ["loader"] * ROWS, F_N, V_M_S],
                 ["#group,false,false,true,true,false,true,false,false",
                  "#datatype,string,long,dateTime:RFC3339,dateTime:RFC3339,dateTime:RFC3339,"
                  "string,double,double",
@@ -96,8 +94,8 @@ def _loggers() -> list[DialectFile]:
         DialectFile(
             "tension link: the unit in a column of its own",
             Style(digits=3, end="\r\n").table(
-                [numbers, stamps("%d/%m/%Y"), stamps("%H:%M:%S.%3f"), _F / 9.80665,
-                 ["kgf"] * ROWS, _KMH],
+                [numbers, stamps("%d/%m/%Y"), stamps("%H:%M:%S.%3f"), F_N / 9.80665,
+                 ["kgf"] * ROWS, V_KMH],
                 ["Crosby Straightpoint Data Log", "Serial No,61234", "",
                  "Reading,Date,Time,Load,Units,Speed (km/h)"],
             ),
@@ -109,13 +107,13 @@ def _loggers() -> list[DialectFile]:
 
 def _engines() -> list[DialectFile]:
     half = DRIVE["motor_torque"]
-    sparse_speed = [f"{v:.4f}" if k % 2 == 0 else "" for k, v in enumerate(_KMH)]
-    sparse_force = [f"{f:.2f}" if k % 2 else "" for k, f in enumerate(_F)]
+    sparse_speed = [f"{v:.4f}" if k % 2 == 0 else "" for k, v in enumerate(V_KMH)]
+    sparse_force = [f"{f:.2f}" if k % 2 else "" for k, f in enumerate(F_N)]
     return [
         DialectFile(
             "TunerStudio: two lines of head, tabs, units below, marks between",
             Style("\t", digits=3).table(
-                [_T, DRIVE["motor_rpm"], half, ["0"] * ROWS],
+                [T_S, DRIVE["motor_rpm"], half, ["0"] * ROWS],
                 ['"MS3 Format 0524.01"', '"Capture Date: Fri Nov 13 08:15:30 UTC 2026"',
                  "Time\tRPM\tTorque\tSecL", "s\tRPM\tNm\tsec"],
             ).replace(b"\n10.000\t", b'\nMARK 000 - "Manual" - Fri Nov 13 08:15:40\n10.000\t'),
@@ -124,7 +122,7 @@ def _engines() -> list[DialectFile]:
         DialectFile(
             "HP Tuners: names and units above [Channel Data]",
             Style(digits=3, end="\r\n").table(
-                [_T, _KMH, DRIVE["left"] * 2],
+                [T_S, V_KMH, DRIVE["left"] * 2],
                 ["HP Tuners CSV Log File", "Version: 1.0", "", "[Log Information]",
                  "Creation Time: 11/13/2026 8:15:30 AM", "Notes: ", "", "[Channel Information]",
                  "0,2317,4134", "Offset,Vehicle Speed (SAE),Axle Torque", "s,km/h,Nm", "",
@@ -135,7 +133,7 @@ def _engines() -> list[DialectFile]:
         DialectFile(
             "Scan My Tesla: ms as Time, each row one reading",
             Style(end="\r\n", tail=",").table(
-                [as_integers(_T, 1000), sparse_speed, sparse_force],
+                [as_integers(T_S, 1000), sparse_speed, sparse_force],
                 ["Time,Speed (km/h),Drive force (N),"],
             ),
             {},
@@ -143,14 +141,14 @@ def _engines() -> list[DialectFile]:
         DialectFile(
             "Russian: unit after a comma, cp1251",
             Style(";", ",", 4, encoding="cp1251", end="\r\n").table(
-                [_T, _KMH, _F / 1e3], ["Время, с;Скорость, км/ч;Усилие, кН"]
+                [T_S, V_KMH, F_N / 1e3], ["Время, с;Скорость, км/ч;Усилие, кН"]
             ),
             {"v": ("Скорость, км/ч", KMH)}, keys=("log.encoding=cp1251",),
         ),
         DialectFile(
             "Turkish: sn, km/sa, kilos of force, cp1254",
             Style(";", ",", 4, encoding="cp1254", end="\r\n").table(
-                [_T, _KMH, _F / 9.80665], ["Zaman (sn);Hız (km/sa);Kuvvet (kgf)"]
+                [T_S, V_KMH, F_N / 9.80665], ["Zaman (sn);Hız (km/sa);Kuvvet (kgf)"]
             ),
             {"F": ("Kuvvet (kgf)", 1 / 9.80665)},
             channels={"speed_x_m_s": 'field = "Hız (km/sa)"\nunit = "km/h"',
@@ -159,7 +157,7 @@ def _engines() -> list[DialectFile]:
         DialectFile(
             "GoldenCheetah: secs, kph, nm, watts",
             Style(digits=4).table(
-                [_T, ["0"] * ROWS, ["0"] * ROWS, DRIVE["x"] / 1e3, _KMH, half, _F * _V],
+                [T_S, ["0"] * ROWS, ["0"] * ROWS, DRIVE["x"] / 1e3, V_KMH, half, F_N * V_M_S],
                 ["secs,cad,hr,km,kph,nm,watts"],
             ),
             {"v": ("kph", KMH)},
@@ -175,7 +173,7 @@ def _motors() -> list[DialectFile]:
     wincc: list[str] = []
     for k, stamp in enumerate(stamps("%d.%m.%Y %H:%M:%S")):
         serial = 46339.0 + (29_730 + k / RATE_HZ) / 86_400
-        for name, value in (("Geschwindigkeit", _KMH[k]), ("Kraft", _F[k])):
+        for name, value in (("Geschwindigkeit", V_KMH[k]), ("Kraft", F_N[k])):
             number = f"{value:.4f}".replace(".", ",")
             time = f"{serial * 1e6:.6f}".replace(".", ",")
             wincc.append(f'"{name}";"{stamp}";{number};1;{time}')
@@ -183,8 +181,8 @@ def _motors() -> list[DialectFile]:
         DialectFile(
             "Betaflight: time (us), blanks behind commas, amperes of the battery",
             Style(", ", digits=4).table(
-                [as_integers(np.arange(ROWS)), as_integers(_T + 83.2, 1e6), battery,
-                 DRIVE["a"] / 9.80665 * 2048, _V, _F],
+                [as_integers(np.arange(ROWS)), as_integers(T_S + 83.2, 1e6), battery,
+                 DRIVE["a"] / 9.80665 * 2048, V_M_S, F_N],
                 ["loopIteration, time (us), amperageLatest (A), accSmooth[0], GPS_speed (m/s), "
                  "tether_force (N)"],
             ),
@@ -194,7 +192,7 @@ def _motors() -> list[DialectFile]:
         DialectFile(
             "Simulink Data Inspector: rows of types, units and paths",
             Style(digits=6).table(
-                [_T, _V, _F],
+                [T_S, V_M_S, F_N],
                 ["time,speed,force", ",Type: double,Type: double", ",Unit: m/s,Unit: N",
                  ",Interp: linear,Interp: linear", ",Block Path: plant/v,Block Path: plant/F"],
             ),
@@ -204,7 +202,7 @@ def _motors() -> list[DialectFile]:
         DialectFile(
             "Float Control: I-Battery, I-Motor, ERPM, Speed(km/h)",
             Style(digits=3).table(
-                [_T, _V * 10, ["63.0"] * ROWS, battery, current, zeros, rpm * 7, _KMH],
+                [T_S, V_M_S * 10, ["63.0"] * ROWS, battery, current, zeros, rpm * 7, V_KMH],
                 ["Time(s),Duty%,Voltage,I-Battery,I-Motor,Motor-Fault,ERPM,Speed(km/h)"],
             ),
             {"current": ("I-Motor", SI)},
@@ -213,8 +211,8 @@ def _motors() -> list[DialectFile]:
         DialectFile(
             "Cycle Analyst: tabs, letters, no time, amperes of the battery",
             Style("\t", digits=3).table(
-                [_T / 100, ["51.8"] * ROWS, battery, _KMH, DRIVE["x"] / 1e3, ["25"] * ROWS,
-                 _F, zeros],
+                [T_S / 100, ["51.8"] * ROWS, battery, V_KMH, DRIVE["x"] / 1e3, ["25"] * ROWS,
+                 F_N, zeros],
                 ["Ah\tV\tA\tS\tD\tDeg\tN\tFlgs"],
             ),
             {}, suffix=".txt", keys=("log.rate_hz=50",),
@@ -223,7 +221,7 @@ def _motors() -> list[DialectFile]:
         DialectFile(
             "maxon EPOS Studio: mNm, rpm, ms",
             Style("\t", digits=2, end="\r\n").table(
-                [_T * 1000, rpm, DRIVE["motor_torque"] * 1000],
+                [T_S * 1000, rpm, DRIVE["motor_torque"] * 1000],
                 ["Time [ms]\tVelocity actual value averaged [rpm]\tTorque actual value [mNm]"],
             ),
             {"motor_torque": ("Torque actual value [mNm]", 1000)}, suffix=".txt",
@@ -236,7 +234,7 @@ def _motors() -> list[DialectFile]:
         DialectFile(
             "two drives, the right one mounted mirrored",
             Style(digits=4).table(
-                [_T, DRIVE["left"], -DRIVE["right"], _V, -_V],
+                [T_S, DRIVE["left"], -DRIVE["right"], V_M_S, -V_M_S],
                 ["time_s,left_torque_Nm,right_torque_Nm,left_speed_m_s,right_speed_m_s"],
             ),
             {"left": ("left_torque_Nm", SI)},

@@ -13,23 +13,23 @@ import pyarrow.parquet as pq
 from benchmarks.dialects.dialect_file import (
     BEGIN,
     DRIVE,
+    F_N,
     KMH,
     MIDNIGHT_NS,
     ROWS,
     SI,
     T0_NS,
+    T_S,
+    V_KMH,
+    V_M_S,
     DialectFile,
     Style,
     as_integers,
     stamps,
 )
 
-_T: Final = DRIVE["t"]
-_V: Final = DRIVE["v"]
-_F: Final = DRIVE["F"]
-_KMH: Final = _V * KMH
-_MPH: Final = _V / 0.44704
-_LBF: Final = _F / 4.4482216
+_MPH: Final = V_M_S / 0.44704
+_LBF: Final = F_N / 4.4482216
 _SIX: Final = Style(digits=6)
 
 
@@ -38,7 +38,7 @@ def _arrow(write: str) -> bytes:
     units = {"elapsed": "s", "v": "km/h", "pull": "kN"}
     attributes = {"PANDAS_ATTRS": json.dumps({"units": units})}
     schema = pa.schema([pa.field(name, pa.float64()) for name in units], metadata=attributes)
-    table = pa.table([pa.array(_T), pa.array(_KMH), pa.array(_F / 1e3)], schema=schema)
+    table = pa.table([pa.array(T_S), pa.array(V_KMH), pa.array(F_N / 1e3)], schema=schema)
     file = io.BytesIO()
     if write == "parquet":
         pq.write_table(table, file)
@@ -52,7 +52,7 @@ def _scopes() -> list[DialectFile]:
         "speed_x_m_s": 'field = "C1"\nscale = 10.0',
         "force_x_N": 'field = "C2"\nscale = 1000.0',
     }
-    volts = [_T, DRIVE["volt"], _F / 1e3]
+    volts = [T_S, DRIVE["volt"], F_N / 1e3]
     begin = BEGIN.strftime("%d-%b-%Y %H:%M:%S")
     return [
         DialectFile(
@@ -90,7 +90,7 @@ def _apps() -> list[DialectFile]:
         DialectFile(
             "OBD Fusion: commented start, mph and lbf",
             Style(end="\r\n").table(
-                [_T, _MPH, _LBF],
+                [T_S, _MPH, _LBF],
                 ["# StartTime = 11/13/2026 08:15:30.0000 AM",
                  "Time (sec), Vehicle speed (MPH), Pull (lbf)"],
             ),
@@ -99,14 +99,14 @@ def _apps() -> list[DialectFile]:
         DialectFile(
             "Car Scanner: quoted, semicolons, seconds of the day",
             Style(";", quote=True, digits=3).table(
-                [_T + MIDNIGHT_NS / 1e9, _KMH, _F], ['"SECONDS";"Speed (km/h)";"Force (N)"']
+                [T_S + MIDNIGHT_NS / 1e9, V_KMH, F_N], ['"SECONDS";"Speed (km/h)";"Force (N)"']
             ),
             {"v": ("Speed (km/h)", KMH)}, t0_ns=MIDNIGHT_NS,
         ),
         DialectFile(
             "TrackAddict: comments, UTC time beside elapsed",
             Style(digits=3).table(
-                [_T, [f"{T0_NS / 1e9 + t:.3f}" for t in _T], _MPH, _F],
+                [T_S, [f"{T0_NS / 1e9 + t:.3f}" for t in T_S], _MPH, F_N],
                 ["# RaceRender Data: TrackAddict 4.6", "# Vehicle: loader", "#",
                  '"Time","UTC Time","Speed (MPH)","Force (N)"'],
             ),
@@ -115,7 +115,7 @@ def _apps() -> list[DialectFile]:
         DialectFile(
             "Portuguese spreadsheet: hora, velocidade, força",
             Style(";", ",", 3, encoding="cp1252").table(
-                [stamps("%d/%m/%Y %H:%M:%S,%3f"), _KMH, _F / 1e3],
+                [stamps("%d/%m/%Y %H:%M:%S,%3f"), V_KMH, F_N / 1e3],
                 ["Data/Hora;Velocidade (km/h);Força (kN)"],
             ),
             {"F": ("Força (kN)", 1e-3)}, t0_ns=T0_NS,
@@ -123,7 +123,7 @@ def _apps() -> list[DialectFile]:
         DialectFile(
             "Swedish: tid, hastighet, kraft, blanks in thousands",
             Style("\t", ",", 4, encoding="utf-16").table(
-                [_T, _KMH, [f"{x:,.1f}".replace(",", " ").replace(".", ",") for x in _F]],
+                [T_S, V_KMH, [f"{x:,.1f}".replace(",", " ").replace(".", ",") for x in F_N]],
                 ["Tid (s)\tHastighet (km/h)\tKraft (N)"],
             ),
             {"v": ("Hastighet (km/h)", KMH)}, suffix=".txt",
@@ -145,14 +145,14 @@ def _controllers() -> list[DialectFile]:
         DialectFile(
             "Sevcon: a tick of 20 ms",
             Style(";").table(
-                [as_integers(np.arange(ROWS)), _V, _F], ["Sample;Speed [m/s];Force [N]"]
+                [as_integers(np.arange(ROWS)), V_M_S, F_N], ["Sample;Speed [m/s];Force [N]"]
             ),
             {"v": ("Speed [m/s]", SI)}, keys=("log.rate_hz=50",),
         ),
         DialectFile(
             "VESC: erpm and both currents",
             Style(";").table(
-                [as_integers(_T, 1000), DRIVE["current"] * 0.6, DRIVE["current"],
+                [as_integers(T_S, 1000), DRIVE["current"] * 0.6, DRIVE["current"],
                  DRIVE["motor_rpm"] * 7],
                 ["ms_today;input_current;motor_current;erpm"],
             ),
@@ -161,7 +161,7 @@ def _controllers() -> list[DialectFile]:
         DialectFile(
             "Parker: drive torque in %, rpm",
             Style("\t", digits=4).table(
-                [_T * 1000, DRIVE["motor_torque"] / 20 * 100, DRIVE["motor_rpm"]],
+                [T_S * 1000, DRIVE["motor_torque"] / 20 * 100, DRIVE["motor_rpm"]],
                 ["Time [ms]\tTorque [%]\tSpeed [rpm]"],
             ),
             {"motor_rpm": ("Speed [rpm]", SI)}, suffix=".txt",
@@ -173,7 +173,7 @@ def _controllers() -> list[DialectFile]:
         DialectFile(
             "battery monitor: power in kW",
             Style().table(
-                [stamps("%Y-%m-%d %H:%M:%S.%3f"), _F * _V / 1e3, _KMH],
+                [stamps("%Y-%m-%d %H:%M:%S.%3f"), F_N * V_M_S / 1e3, V_KMH],
                 ["timestamp,Power [kW],Speed [km/h]"],
             ),
             {"v": ("Speed [km/h]", KMH)}, t0_ns=T0_NS,
@@ -186,19 +186,19 @@ def _robots() -> list[DialectFile]:
         DialectFile(
             "Fanuc: percent signs over the names",
             Style(" ", digits=5).table(
-                [_T, _V, _F], ["% Data sampling: 20 ms", "% Time[s] Vel[m/s] Force[N]"]
+                [T_S, V_M_S, F_N], ["% Data sampling: 20 ms", "% Time[s] Vel[m/s] Force[N]"]
             ),
             {"F": ("Force[N]", SI)}, suffix=".dat",
         ),
         DialectFile(
             "ABB: log of signals with @ and tabs",
-            Style("\t", digits=5).table([_T, _V, _F], ["@time_s\t@tcp_speed_m_s\t@force_N"]),
+            Style("\t", digits=5).table([T_S, V_M_S, F_N], ["@time_s\t@tcp_speed_m_s\t@force_N"]),
             {"F": ("@force_N", SI)}, suffix=".log",
         ),
         DialectFile(
             "Foxglove: log time as ISO with nanoseconds",
             Style().table(
-                [stamps("%Y-%m-%dT%H:%M:%S.%3f000000Z"), _V, _F],
+                [stamps("%Y-%m-%dT%H:%M:%S.%3f000000Z"), V_M_S, F_N],
                 ["log_time,/odom.speed_m_s,/cell.force_N"],
             ),
             {"v": ("/odom.speed_m_s", SI)}, t0_ns=T0_NS,
@@ -213,8 +213,8 @@ def _loggers() -> list[DialectFile]:
             "Graphtec: number, date and time in a cell, ms apart, signs with a blank",
             Style(digits=3).table(
                 [as_integers(np.arange(1, ROWS + 1)), stamps("%Y/%m/%d %H:%M:%S"), stamps("%3f"),
-                 [f"{'+' if x >= 0 else '-'} {abs(x):.3f}" for x in _V],
-                 [f"{'+' if x >= 0 else '-'} {abs(x):.1f}" for x in _F]],
+                 [f"{'+' if x >= 0 else '-'} {abs(x):.3f}" for x in V_M_S],
+                 [f"{'+' if x >= 0 else '-'} {abs(x):.1f}" for x in F_N]],
                 ["Vendor,GRAPHTEC", "Model,GL840", "Number,Date&Time,ms,CH1,CH2",
                  "NO.,Time,ms,m/s,N"],
             ),
@@ -223,7 +223,7 @@ def _loggers() -> list[DialectFile]:
         DialectFile(
             "12-hour clock over midnight",
             Style().table(
-                [stamps("%I:%M:%S.%3f %p", evening), _KMH, _F], ["Time,Speed [km/h],Force [N]"]
+                [stamps("%I:%M:%S.%3f %p", evening), V_KMH, F_N], ["Time,Speed [km/h],Force [N]"]
             ),
             {"v": ("Speed [km/h]", KMH)}, t0_ns=86_370 * 10**9,
         ),

@@ -9,21 +9,20 @@ import pyarrow.parquet as pq
 import xlsxwriter
 
 from benchmarks.dialects.dialect_file import (
-    DRIVE,
+    F_N,
     KMH,
     ROWS,
     SI,
     T0_NS,
+    T_S,
+    V_KMH,
+    V_M_S,
     DialectFile,
     as_integers,
     stamps,
 )
 from benchmarks.dialects.drawn_files import cells, lines
 
-_T: Final = DRIVE["t"]
-_V: Final = DRIVE["v"]
-_F: Final = DRIVE["F"]
-_KMH: Final = _V * KMH
 _KN: Final = 1e-3
 
 
@@ -33,7 +32,7 @@ def _parquet() -> bytes:
         pa.field("speed", pa.float32(), metadata={"unit": "km/h"}),
         pa.field("force", pa.float32(), metadata={"unit": "kN"}),
     ]
-    table = pa.Table.from_arrays([pa.array(_T), pa.array(_KMH), pa.array(_F * _KN)], names=[
+    table = pa.Table.from_arrays([pa.array(T_S), pa.array(V_KMH), pa.array(F_N * _KN)], names=[
         field.name for field in fields
     ]).cast(pa.schema(fields))  # fmt: skip
     file = io.BytesIO()
@@ -49,19 +48,19 @@ def _workbook() -> bytes:
         sheet.write_row(2, 0, ["Zeit", "Geschwindigkeit", "Zugkraft"])
         sheet.write_row(3, 0, ["s", "km/h", "kN"])
         for k in range(ROWS):
-            sheet.write_row(k + 4, 0, [float(_T[k]), float(_KMH[k]), float(_F[k] * _KN)])
+            sheet.write_row(k + 4, 0, [float(T_S[k]), float(V_KMH[k]), float(F_N[k] * _KN)])
     return file.getvalue()
 
 
 def _names() -> list[DialectFile]:
     """Headers and files."""
-    plain, speed, force = cells(_T), cells(_KMH), cells(_F)
+    plain, speed, force = cells(T_S), cells(V_KMH), cells(F_N)
     gear = ["2"] * ROWS
-    comma = cells(_T, comma=True), cells(_KMH, comma=True)
+    comma = cells(T_S, comma=True), cells(V_KMH, comma=True)
     return [
         DialectFile(
             "PlotJuggler: __time and paths",
-            lines(["__time,/odom/speed_m_s,/drawbar/force_N"], [plain, cells(_V), force]),
+            lines(["__time,/odom/speed_m_s,/drawbar/force_N"], [plain, cells(V_M_S), force]),
             {"v": ("/odom/speed_m_s", SI), "F": ("/drawbar/force_N", SI)},
         ),
         DialectFile(
@@ -88,7 +87,7 @@ def _names() -> list[DialectFile]:
                     "     Run Time   Ground Speed      Pull Force",
                     "            s           km/h               N",
                 ],
-                [cells(x, "{:>14.4f}") for x in (_T, _KMH, _F)],
+                [cells(x, "{:>14.4f}") for x in (T_S, V_KMH, F_N)],
                 "",
             ),
             {"v": ("Ground Speed", KMH), "F": ("Pull Force", SI)},
@@ -98,7 +97,7 @@ def _names() -> list[DialectFile]:
             "tabs, thousands by commas",
             lines(
                 ["Time [ms]\tSpeed [m/s]\tForce [N]"],
-                [cells(_T * 1000, "{:,.0f}"), cells(_V), cells(_F, "{:,.2f}")],
+                [cells(T_S * 1000, "{:,.0f}"), cells(V_M_S), cells(F_N, "{:,.2f}")],
                 "\t",
             ),
             {"v": ("Speed [m/s]", SI), "F": ("Force [N]", SI)},
@@ -120,7 +119,7 @@ def _names() -> list[DialectFile]:
             "a counter before the time",
             lines(
                 ["Index,Timestamp [ms],Speed [km/h],Force [kN]"],
-                [as_integers(_T, 50), as_integers(_T, 1000), speed, cells(_F * _KN)],
+                [as_integers(T_S, 50), as_integers(T_S, 1000), speed, cells(F_N * _KN)],
             ),
             {"v": ("Speed [km/h]", KMH), "F": ("Force [kN]", _KN)},
         ),
@@ -128,7 +127,7 @@ def _names() -> list[DialectFile]:
             "French names and decanewtons",
             lines(
                 ["Temps (s);Vitesse (km/h);Effort de traction (daN)"],
-                [*comma, cells(_F / 10, comma=True)],
+                [*comma, cells(F_N / 10, comma=True)],
                 ";",
             ),
             {"v": ("Vitesse (km/h)", KMH), "F": ("Effort de traction (daN)", 0.1)},
@@ -152,12 +151,12 @@ def _names() -> list[DialectFile]:
 
 def _times() -> list[DialectFile]:
     """Times."""
-    speed, force = cells(_KMH), cells(_F)
+    speed, force = cells(V_KMH), cells(F_N)
     week = ["2444"] * ROWS
     head = "Speed [km/h],Force [N]"
     fields = {"v": ("Speed [km/h]", KMH), "F": ("Force [N]", SI)}
-    minutes = [f"{int(t // 3600)}:{int(t // 60):02d}:{t % 60:06.3f}" for t in _T]
-    floats = [f"{T0_NS + t * 1e9:.8e}" for t in _T]
+    minutes = [f"{int(t // 3600)}:{int(t // 60):02d}:{t % 60:06.3f}" for t in T_S]
+    floats = [f"{T0_NS + t * 1e9:.8e}" for t in T_S]
     return [
         DialectFile(
             "the form of the time in its name",
@@ -167,13 +166,13 @@ def _times() -> list[DialectFile]:
         ),
         DialectFile(
             "microseconds since 1970",
-            lines(["epoch," + head], [as_integers(_T + T0_NS / 1e9, 1e6), speed, force]),
+            lines(["epoch," + head], [as_integers(T_S + T0_NS / 1e9, 1e6), speed, force]),
             fields,
             t0_ns=T0_NS,
         ),
         DialectFile(
             "from before the trigger",
-            lines(["Time (s)," + head], [cells(_T - 2.0), speed, force]),
+            lines(["Time (s)," + head], [cells(T_S - 2.0), speed, force]),
             fields,
             t0_ns=-2 * 10**9,
         ),
@@ -200,19 +199,19 @@ def _times() -> list[DialectFile]:
         ),
         DialectFile(
             "ISO durations",
-            lines(["time," + head], [cells(_T, "PT{:.2f}S"), speed, force]),
+            lines(["time," + head], [cells(T_S, "PT{:.2f}S"), speed, force]),
             fields,
             keys=("log.rate_hz=50",),
         ),
         DialectFile(
             "a counter of milliseconds of sixteen bits",
-            lines(["Time [ms]," + head], [as_integers((_T * 1000) % 65536), speed, force]),
+            lines(["Time [ms]," + head], [as_integers((T_S * 1000) % 65536), speed, force]),
             fields,
             keys=("log.rate_hz=50",),
         ),
         DialectFile(
             "week and seconds of GPS",
-            lines(["GPSWeek,GPSTime," + head], [week, cells(_T + 461_730), speed, force]),
+            lines(["GPSWeek,GPSTime," + head], [week, cells(T_S + 461_730), speed, force]),
             fields,
             t0_ns=461_730 * 10**9,
         ),

@@ -6,10 +6,14 @@ import numpy as np
 
 from benchmarks.dialects.dialect_file import (
     DRIVE,
+    F_N,
     KMH,
     ROWS,
     SI,
     T0_NS,
+    T_S,
+    V_KMH,
+    V_M_S,
     DialectFile,
     Floats,
     Style,
@@ -17,12 +21,8 @@ from benchmarks.dialects.dialect_file import (
     stamps,
 )
 
-_T: Final = DRIVE["t"]
-_V: Final = DRIVE["v"]
-_F: Final = DRIVE["F"]
-_KMH: Final = _V * KMH
 _KN: Final = 1e-3
-_KNOTS: Final = _V * 3600 / 1852
+_KNOTS: Final = V_M_S * 3600 / 1852
 _TAPS: Final = {
     "speed_x_m_s": 'field = "CH1"\nscale = 10.0',
     "force_x_N": 'field = "CH2"\nscale = 1000.0',
@@ -35,7 +35,7 @@ def _thousandths(values: Floats) -> list[str]:
 
 def _recorders() -> list[DialectFile]:
     """Memory recorders and loggers."""
-    volts = [_T, DRIVE["volt"], _F * _KN]
+    volts = [T_S, DRIVE["volt"], F_N * _KN]
     return [
         DialectFile(
             "Hioki: words before the names and the units",
@@ -60,7 +60,7 @@ def _recorders() -> list[DialectFile]:
         DialectFile(
             "LabVIEW .lvm: a time to each channel, a comment behind",
             Style("\t", digits=6, end="\r\n", tail="\t").table(
-                [_T, _F, _T, _V],
+                [T_S, F_N, T_S, V_M_S],
                 ["LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2",
                  "Separator\tTab", "Decimal_Separator\t.", "Multi_Headings\tNo",
                  "X_Columns\tMulti", "Time_Pref\tRelative", "Operator\tyard",
@@ -77,21 +77,22 @@ def _recorders() -> list[DialectFile]:
         DialectFile(
             "imc FAMOS: the time has a unit and no name",
             Style("\t", ",", 5).table(
-                [_T, _F * _KN, _KMH], ["\tZugkraft\tGeschwindigkeit", "[s]\t[kN]\t[km/h]"]
+                [T_S, F_N * _KN, V_KMH], ["\tZugkraft\tGeschwindigkeit", "[s]\t[kN]\t[km/h]"]
             ),
             {"F": ("Zugkraft", _KN)}, suffix=".asc",
         ),
         DialectFile(
             "time in tenths of a millisecond",
             Style(";", ",", 3).table(
-                [as_integers(_T, 10_000), _F, _V], ["Zeit [0.1 ms];Kraft [N];Geschwindigkeit [m/s]"]
+                [as_integers(T_S, 10_000), F_N, V_M_S],
+                ["Zeit [0.1 ms];Kraft [N];Geschwindigkeit [m/s]"],
             ),
             {"F": ("Kraft [N]", SI)}, keys=("log.rate_hz=50",),
         ),
         DialectFile(
             "Instron: seconds, displacement in mm, kN, every cell in quotes",
             Style(quote=True, digits=5, end="\r\n").table(
-                [_T, DRIVE["x"] * 1000, _F * _KN],
+                [T_S, DRIVE["x"] * 1000, F_N * _KN],
                 ['"Specimen label","yard"', "", '"Time","Displacement","Force"',
                  '"(s)","(mm)","(kN)"'],
             ),
@@ -102,7 +103,7 @@ def _recorders() -> list[DialectFile]:
         DialectFile(
             "Vicon Nexus: a word and a rate above, frames and no time",
             Style(digits=4).table(
-                [as_integers(np.arange(1, ROWS + 1)), ["0"] * ROWS, _F, _V * 1000],
+                [as_integers(np.arange(1, ROWS + 1)), ["0"] * ROWS, F_N, V_M_S * 1000],
                 ["Devices", "50", ",,Load cell - Force,Cart - Velocity", "Frame,Sub Frame,Fx,Vx",
                  ",,N,mm/s"],
             ),
@@ -121,20 +122,22 @@ def _plants() -> list[DialectFile]:
         DialectFile(
             "FactoryTalk: date, time, and the milliseconds in Millitm",
             Style().table(
-                [stamps("%m/%d/%Y"), whole, [str(int(m)) for m in stamps("%3f")], _KMH, _F],
+                [stamps("%m/%d/%Y"), whole, [str(int(m)) for m in stamps("%3f")], V_KMH, F_N],
                 ["Date,Time,Millitm,Speed [km/h],Force [N]"],
             ),
             {"F": ("Force [N]", SI)}, t0_ns=T0_NS,
         ),
         DialectFile(
             "TwinCAT 3: FILETIME, tabs, decimal comma",
-            Style("\t", ",", 4).table([filetime, _KMH, _F], ["Timestamp\tv_ist [km/h]\tF_ist [N]"]),
+            Style("\t", ",", 4).table(
+                [filetime, V_KMH, F_N], ["Timestamp\tv_ist [km/h]\tF_ist [N]"]
+            ),
             {"F": ("F_ist [N]", SI)}, suffix=".txt", t0_ns=T0_NS,
         ),
         DialectFile(
             "Mitsubishi GOT: whole seconds and an index",
             Style(digits=3).table(
-                [stamps("%Y/%m/%d %H:%M:%S"), as_integers(np.arange(ROWS)), _KMH, _F],
+                [stamps("%Y/%m/%d %H:%M:%S"), as_integers(np.arange(ROWS)), V_KMH, F_N],
                 ["[LOGGING],GT27,1,2,3", "DATETIME[YYYY/MM/DD hh:mm:ss],INDEX,FLOAT,FLOAT",
                  "TIME,INDEX,Speed[km/h],Force[N]"],
             ),
@@ -143,7 +146,7 @@ def _plants() -> list[DialectFile]:
         DialectFile(
             "all upper case: MS, KMH, KN",
             Style(";").table(
-                [as_integers(_T, 1000), _KMH, _F * _KN], ["TIME [MS];V [KM/H];F [KN]"]
+                [as_integers(T_S, 1000), V_KMH, F_N * _KN], ["TIME [MS];V [KM/H];F [KN]"]
             ),
             {"F": ("F [KN]", _KN)},
             units={"F [KN]": 'unit = "kN"', "V [KM/H]": 'unit = "km/h"'},
@@ -152,13 +155,13 @@ def _plants() -> list[DialectFile]:
         ),
         DialectFile(
             "a stamp of digits alone: YYYYMMDDhhmmssfff",
-            Style().table([compact, _KMH, _F], ["timestamp,speed_kmh,force_N"]),
+            Style().table([compact, V_KMH, F_N], ["timestamp,speed_kmh,force_N"]),
             {"F": ("force_N", SI)}, t0_ns=T0_NS,
         ),
         DialectFile(
             "a spreadsheet's mm:ss.0",
             Style(end="\r\n").table(
-                [[s[:-1] for s in stamps("%M:%S.%3f")], _KMH, _F],
+                [[s[:-1] for s in stamps("%M:%S.%3f")], V_KMH, F_N],
                 ["Time,Speed (km/h),Force (N)"],
             ),
             {"F": ("Force (N)", SI)}, t0_ns=930 * 10**9,
@@ -166,7 +169,7 @@ def _plants() -> list[DialectFile]:
         DialectFile(
             "names 'quantity in unit', month in German",
             Style(";", ",", 3).table(
-                [[s.replace("Nov", "Okt") for s in stamps("%d. %b %Y %H:%M:%S,%3f")], _KMH, _F],
+                [[s.replace("Nov", "Okt") for s in stamps("%d. %b %Y %H:%M:%S,%3f")], V_KMH, F_N],
                 ["Zeitpunkt;Geschwindigkeit in km/h;Kraft in N"],
             ),
             {"F": ("Kraft in N", SI)}, t0_ns=T0_NS - 31 * 86_400 * 10**9,
@@ -178,7 +181,7 @@ def _signs() -> list[DialectFile]:
     """Signs and units that are easily taken wrongly."""
     wheel_torque = np.round(DRIVE["left"] * 2)
     wrapped = [str(int(x) % 65536) for x in wheel_torque]
-    braking = ["1" if x < 0 else "0" for x in _F]
+    braking = ["1" if x < 0 else "0" for x in F_N]
     signed = (
         'derive = "where(braking_1 > 0.5, -motor_torque_N_m, motor_torque_N_m)'
         ' * 9.665 / wheel_radius_m"'
@@ -187,7 +190,7 @@ def _signs() -> list[DialectFile]:
         DialectFile(
             "NMEA logger: knots as kn beside kN",
             Style(digits=4).table(
-                [stamps("%Y-%m-%dT%H:%M:%S.%3fZ"), _KNOTS, _F * _KN], ["time,SOG [kn],Pull [kN]"]
+                [stamps("%Y-%m-%dT%H:%M:%S.%3fZ"), _KNOTS, F_N * _KN], ["time,SOG [kn],Pull [kN]"]
             ),
             {"F": ("Pull [kN]", _KN)}, t0_ns=T0_NS,
             channels={"speed_x_m_s": 'field = "SOG [kn]"\nunit = "kn"'},
@@ -195,7 +198,7 @@ def _signs() -> list[DialectFile]:
         DialectFile(
             "hanging scale: pounds, miles",
             Style(digits=3).table(
-                [_T, _F / 4.4482216, _V / 0.44704], ["Time (s),Tension (lb),Speed (mph)"]
+                [T_S, F_N / 4.4482216, V_M_S / 0.44704], ["Time (s),Tension (lb),Speed (mph)"]
             ),
             {"F": ("Tension (lb)", 1 / 4.4482216)}, units={"Tension (lb)": 'unit = "lbf"'},
             channels={"force_x_N": 'field = "Tension (lb)"\nunit = "lbf"'},
@@ -203,7 +206,7 @@ def _signs() -> list[DialectFile]:
         DialectFile(
             "load cell on a microcontroller: millis, kilograms",
             Style(";", digits=3).table(
-                [as_integers(_T, 1000), _F / 9.80665, _KMH], ["millis;Load [kg];Speed [km/h]"]
+                [as_integers(T_S, 1000), F_N / 9.80665, V_KMH], ["millis;Load [kg];Speed [km/h]"]
             ),
             {"v": ("Speed [km/h]", KMH)}, units={"Load [kg]": 'unit = "kgf"'},
             channels={"force_x_N": 'field = "Load [kg]"\nunit = "kgf"'},
@@ -211,7 +214,7 @@ def _signs() -> list[DialectFile]:
         DialectFile(
             "torque without a sign, and whether it brakes",
             Style(digits=4).table(
-                [_T, np.abs(DRIVE["motor_torque"]), braking, DRIVE["motor_rpm"]],
+                [T_S, np.abs(DRIVE["motor_torque"]), braking, DRIVE["motor_rpm"]],
                 ["Time (s),Motor Torque (Nm),Regen,Motor Speed (rpm)"],
             ),
             {"motor_rpm": ("Motor Speed (rpm)", SI)},
@@ -226,7 +229,7 @@ def _signs() -> list[DialectFile]:
         DialectFile(
             "CANopen: a signed torque in 16 bits without a sign",
             Style(digits=4).table(
-                [as_integers(_T, 1000), wrapped, _V],
+                [as_integers(T_S, 1000), wrapped, V_M_S],
                 ["Time [ms],Wheel Torque [Nm],Vehicle Speed [m/s]"],
             ),
             {"v": ("Vehicle Speed [m/s]", SI)},
@@ -234,7 +237,7 @@ def _signs() -> list[DialectFile]:
         DialectFile(
             "ODrive: turns a second, amperes of Iq",
             Style(digits=6).table(
-                [_T, DRIVE["motor_rpm"] / 60, DRIVE["current"]],
+                [T_S, DRIVE["motor_rpm"] / 60, DRIVE["current"]],
                 ["time,axis0.encoder.vel_estimate,axis0.motor.current_control.Iq_measured"],
             ),
             {"current": ("axis0.motor.current_control.Iq_measured", SI)},
@@ -248,28 +251,28 @@ def _signs() -> list[DialectFile]:
 
 def _robots_and_phones() -> list[DialectFile]:
     """Robots, cars and phones."""
-    epoch = [f"{T0_NS / 1e9 + t:.6f}" for t in _T]
+    epoch = [f"{T0_NS / 1e9 + t:.6f}" for t in T_S]
     ns = [str(T0_NS + k * 20_000_000) for k in range(ROWS)]
     names = ["/odom.speed_m_s", "/cell.force_N"]
     long = [
         f"{t:.3f},{T0_NS / 1e9 + t:.3f},{names[k]},{x:.5f}"
-        for t, *pair in zip(_T, _V, _F, strict=True)
+        for t, *pair in zip(T_S, V_M_S, F_N, strict=True)
         for k, x in enumerate(pair)
     ]
     fit = [
         f'Data,0,record,timestamp,"{1_163_059_200 + k // 50}",s,speed,"{v:.4f}",m/s,'
         f'power,"{round(f * v)}",watts'
-        for k, (v, f) in enumerate(zip(_V, _F, strict=True))
+        for k, (v, f) in enumerate(zip(V_M_S, F_N, strict=True))
     ]
     arrows = [
         f"{s} -> speed:{v:.4f},force:{f:.3f}"
-        for s, v, f in zip(stamps("%H:%M:%S.%3f"), _V, _F, strict=True)
+        for s, v, f in zip(stamps("%H:%M:%S.%3f"), V_M_S, F_N, strict=True)
     ]
     return [
         DialectFile(
             "mavlogdump: seconds since 1970 beside TimeUS",
             Style(digits=5).table(
-                [epoch, as_integers(_T + 83.2, 1e6), ["0"] * ROWS, ["3"] * ROWS, _V, _F],
+                [epoch, as_integers(T_S + 83.2, 1e6), ["0"] * ROWS, ["3"] * ROWS, V_M_S, F_N],
                 ["timestamp,TimeUS,I,Status,Spd,Tether_N"],
             ),
             {"F": ("Tether_N", SI)}, t0_ns=T0_NS,
@@ -281,7 +284,7 @@ def _robots_and_phones() -> list[DialectFile]:
             Style(digits=5).table(
                 [ns, [""] * ROWS, as_integers(np.arange(ROWS)), [""] * ROWS,
                  [each[:10] for each in ns], [str(int(each[10:])) for each in ns],
-                 ['"base_link"'] * ROWS, _V, _F],
+                 ['"base_link"'] * ROWS, V_M_S, F_N],
                 ["rosbagTimestamp,header,seq,stamp,secs,nsecs,frame_id,speed,force"],
             ),
             {"F": ("force", SI)}, t0_ns=T0_NS,
@@ -296,8 +299,8 @@ def _robots_and_phones() -> list[DialectFile]:
             "Torque Pro: two clocks, dashes where there is nothing, torque of the motor",
             Style(digits=4, end="\r\n").table(
                 [stamps("%a %b %d %H:%M:%S GMT+00:00 %Y"), stamps("%d-%b-%Y %H:%M:%S.%3f"),
-                 _V, ["-" if k % 5 else "0.3" for k in range(ROWS)], DRIVE["a"] / 9.80665,
-                 _KMH, DRIVE["motor_torque"]],
+                 V_M_S, ["-" if k % 5 else "0.3" for k in range(ROWS)], DRIVE["a"] / 9.80665,
+                 V_KMH, DRIVE["motor_torque"]],
                 ["GPS Time, Device Time, GPS Speed (Meters/second), Altitude, G(x), "
                  "Speed (OBD)(km/h),Torque(Nm)"],
             ),
@@ -319,7 +322,7 @@ def _robots_and_phones() -> list[DialectFile]:
         DialectFile(
             "asammdf: timestamps, units in a row of brackets",
             Style(quote=False, digits=5).table(
-                [epoch, _KMH, DRIVE["left"], DRIVE["right"]],
+                [epoch, V_KMH, DRIVE["left"], DRIVE["right"]],
                 ["timestamps,VehSpd,TqWhlLe,TqWhlRi", "[s],[km/h],[Nm],[Nm]"],
             ),
             {"left": ("TqWhlLe", SI)}, t0_ns=T0_NS,
