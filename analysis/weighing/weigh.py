@@ -34,7 +34,6 @@ from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
-    Ints,
     MotionSamples,
     motion_samples,
 )
@@ -200,20 +199,20 @@ def _weigh_with_priors(
     if not _has_enough_samples(whole):
         return None
     fit = of_states(whole)
-    creeps = find_creeps(fit)
-    if creeps.size:
-        whole = _exclude_manoeuvres(whole, creeps)
+    excluded = find_creeps(fit).tolist()
+    if excluded:
+        whole = _exclude_manoeuvres(whole, excluded)
         fit = of_states(whole, fit)
     grown = find_growing_loads(fit, columns)
     if grown:
         # one mass says nothing of them, and would say something wrong of the others' friction
-        fit = of_states(_exclude_manoeuvres(whole, [each.unit for each in grown]), fit)
+        excluded += [each.unit for each in grown]
+        fit = of_states(_exclude_manoeuvres(whole, excluded), fit)
         # what the others say of friction and drifts shows how much it is
         better = {each.unit: each for each in find_growing_loads(fit, columns, whole)}
         grown = tuple(better.get(each.unit, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
-        excluded = [*creeps, *(each.unit for each in grown)]
         driving = _exclude_manoeuvres(motion(braking=False), excluded)
         if _has_enough_samples(driving):
             fitted = JointFitInputs.of(driving, columns, priors)
@@ -270,7 +269,7 @@ def _has_enough_samples(motion: MotionSamples) -> bool:
     return int(motion.used.sum()) >= fewest and motion.drives
 
 
-def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int] | Ints) -> MotionSamples:
+def _exclude_manoeuvres(motion: MotionSamples, units: Sequence[int]) -> MotionSamples:
     """The same without some manoeuvres, by their numbers."""
     return motion.exclude(np.isin(motion.unit, units))
 

@@ -40,7 +40,7 @@ def changed(genuine: Path, tmp_path: Path, name: str, data: bytes) -> Verificati
     return verify(folder)
 
 
-def said(found: Verification) -> str:
+def findings_text(found: Verification) -> str:
     return "\n".join(map(str, found.findings))
 
 
@@ -50,7 +50,7 @@ def test_json_beyond_its_bounds_is_refused(
 ) -> None:
     found = changed(genuine, tmp_path, EVIDENCE, data)
     assert found.outcome is BundleOutcome.TAMPERED
-    assert what in said(found)
+    assert what in findings_text(found)
 
 
 def test_the_statement_is_read_with_the_same_care(genuine: Path, tmp_path: Path) -> None:
@@ -64,14 +64,14 @@ def test_the_statement_is_read_with_the_same_care(genuine: Path, tmp_path: Path)
     ):
         place = tmp_path / str(number)
         place.mkdir()
-        assert STATEMENT in said(changed(genuine, place, STATEMENT, data))
+        assert STATEMENT in findings_text(changed(genuine, place, STATEMENT, data))
 
 
 @pytest.mark.parametrize("line", OUTSIDE)
 def test_names_that_lead_outside_are_refused(genuine: Path, tmp_path: Path, line: str) -> None:
     sums = (genuine / SUMS).read_bytes() + line.encode()
     found = changed(genuine, tmp_path, SUMS, sums)
-    assert "is no digest of a file of a bundle" in said(found)
+    assert "is no digest of a file of a bundle" in findings_text(found)
 
 
 def test_no_link_is_followed(genuine: Path, tmp_path: Path) -> None:
@@ -81,24 +81,24 @@ def test_no_link_is_followed(genuine: Path, tmp_path: Path) -> None:
         (folder / name).symlink_to(genuine / name)
         found = verify(folder)
         assert found.outcome is BundleOutcome.TAMPERED
-        assert f"{name}: is a link" in said(found)
+        assert f"{name}: is a link" in findings_text(found)
     folder = Path(shutil.copytree(genuine, tmp_path / "runs-link"))
     (folder / "runs").symlink_to("/etc")
-    assert "runs: is a link" in said(verify(folder))
+    assert "runs: is a link" in findings_text(verify(folder))
 
 
 def test_a_pipe_is_not_waited_for(genuine: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(genuine, tmp_path / "b"))
     (folder / REPORT).unlink()
     os.mkfifo(folder / REPORT)
-    assert "is no regular file" in said(verify(folder))
+    assert "is no regular file" in findings_text(verify(folder))
 
 
 def test_a_file_too_large_is_not_held(genuine: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(genuine, tmp_path / "b"))
     with (folder / REPORT).open("wb") as file:
         file.truncate(40 << 20)
-    assert "is larger than" in said(verify(folder))
+    assert "is larger than" in findings_text(verify(folder))
 
 
 def test_more_entries_than_any_bundle_are_refused(tmp_path: Path, genuine: Path) -> None:
