@@ -14,8 +14,7 @@ from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
 from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
 from recordings.review.reviewer_verdicts import LABELS
-from recordings.review.safe_cell import safe_cell
-from recordings.review.shift_ledger import remark
+from recordings.review.shift_ledger import remark, safe_cell
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"

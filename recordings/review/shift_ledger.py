@@ -1,6 +1,7 @@
 """The ledger of a shift: frame `cycles` with times that people read, and what reviewers say."""
 
 import datetime as dt
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +15,6 @@ from recordings.report.clock_text import duration_text
 from recordings.review.energy_columns import with_energy
 from recordings.review.review_state import ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
-from recordings.review.safe_cell import FORMULA
 
 PARQUET: Final = "ledger.parquet"
 CSV: Final = "ledger.csv"
@@ -25,6 +25,8 @@ HOLE_S: Final = 5.0
 NO_LABELS: Final = Labels()
 _NS: Final = 10**9
 _QUALITY: Final = ("quality", "withheld_for", "counted")
+#: How a text begins that a spreadsheet computes.
+FORMULA: Final = r"^[=+\-@\t\r]"
 
 
 def identities(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
@@ -166,3 +168,8 @@ def _identity(unix_ns: int) -> str:
 
 def _iso(time: dt.datetime) -> str:
     return f"{time.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
+
+
+def safe_cell(text: str) -> str:
+    """The text, behind an apostrophe where a spreadsheet would compute it."""
+    return f"'{text}" if re.match(FORMULA, text) else text

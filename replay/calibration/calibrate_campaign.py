@@ -22,13 +22,12 @@ from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
-from recordings.calibration.as_found_line import check_earlier_line
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.days import find_day_faults
-from recordings.calibration.derived_values import estimator_of, reference_loads
+from recordings.calibration.derived_values import check_earlier_line, estimator_of, reference_loads
 from recordings.calibration.evidence_document import (
     FORMAT,
     NOTICE,

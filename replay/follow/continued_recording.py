@@ -12,7 +12,7 @@ from analysis.online.growing_log import causal_machine
 from estimators.errors import OutputError
 from recordings import check_recording, read_frame, read_provenance
 from recordings.follow.growing_file import is_unfinished
-from recordings.follow.recording_end import RecordingEnd, read_end
+from recordings.follow.growing_recording import RecordingEnd, read_end
 from recordings.report.atomic_output import refuse_input_as_output
 from replay.inputs.channel_inputs import resolve_machine
 from replay.logs import ACTIVE
