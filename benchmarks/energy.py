@@ -27,11 +27,11 @@ from analysis.simulation import Scenario
 from analysis.simulation.logs.shift_logs import ShiftSimulation
 from benchmarks.page import markdown, put
 from benchmarks.shift_logs import GAIN_U, drawn_shift
+from estimators.arrays import Floats
 from replay import open_log
 from replay.pipeline import run
 from replay.simulation.simulate_logs import simulate
 
-Floats = NDArray[np.float64]
 #: Of the true integrals, in Hz.
 _RATE_HZ: Final = 200.0
 _NS: Final = 10**9

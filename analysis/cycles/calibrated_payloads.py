@@ -5,7 +5,6 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.unlike_driving import Unlike
@@ -13,9 +12,8 @@ from analysis.calibration.use.mass_differences import difference_on_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import deliver
 from analysis.model.schema import MOVED, QUALITY, conform
+from estimators.arrays import Floats
 from estimators.errors import DataError, nearest
-
-Floats = NDArray[np.float64]
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
 _OF_MASS: Final = "joint_mass"

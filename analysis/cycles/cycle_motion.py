@@ -13,9 +13,7 @@ from analysis.cycles.cycle_parts import IDLE_S
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
 from analysis.model.windows import runs_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from estimators.arrays import Floats, Ints
 
 
 class DriveSummary(NamedTuple):

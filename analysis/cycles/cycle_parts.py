@@ -13,9 +13,7 @@ from analysis.cycles.load_passes import Passes
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
 from analysis.model.windows import runs_of
-
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Ints
 
 #: A stand of so long is no part of the work.
 IDLE_S: Final = 30.0

@@ -13,7 +13,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.boom_cycles import add_boom_cycles, digging_contradicts
 from analysis.cycles.cycle_limits import LIMITS
@@ -37,8 +36,7 @@ from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.weigh import Weighing
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 _UNSEEN: Final = "dumped while nothing was recorded"
 _CONTRADICTED: Final = "the mass does not change where the boom dumps"

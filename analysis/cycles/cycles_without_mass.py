@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, find_boom_dumps, standing
 from analysis.cycles.cycle_limits import LIMITS
@@ -18,8 +17,7 @@ from analysis.cycles.cycle_parts import IDLE_S
 from analysis.cycles.lost_cycles import HOLE_S
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import runs_of
-
-Ints = NDArray[np.int64]
+from estimators.arrays import Ints
 
 
 class UncountedCycles(NamedTuple):

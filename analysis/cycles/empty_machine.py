@@ -9,8 +9,8 @@ from analysis.cycles.load_passes import Passes
 from analysis.model.machine import Machine
 from analysis.weighing.empty_mass_datum import EmptyMachine
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import Floats
 from analysis.weighing.weigh import Weighing
+from estimators.arrays import Floats
 
 #: What tells the scale of payloads.
 BY_MACHINE_FILE: Final = "machine file"

@@ -4,13 +4,9 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.cycle_limits import LIMITS
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats, Ints
 
 #: Standard deviation over the median absolute deviation of a normal distribution.
 _MAD: Final = 1.4826

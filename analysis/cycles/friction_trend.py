@@ -9,15 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.axes import X, regressor
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
 from analysis.weighing.load_states import means_by_state
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 
 class FrictionPart(NamedTuple):

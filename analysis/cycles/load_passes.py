@@ -9,15 +9,11 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, find_boom_dumps
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.empty_or_loaded import loaded_states
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from estimators.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.physical_units import NS_PER_S
-
-Ints = NDArray[np.int64]
 
 #: Shorter holes lose no cycle.
 HOLE_S: Final = 1.0

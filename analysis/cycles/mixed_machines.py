@@ -8,11 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.cycle_limits import LIMITS
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from analysis.model.settings import VerdictLimits
 from analysis.model.windows import windows_with
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows
-from analysis.weighing.motion_samples import Bools
 from analysis.weighing.weigh import Weighing, mean_difference_kg
+from estimators.arrays import Bools
 
 #: So many standard uncertainties of the answer without a stretch are no other answer.
 MOVES_U: Final = 1.0
