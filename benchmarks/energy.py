@@ -20,7 +20,7 @@ import typer
 from numpy.typing import NDArray
 
 from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyRow, shift_energy
-from analysis.cycles.lost_cycles import holes
+from analysis.cycles.cycles_without_mass import holes
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario

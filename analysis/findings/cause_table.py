@@ -4,15 +4,13 @@ from typing import Final
 
 from analysis.findings import (
     accelerometer_causes,
-    braking_cause,
     changing_loads,
     channel_causes,
     delay_causes,
     fit_causes,
-    forgetting_causes,
-    loose_imu,
     residual_causes,
     sampling_causes,
+    setting_causes,
     side_causes,
     sign_causes,
     unexplained,
@@ -157,7 +155,7 @@ CAUSES: Final = (
         "imu_loose",
         "the IMU rocks on its mount: its scale is off, and it rings after starts",
         f"{_STILL}, and three starts from it whose force rises fast",
-        loose_imu.find_loose_imu,
+        accelerometer_causes.find_loose_imu,
         explains=(*_OF_FIT, "imu_misaligned", "spikes"),
     ),
     Cause(
@@ -241,7 +239,7 @@ CAUSES: Final = (
         "braking_left_out",
         "braking is left out, and the force sees it",
         "drives and brakes that tell a mass each",
-        braking_cause.find_unmodelled_braking,
+        setting_causes.find_unmodelled_braking,
         explains=("too_little_excitation", "collinear"),
     ),
     Cause(
@@ -307,7 +305,7 @@ CAUSES: Final = (
         "wind_up",
         "a recursion forgets the mass while nothing tells of it",
         "a method that forgets, and windows at steady speed that the gate accepts",
-        forgetting_causes.find_wind_up,
+        setting_causes.find_wind_up,
     ),
     Cause(
         "collinear",

@@ -8,15 +8,15 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
-from analysis.cycles.cycle_motion import (
+from analysis.cycles.cycle_parts import (
     CycleMotion,
     DriveSummary,
     idle_stands,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
+from analysis.cycles.cycles_without_mass import holes
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
-from analysis.cycles.lost_cycles import holes
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
 from estimators.errors import counted

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from analysis.cycles.friction_limit import FrictionDay, FrictionTrend, friction_trend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
 from recordings.report.shift_text import K
 from recordings.review.review_state import ReviewState, read_state
 from recordings.review.shift_facts import long_gaps, other_losses, torn_sentences, two_machines

@@ -15,8 +15,8 @@ from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradiction
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
-from analysis.cycles.lost_cycles import holes
-from analysis.cycles.mixed_machines import find_mixed_machine
+from analysis.cycles.cycles_without_mass import holes
+from analysis.cycles.empty_machine import find_mixed_machine
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from estimators.errors import DataError, RecordingError

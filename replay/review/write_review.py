@@ -7,9 +7,8 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.label_totals import LabelTotal, label_totals
 from analysis.cycles.payload_target import TargetCheck, check_target
-from analysis.cycles.shift_totals import recount_shift
+from analysis.cycles.shift_totals import LabelTotal, label_totals, recount_shift
 from recordings.review.energy_columns import energy_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
