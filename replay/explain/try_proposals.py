@@ -25,9 +25,8 @@ from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import findings_of, name_of
 from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection
 from replay.explain.mended_file import Proposal, proposals, write_proposals
-from replay.inputs.cached_log import CachedLog
+from replay.inputs.cached_log import CachedLog, PartOfLog
 from replay.inputs.channel_inputs import channel_fields
-from replay.inputs.part_of_log import PartOfLog
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run

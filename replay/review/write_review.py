@@ -26,6 +26,8 @@ from recordings.review.shift_ledger import (
 
 #: What a review writes besides its recording.
 OUTPUTS: Final = (PARQUET, CSV, XLSX, TABLE_CSV, PAGE, STATE)
+#: Points of the track.
+_TRACK_POINTS: Final = 400
 
 
 @dataclass(frozen=True)
@@ -161,3 +163,12 @@ def write_review(page: ReviewPage, folder: Path) -> None:
     write_table_csv(page.ledger, clock, folder / TABLE_CSV, decimal_comma=comma)
     (folder / PAGE).write_text(review_html(page), encoding="utf-8")
     (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+def track_of(aligned: pl.DataFrame) -> pl.DataFrame | None:
+    """Some positions of the frame `aligned`, None where it has none."""
+    names = ("latitude_deg", "longitude_deg")
+    if not set(names) <= set(aligned.columns):
+        return None
+    known = aligned.select(names).drop_nulls()
+    return known.gather_every(max(known.height // _TRACK_POINTS, 1))

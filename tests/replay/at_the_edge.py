@@ -27,8 +27,7 @@ from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.sqlite.database_pages import LEAF, RowFilter, page_layout
-from replay.logs.sqlite.leaf_pages import _children
-from replay.logs.sqlite.leaf_scan import Tables, scan_leaves
+from replay.logs.sqlite.leaf_pages import Tables, _children, scan_leaves
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.guarded import Guarded
 from tests.replay.logs.decoding.random_types import Sample, Types, types

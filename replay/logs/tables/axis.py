@@ -10,7 +10,6 @@ import polars as pl
 
 from estimators.arrays import Floats
 from replay.logs.tables.dates import clock_times, is_clock, is_date
-from replay.logs.tables.epochs import epoch_of, from_1904
 from replay.logs.tables.header import ColumnName, split_unit, states_multiple, zone_s
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import only_time
@@ -21,7 +20,7 @@ from replay.logs.tables.time_parts import (
     fractions_ns,
     letters,
 )
-from replay.logs.tables.times import NS_PER_UNIT, TimeError, nanoseconds
+from replay.logs.tables.times import NS_PER_UNIT, TimeError, epoch_of, from_1904, nanoseconds
 
 #: A log of a machine has from one row in two seconds to 2,500 a second, in s from row to row:
 #: slower shows no start, and faster is a scope's, which states its unit.
