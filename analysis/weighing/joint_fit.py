@@ -70,10 +70,17 @@ class JointFitInputs:
     uneven_1_s: float = 0.0
 
     @classmethod
-    def of(cls, motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings) -> Self:
-        """Ask the wheels."""
+    def of(
+        cls,
+        motion: MotionSamples,
+        noise: ColumnNoiseModel,
+        priors: PriorSettings,
+        before: JointFit | None = None,
+    ) -> Self:
+        """Ask the wheels; how uneven the ground is, a fit of nearly the same motion tells."""
         noise = CachedNoise(noise)
-        return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors))
+        uneven_1_s = 0.0 if before is None else before.found.uneven_1_s
+        return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors), uneven_1_s)
 
 
 def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
