@@ -12,10 +12,8 @@ import polars as pl
 
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, find_boom_dumps
 from analysis.cycles.cycle_limits import LIMITS
+from analysis.model.uncertainty_sources import STD_OF_MAD
 from estimators.arrays import Bools, Floats, Ints
-
-#: Standard deviation over the median absolute deviation of a normal distribution.
-_MAD: Final = 1.4826
 
 
 @dataclass(frozen=True)
@@ -322,7 +320,7 @@ def _border_by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
 
 def _robust_std(values: Floats, least: float) -> float:
     """Standard deviation by the median absolute deviation."""
-    return max(_MAD * float(np.median(np.abs(values - np.median(values)))), least)
+    return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), least)
 
 
 def _otsu(values: Floats) -> float:

@@ -10,6 +10,7 @@ from analysis.diagnosis.measured_channels import long_runs
 from analysis.findings.cause import Change, Symptom, strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.refit import left_out
+from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import windows_with
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Bools, Floats, Ints
@@ -284,7 +285,7 @@ def _are_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) ->
 def _local_std(x: Floats) -> Floats:
     """(n,) by the median of the distances within its block, and not below the log's."""
     size = x.size // _BLOCK * _BLOCK
-    blocks = 1.4826 * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
+    blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
     # a start is sharper than what surrounds it
     around = np.maximum(blocks, np.maximum(np.append(blocks[1:], 0.0), np.append(0.0, blocks[:-1])))
     around = np.maximum(around, np.median(blocks))

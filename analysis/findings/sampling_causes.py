@@ -5,6 +5,7 @@ import numpy as np
 from analysis.findings.cause import Symptom, strongest_symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
+from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
 from estimators.arrays import Bools, Floats, Ints
@@ -216,7 +217,7 @@ def _latency_levels(latency_s: Floats) -> tuple[Floats | None, float]:
     parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
     changes = np.abs(np.diff(level))
-    return level, max(float(np.median(changes)) * 1.4826, 1e-5)
+    return level, max(float(np.median(changes)) * STD_OF_MAD, 1e-5)
 
 
 def _largest_step(level: Floats) -> tuple[int, float, float]:

@@ -9,6 +9,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.cycle_doubts import cycle_doubts
+from analysis.model.physical_units import NS
 from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import duration_text
@@ -23,7 +24,6 @@ CHECK: Final = "check"
 #: A cycle with a longer hole in it, in s, says so, and is left out of the mean times.
 HOLE_S: Final = 5.0
 NO_LABELS: Final = Labels()
-_NS: Final = 10**9
 _QUALITY: Final = ("quality", "withheld_for", "counted")
 #: How a text begins that a spreadsheet computes.
 FORMULA: Final = r"^[=+\-@\t\r]"
@@ -53,7 +53,7 @@ def ledger(
         labels_at: labels of cycles that end at a unix time in s; those of its verdict go first.
     """
     rows = [verdicts.get(row) for row in range(cycles.height)]
-    shared = [labels_at((t0_unix_ns + t_ns) / _NS) for t_ns in cycles["end_t_ns"]]
+    shared = [labels_at((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
 
     def verdict_column(name: str, defaults: Sequence[str]) -> pl.Series:
         pairs = zip(rows, defaults, strict=True)
@@ -73,7 +73,7 @@ def ledger(
         "cycle",
         identities(cycles, t0_unix_ns),
         *times,
-        (pl.col("start_t_ns") / _NS).alias("at_s"),
+        (pl.col("start_t_ns") / NS).alias("at_s"),
         pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", *_QUALITY),
         pl.when((doubts != "") & (pl.col("quality") == "good"))
         .then(pl.lit(CHECK))
@@ -162,8 +162,8 @@ def write_ledger(frame: pl.DataFrame, folder: Path) -> None:
 
 def _identity(unix_ns: int) -> str:
     if unix_ns < FIRST_DATE_NS:
-        return f"{unix_ns / _NS:.0f}s"
-    return _iso(dt.datetime.fromtimestamp(unix_ns // _NS, dt.UTC))
+        return f"{unix_ns / NS:.0f}s"
+    return _iso(dt.datetime.fromtimestamp(unix_ns // NS, dt.UTC))
 
 
 def _iso(time: dt.datetime) -> str:

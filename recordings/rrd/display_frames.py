@@ -12,16 +12,15 @@ from typing import Final
 
 import polars as pl
 
+from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.rrd.recording_table import STATE, TABS, Kind, Series, View, entity_parts, frames_of
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 #: A log longer than this is drawn decimated, in bins of 1 to 10 s.
-LONG_NS: Final = 600 * _NS
+LONG_NS: Final = 600 * NS
 #: Bins of a long log on the screen: more than it has pixels.
 _BINS: Final = 3000
 _ENDS: Final = ("min", "max")
@@ -201,7 +200,7 @@ def stands_alone(numbers: pl.Series) -> bool:
 
 def _period_ns(run: Run) -> int:
     """The period of the grid."""
-    return round(_NS / run.provenance.settings.align.rate_hz)
+    return round(NS / run.provenance.settings.align.rate_hz)
 
 
 def _drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
@@ -288,7 +287,7 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
 def _decimate(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     span = span_ns(run)
     assert span is not None
-    width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS
+    width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, _period_ns(run))
     return bin_rows(run.frames[name], wanted, span, width_ns)

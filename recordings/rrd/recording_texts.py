@@ -7,6 +7,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.model.answer import Answer, AnswerRow, answer
+from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -25,8 +26,6 @@ from recordings.report.worth_text import (
 )
 from recordings.rrd.display_frames import span_ns
 
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
 _MARK: Final = "="
 _MASS: Final = ("mass_kg", "mass_std_kg")
@@ -77,7 +76,7 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     """A time since the start as the people at the machine read it; no date where there is none."""
     stamp_ns = about.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
-        return f"{stamp_ns / _NS:.3f} s of the log's own clock"
+        return f"{stamp_ns / NS:.3f} s of the log's own clock"
     clock = ShiftClock(_timezone(about), stamp_ns, 0.0)
     return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
 
@@ -153,7 +152,7 @@ def answer_text(run: Run) -> str:
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
     about, span, said = run.provenance, span_ns(run), answer(run)
-    duration = f", {(span[1] - span[0]) / _NS:,.1f} s" if span else ""
+    duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
         f"# {headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
@@ -338,12 +337,12 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
 def _cycle_lines(run: Run) -> list[str]:
     """The cycles of a shift with the local time of each dump."""
     about, span = run.provenance, span_ns(run)
-    duration_s = 0.0 if span is None else (span[1] - span[0]) / _NS
+    duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
     clock = ShiftClock(_timezone(about), about.t0_unix_ns, duration_s)
     rows = [
         (
             str(row["cycle"]),
-            clock.at(row["end_t_ns"] / _NS),
+            clock.at(row["end_t_ns"] / NS),
             plus_minus(row["payload_kg"], row["payload_u_kg"]),
             row["quality"],
         )

@@ -18,6 +18,7 @@ from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
 from analysis.cycles.cycles_without_mass import holes
 from analysis.cycles.empty_machine import find_mixed_machine
 from analysis.model.machine import Machine
+from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
@@ -58,7 +59,6 @@ _WHOLE: Final = (
     *("digging", "segments", "loads", "manoeuvres", "cycles", "shift", "findings"),
     *("nuisances", "responses", "learnt_errors", "budget", "masses", "verdict"),
 )
-_NS: Final = 1e9
 #: What readers say of a file that ends before it was closed.
 _TORN: Final = ("breaks off", "bytes at the end are lost", "row is torn", "last row (line")
 
@@ -322,8 +322,8 @@ def torn_logs(
                     name=log.path.name,
                     number=number,
                     logs=len(ordered),
-                    ends_s=(begins[log] + last - first) / _NS,
-                    next_s=begins[following[0]] / _NS if following else None,
+                    ends_s=(begins[log] + last - first) / NS_PER_S,
+                    next_s=begins[following[0]] / NS_PER_S if following else None,
                     losses=tuple(losses),
                 )
             )

@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.model.uncertainty_sources import STD_OF_MAD
 from estimators.arrays import Floats
 
 #: Parts of a log, each of which gives the line one point.
@@ -110,7 +111,7 @@ def _line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None
     residual = y - slope * t
     residual -= np.median(residual)
     # the normal distribution's ratio, and two parameters fitted
-    scatter_s = 1.4826 * float(np.median(np.abs(residual))) * np.sqrt(t.size / (t.size - 2))
+    scatter_s = STD_OF_MAD * float(np.median(np.abs(residual))) * np.sqrt(t.size / (t.size - 2))
     # the median of slopes is less precise than least squares by π/3 in variance
     std = scatter_s / float(np.sqrt(np.sum((t - t.mean()) ** 2))) * np.sqrt(np.pi / 3)
     return slope, max(float(std), _RESOLUTION_S / span_s)
