@@ -23,8 +23,6 @@ import typer
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
 from analysis.model.settings import Settings
-from analysis.simulation.logs.fault_injection import FAULTS, Fault
-from analysis.simulation.scenario.drawn_designs import join_designs
 from benchmarks.findings_rows import AXES, design, needed, own_machine, simulated
 from benchmarks.page import markdown
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
@@ -34,6 +32,8 @@ from replay.inputs.cached_log import CachedLog
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.logs import Log
 from replay.pipeline import run
+from tests.trials.drawn_designs import join_designs
+from tests.trials.fault_injection import FAULTS, Fault
 
 #: Size of an injected fault, where it has one.
 _SIZE: Final = 3.0

@@ -20,7 +20,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from analysis.simulation.logs.fault_injection import FAULTS
 from benchmarks.findings_rows import AXES, design, found, replayed
 from benchmarks.findings_tables import (
     of_clean,
@@ -33,6 +32,7 @@ from benchmarks.findings_tables import (
 from benchmarks.findings_trials import BY_NAME, DelayTrial, Trial, delays, pair, trials_of
 from benchmarks.page import put
 from estimators.errors import PayscopeError
+from tests.trials.fault_injection import FAULTS
 
 _REPO = Path(__file__).resolve().parent.parent
 FAILS = (PayscopeError, ArithmeticError, LookupError, ValueError)

@@ -23,8 +23,6 @@ import numpy as np
 import typer
 
 from analysis.simulation import SimulatedLog
-from analysis.simulation.logs.fault_injection import Fault
-from analysis.simulation.scenario.drawn_designs import Sections, join_designs
 from benchmarks.findings_rows import OPEN, POOLED, found, replayed, simulated
 from benchmarks.findings_trials import BY_NAME, base, errors, tried
 from benchmarks.page import markdown, put
@@ -35,6 +33,8 @@ from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
 from replay.simulation.simulate_logs import write_logs
+from tests.trials.drawn_designs import Sections, join_designs
+from tests.trials.fault_injection import Fault
 
 FAULTS: Final = (
     "force late",

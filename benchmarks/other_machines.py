@@ -25,11 +25,11 @@ import typer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.other_machines import OTHER_MACHINES
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.kinematic_machine import kinematic_machine
 from tests.analysis.other_machine_logs import table_of
+from tests.trials.other_machines import OTHER_MACHINES
 
 MOST_FILES: Final = 7
 #: From one load to the next, over the machine's mass: a bus with labelled loads had 5 %.

@@ -1,15 +1,13 @@
 """Two replays side by side: settings, columns, estimates and manoeuvres that differ."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final
-
-import polars as pl
 
 from analysis.compare.stage_change import Replay, StageChange, family, stage_change
 from analysis.model.axes import X, Z
 from analysis.model.machine import Machine
-from analysis.model.run_record import Provenance, Run
+from analysis.model.run_record import Provenance
 from analysis.model.settings import Settings
 
 #: Estimates and their standard deviations, by the frame that holds them.
@@ -17,27 +15,6 @@ _ESTIMATES: Final = {
     **dict((*X.parameters, *Z.parameters)),
     "calibrated_kg": "calibrated_u_kg",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class InMemory:
-    """A run as a replay to compare."""
-
-    run: Run
-
-    @property
-    def provenance(self) -> Provenance:
-        """Where its frames came from."""
-        return self.run.provenance
-
-    @property
-    def stages(self) -> Mapping[str, Sequence[str]]:
-        """The columns of each frame, in order."""
-        return {name: frame.columns for name, frame in self.run.frames.items()}
-
-    def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
-        """Some columns of a frame."""
-        return self.run.frames[stage].select(columns)
 
 
 @dataclass(frozen=True, slots=True)

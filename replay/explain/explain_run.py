@@ -23,8 +23,6 @@ from replay.machines.machine_file import load_machine, time_axis
 if TYPE_CHECKING:
     from replay.explain.try_proposals import MendedMachine
 
-#: Frames of which a picture shows more than an explanation looks at.
-_PICTURED: Final = ("excitation", "gate")
 _SETTLING: Final = ("t_ns", "mass_kg", "mass_std_kg")
 _RECURSIVE: Final = ("estimates/rls", "estimates/rtls")
 
