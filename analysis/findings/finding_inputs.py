@@ -12,7 +12,7 @@ from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.diagnosis.measured_channels import Series
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
-from analysis.model.machine import Channel, Machine
+from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import windows_with
@@ -148,7 +148,11 @@ class FindingInputs:
         A speed that is read as it is gets its unit: a scale alone would pass for a wheel's radius.
         """
         channels = self.machine.channels
-        as_read = [n for n in names if n in SPEEDS and _is_as_read(channels[n])]
+        as_read = [
+            n
+            for n in names
+            if n in SPEEDS and channels[n].unit is None and channels[n].scale == 1.0
+        ]
         keys = (f"channels.{name}.scale" for name in names)
         values = (f"{channels[name].scale * times:.6g}" for name in names)
         return (
@@ -189,10 +193,6 @@ class FindingInputs:
             return np.full(motion.force.size, fit.mass_kg)
         place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
         return fit.masses_kg[fit.states.membership[place.clip(0, fit.states.unit.size - 1)]]
-
-
-def _is_as_read(channel: Channel) -> bool:
-    return channel.unit is None and channel.scale == 1.0
 
 
 @compiled_ahead

@@ -79,7 +79,7 @@ def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=lambda: refit_from_scratch(
-                inputs, lambda motion: _reverse_channel(motion, names[0]), 0.05
+                inputs, lambda motion: _multiply_channel(motion, names[0], -1.0), 0.05
             ),
         )
     ]
@@ -330,10 +330,6 @@ def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             ),
         )
     ]
-
-
-def _reverse_channel(motion: MotionSamples, channel: str) -> MotionSamples:
-    return _multiply_channel(motion, channel, -1.0)
 
 
 def _multiply_channel(motion: MotionSamples, channel: str, times: float) -> MotionSamples:

@@ -129,7 +129,9 @@ def _check_alone(
     readings, points = _tables(checked, held, document)
     checked.readings, checked.points = readings, points
     if readings is not None:
-        findings, notes = compare_recomputed(document, readings, points, _report(held))
+        findings, notes = compare_recomputed(
+            document, readings, points, held[REPORT].data if REPORT in held else None
+        )
         checked.findings += findings
         checked.notes += notes
     return checked
@@ -221,10 +223,6 @@ def _tables(
         else:
             found[name] = table
     return found.get(READINGS), found.get(POINTS)
-
-
-def _report(held: Mapping[str, BundleFile]) -> bytes | None:
-    return held[REPORT].data if REPORT in held else None
 
 
 def check_signature(

@@ -94,7 +94,10 @@ def fleet_html(page: FleetPage) -> str:
         drift_pictures=[drift(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
         friction=list(page.friction),
         undrawn=max(len(flagged) - _MOST_FIGURES, 0),
-        looks=[_look(n, row) for n, row in enumerate(_first_looks(page), start=1)],
+        looks=[
+            {**row, "number": n, "at": f"{row['at_s']:,.0f}"}
+            for n, row in enumerate(page.looks.head(MOST_LOOKS).to_dicts(), start=1)
+        ],
         more_looks=max(page.looks.height - MOST_LOOKS, 0),
         calibrations=_calibrations(page),
         changes=[_line_change(each) for each in page.changes],
@@ -229,14 +232,6 @@ def _drift(chart: MachineChart) -> tuple[str, ...]:
         str(chart.days[found.flagged]),
         chart.signal.means,
     )
-
-
-def _first_looks(page: FleetPage) -> list[dict[str, Any]]:
-    return page.looks.head(MOST_LOOKS).to_dicts()
-
-
-def _look(number: int, row: Mapping[str, Any]) -> Mapping[str, Any]:
-    return {**row, "number": number, "at": f"{row['at_s']:,.0f}"}
 
 
 def _calibrations(page: FleetPage) -> list[tuple[str, ...]]:

@@ -242,7 +242,10 @@ def provenance(run: Run) -> str:
             "# Stamps",
             table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
-            table(("source", "topic", "what"), [tuple(each) for each in _loss_rows(about)]),
+            table(
+                ("source", "topic", "what"),
+                [(each.source, each.topic, each.what) for each in about.losses],
+            ),
             "# Notes",
             "\n".join(f"- {note}" for note in about.notes) or "none",
             "# Versions",
@@ -271,10 +274,6 @@ def machine_body(about: Provenance) -> dict[str, Any]:
 
 def _timezone(about: Provenance) -> str:
     return str(machine_body(about).get("timezone", "UTC"))
-
-
-def _loss_rows(about: Provenance) -> list[tuple[str, str, str]]:
-    return [(each.source, each.topic, each.what) for each in about.losses]
 
 
 def _value_text(row: AnswerRow, method: str, value: str, std: str | None) -> str:
