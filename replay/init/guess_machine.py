@@ -4,7 +4,6 @@ A guess is made only where a message type or a column's name leaves little doubt
 that is numeric is listed as a comment to choose from.
 """
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Final
@@ -20,6 +19,7 @@ from estimators.arrays import Floats, Ints
 from estimators.errors import LogError
 from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
+from replay.machines.toml_file import toml_value
 from replay.recognise.joints import recognise_joints
 from replay.recognise.profile import FieldProfile, profiles
 from replay.recognise.proposals import ChannelProposal, Recognition
@@ -118,8 +118,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
-        f"name = {_quote(log.path.stem)}",
-        *(f"id = {_quote(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
+        f"name = {toml_value(log.path.stem)}",
+        *(f"id = {toml_value(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
         "# track_width_m = 1.5          # for the yaw torque (18)",
@@ -137,14 +137,18 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f"topic = {_quote(guess.topic)}")
+            lines.append(f"topic = {toml_value(guess.topic)}")
         unit = unit_of(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
-            lines += [f"field = {_quote(guess.field)}", f'unit = "{guess.unit}"  # {why[2:]}', ""]
+            lines += [
+                f"field = {toml_value(guess.field)}",
+                f'unit = "{guess.unit}"  # {why[2:]}',
+                "",
+            ]
             continue
-        lines += [f"field = {_quote(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
+        lines += [f"field = {toml_value(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
     for proposal in told.channels:
         lines += _comment_lines(proposal) if proposal.is_comment else []
     has_speed = "speed_x_m_s" in found
@@ -168,7 +172,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
 def _log_lines(time: TimeAxis) -> list[str]:
     """The keys of `[log]` that were given."""
     keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
-    return [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
+    return [f"{key} = {toml_value(value)}" for key, value in keys.items() if value is not None]
 
 
 def _recognise_columns(told: Recognition) -> list[Guess]:
@@ -183,9 +187,9 @@ def _comment_lines(proposal: ChannelProposal) -> list[str]:
     """A channel that needs what no column tells, to be completed."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
-        lines.append(f"topic = {_quote(proposal.topic)}")
+        lines.append(f"topic = {toml_value(proposal.topic)}")
     if proposal.field:
-        lines.append(f"field = {_quote(proposal.field)}")
+        lines.append(f"field = {toml_value(proposal.field)}")
     if proposal.unit:
         lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:
@@ -304,11 +308,6 @@ def _lists_and_problems(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[
             yield _one_line(f"#   {row['topic']} ({row['type']}): {row['problem']}")
         elif rest:
             yield _one_line(f"#   {row['topic']} ({row['type']}): {', '.join(rest)}")
-
-
-def _quote(text: str) -> str:
-    """A TOML string: JSON's escapes are TOML's."""
-    return json.dumps(text, ensure_ascii=False)
 
 
 def _one_line(text: str) -> str:
