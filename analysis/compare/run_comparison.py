@@ -200,7 +200,7 @@ def _estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
             name = "joint" if len(loads) == 1 else f"joint, load {load['load_id']}"
             rows[name] = {**load, "mass_std_kg": load["u_kg"]}
     methods = dict.fromkeys((*mine, *theirs))
-    return _differing_estimates(
+    return differing_estimates(
         ((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), rtol
     )
 
@@ -222,7 +222,7 @@ def _manoeuvres(a: Replay, b: Replay, rtol: float, offset_ns: int) -> tuple[Esti
         found.append((_span_text(row, 0), row, inside[0] if inside else {}))
         found += [(_span_text(other, offset_ns), {}, other) for other in inside[1:]]
     found += [(_span_text(other, offset_ns), {}, other) for other in left]
-    return _differing_estimates(found, rtol)
+    return differing_estimates(found, rtol)
 
 
 def _span_text(row: Mapping[str, Any], offset_ns: int) -> str:
@@ -230,7 +230,7 @@ def _span_text(row: Mapping[str, Any], offset_ns: int) -> str:
     return f"{begin:.2f} to {end:.2f} s"
 
 
-def _differing_estimates(
+def differing_estimates(
     pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], rtol: float
 ) -> tuple[EstimateChange, ...]:
     """Estimates that differ: appeared or gone first, then by how far they moved."""

@@ -52,7 +52,7 @@ def uncounted_cycles(
     times = cycles["dump_t_ns"].drop_nulls().to_list()
     boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
     likely = _row_probabilities(cycles, boom)
-    if not boom.tells and not _is_digging_reliable(cycles):
+    if not boom.tells and not is_digging_reliable(cycles):
         likely += _rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
@@ -93,7 +93,7 @@ def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     only_dug = LIMITS.contradicted_probability if boom.tells else LIMITS.sole_witness_probability
     only_dumped = (
         LIMITS.contradicted_probability
-        if _is_digging_reliable(cycles)
+        if is_digging_reliable(cycles)
         else LIMITS.sole_witness_probability
     )
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
@@ -103,7 +103,7 @@ def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     ]
 
 
-def _is_digging_reliable(cycles: pl.DataFrame) -> bool:
+def is_digging_reliable(cycles: pl.DataFrame) -> bool:
     """Whether digging is a witness: counted cycles mostly have it."""
     counted = cycles.filter("counted")
     dug = counted.height - counted["dig_t_ns"].null_count()

@@ -275,20 +275,20 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     if mass_kg.size < 2:
         return None
     told = (label == 0).any() and (label == 1).any()
-    border = _otsu(mass_kg)
+    border = otsu_border(mass_kg)
     light, heavy = mass_kg <= border, mass_kg > border
     if told:
         light, heavy = label == 0, label == 1
     a, b = float(np.median(mass_kg[light])), float(np.median(mass_kg[heavy]))
     least_kg = float(np.median(u_kg))
-    spread_kg = _robust_std(mass_kg[light], least_kg)
+    spread_kg = robust_std(mass_kg[light], least_kg)
     parted = b - a > LIMITS.class_distance_std * max(
         least_kg, spread_kg if light.sum() >= LIMITS.own_spread_min_states else 0.0
     )
     if not parted and not (told and _class_means_differ(mass_kg[light], mass_kg[heavy], least_kg)):
         return None
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
-    high = max(_robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
+    high = max(robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
     if not parted:
         # a load that changes without digging is dumped
@@ -300,7 +300,7 @@ def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:
     """Whether the means of two classes of states differ, each of enough states to tell."""
     if min(light.size, heavy.size) < LIMITS.own_spread_min_states:
         return False
-    variances = (_robust_std(each, least_kg) ** 2 / each.size for each in (light, heavy))
+    variances = (robust_std(each, least_kg) ** 2 / each.size for each in (light, heavy))
     return float(np.mean(heavy) - np.mean(light)) > LIMITS.digging_class_distance_std * float(
         np.sqrt(sum(variances))
     )
@@ -318,12 +318,12 @@ def _border_by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
     return float(best[np.argmin(np.abs(best - border))])
 
 
-def _robust_std(values: Floats, least: float) -> float:
+def robust_std(values: Floats, least: float) -> float:
     """Standard deviation by the median absolute deviation."""
     return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), least)
 
 
-def _otsu(values: Floats) -> float:
+def otsu_border(values: Floats) -> float:
     """The border that leaves the smallest sum of squares on both sides (Otsu 1979)."""
     order = np.sort(values)
     middles = (order[1:] + order[:-1]) / 2.0

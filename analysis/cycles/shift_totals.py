@@ -80,7 +80,7 @@ def shift(
         "idle_s": idle_s,
         "utilisation_1": max(duration_s - gap_s - idle_s, 0.0) / max(duration_s - gap_s, 1e-9),
     }
-    row |= _total_payload(row)
+    row |= total_payload(row)
     declared = FRAMES["shift"].columns
     return build("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
 
@@ -108,13 +108,13 @@ def recount_shift(
     }
     if (cycles["scale_from"] == BY_CALIBRATION).any():
         found |= {"scale_from": BY_CALIBRATION, "scale_unknown": ""}
-    found |= _total_payload(row | found)
+    found |= total_payload(row | found)
     return summary.with_columns(
         pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
     )
 
 
-def _total_payload(row: Mapping[str, Any]) -> dict[str, float]:
+def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
     """What was dumped in the shift: counted, uncounted and lost, under one uncertainty.
 
     What is common to all payloads is common to those that are priced by them.

@@ -155,7 +155,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Moving readings that repeat the one before: the noise is below the resolution."""
     found: list[Symptom] = []
     for name in inputs.needed:
-        repeats, lsb = _reading_steps(inputs, name)
+        repeats, lsb = reading_steps(inputs, name)
         if not lsb:
             continue
         found.append(
@@ -169,7 +169,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     return strongest_symptom(found)
 
 
-def _reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
+def reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
     """The share of moving readings that repeat the one before, and what all steps are multiples of.
 
     0 where they are no multiples: then a channel holds its value, but resolves more.
@@ -190,7 +190,7 @@ def _reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether what repeats is the resolution."""
-    repeats, lsb = _reading_steps(inputs, name)
+    repeats, lsb = reading_steps(inputs, name)
     return bool(lsb) and repeats > _REPEATS
 
 
@@ -243,7 +243,7 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, _Spikes]:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        scale = np.maximum(_local_std(middle), _reading_steps(inputs, name)[1] / np.sqrt(12.0))
+        scale = np.maximum(local_std(middle), reading_steps(inputs, name)[1] / np.sqrt(12.0))
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
@@ -270,7 +270,7 @@ def _are_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) ->
         t, x = inputs.series[other]
         if inputs.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
             continue
-        scale = _local_std(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        scale = local_std(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
         near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(inputs.series[name][0]))
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(t, unix_ns[:, None] + np.array([-_AROUND_NS, _AROUND_NS]))
@@ -282,7 +282,7 @@ def _are_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) ->
     return felt
 
 
-def _local_std(x: Floats) -> Floats:
+def local_std(x: Floats) -> Floats:
     """(n,) by the median of the distances within its block, and not below the log's."""
     size = x.size // _BLOCK * _BLOCK
     blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)

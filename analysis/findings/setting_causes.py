@@ -100,9 +100,9 @@ def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
     )
     # a recursion begins anew with each load, and learns in each start
     load = np.searchsorted(changes(inputs.check_inputs.weighing), rows, "right")
-    parts = np.flatnonzero(_run_starts(starts) | _run_starts(load))
-    least_kg = _apply_to_parts(np.fmin.accumulate, std_kg, parts)
-    steady = _apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)
+    parts = np.flatnonzero(run_starts(starts) | run_starts(load))
+    least_kg = apply_to_parts(np.fmin.accumulate, std_kg, parts)
+    steady = apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)
     grown = np.minimum(np.log(std_kg / least_kg), -0.5 * steady * np.log(trace.forgetting))
     grown[~cruises | ~np.isfinite(grown)] = -np.inf
     if np.count_nonzero(np.isfinite(grown)) < LIMITS.wind_up_min_estimates:
@@ -119,11 +119,11 @@ def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
     )
 
 
-def _run_starts(x: Bools | Ints) -> Bools:
+def run_starts(x: Bools | Ints) -> Bools:
     """(n,) where true begins, or a larger number."""
     return np.diff(x.astype(np.int64), prepend=0) > 0
 
 
-def _apply_to_parts(of: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
+def apply_to_parts(of: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
     """(n,) what a function makes of each part, which begin there."""
     return np.concatenate([of(part) for part in np.split(x, parts)])

@@ -43,7 +43,7 @@ def estimator_of(
     """
     own = _restore_defaults(machine) if form in _WHOLE_FORMATS else definition(machine)
     if absent:
-        own = _drop_names(own, absent, "machine.")
+        own = drop_names(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
@@ -69,10 +69,10 @@ def _restore_defaults(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def _drop_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
+def drop_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
     """The same without some names, dotted."""
     return {
-        name: _drop_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
+        name: drop_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
         for name, value in values.items()
         if f"{at}{name}" not in names
     }

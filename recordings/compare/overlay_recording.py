@@ -141,7 +141,7 @@ def _over(view: View, a: _Side, b: _Side) -> Panel | None:
     mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
     if not (mine or theirs):
         return None
-    lone = max(_select_named_lines(mine), _select_named_lines(theirs)) == 1
+    lone = max(select_named_lines(mine), select_named_lines(theirs)) == 1
     alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
     drawn = [*_style_lines(mine, _A, alike, lone=lone), *_style_lines(theirs, _B, alike, lone=lone)]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
@@ -187,7 +187,7 @@ def _moves(numbers: pl.Series) -> bool:
     return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
-def _select_named_lines(drawn: Sequence[DisplayColumn]) -> int:
+def select_named_lines(drawn: Sequence[DisplayColumn]) -> int:
     """Lines with a name of their own: neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 

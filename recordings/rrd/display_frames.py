@@ -122,7 +122,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame in _HELD:
                 frames[_is_displayed(name)] = _hold_rows(
-                    _drawn_numbers(name, frame), frame["end_t_ns"]
+                    drawn_numbers(name, frame), frame["end_t_ns"]
                 )
             else:
                 asked.setdefault(name, {}).update(_of_bin(view.kind, series))
@@ -133,7 +133,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
         if decimate and is_long(run):
             frames[_is_displayed(name)] = _decimate(run, name, list(wanted.values()))
         else:
-            numbers = _drawn_numbers(name, run.frames[name])
+            numbers = drawn_numbers(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
             frames[_is_displayed(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
     return frames
@@ -203,7 +203,7 @@ def _period_ns(run: Run) -> int:
     return round(NS / run.provenance.settings.align.rate_hz)
 
 
-def _drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+def drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """The numbers of a frame that some view draws, by time or start time, with variances."""
     family = entity_parts(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]

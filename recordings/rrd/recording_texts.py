@@ -87,7 +87,7 @@ def headline(said: Answer) -> str:
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(said.loads) > 1:
-        return shift_sentence(said.shift) if _is_shift(said) else _several_loads_text(said)
+        return shift_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
@@ -103,7 +103,7 @@ def headline(said: Answer) -> str:
     return "No window of this log was accepted: there is no mass."
 
 
-def _is_shift(said: Answer) -> bool:
+def is_shift(said: Answer) -> bool:
     """Whether the log's cycles add up to tonnes."""
     return bool(said.shift.get("cycles_counted"))
 
@@ -159,7 +159,7 @@ def answer_text(run: Run) -> str:
     ]
     if about.t0_unix_ns >= FIRST_DATE_NS:
         parts.append("Times on the axes are UTC, unless the viewer's settings say local time.")
-    if _is_shift(said):
+    if is_shift(said):
         parts.append("As weighed; what reviewers say is on the page of the review.")
     if failed := said.verdict.failed("mass"):
         parts.append("**The mass is withheld**, because:")
@@ -175,7 +175,7 @@ def answer_text(run: Run) -> str:
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _worth_lines(said, _cycle_lines(run) if _is_shift(said) else [])
+    parts += _worth_lines(said, _cycle_lines(run) if is_shift(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:

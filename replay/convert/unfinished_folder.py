@@ -141,12 +141,12 @@ class UnfinishedFolder:
         Returns:
             The spans that are done, from the first.
         """
-        if _load_json(self.path / _PLAN, ConversionPlan) != plan:
+        if load_json(self.path / _PLAN, ConversionPlan) != plan:
             self.clear()
             write_whole(self.path / _PLAN, plan.model_dump_json(indent=1))
             return []
         done: list[DoneSpan] = []
-        while span := _load_json(self.path / _record(len(done)), DoneSpan):
+        while span := load_json(self.path / _record(len(done)), DoneSpan):
             if not all((self.path / part.file).is_file() for part in span.parts.values()):
                 break
             done.append(span)
@@ -208,7 +208,7 @@ def _record(number: int) -> str:
     return f"span-{number:05}.json"
 
 
-def _load_json(path: Path, model: type[_Model]) -> _Model | None:
+def load_json(path: Path, model: type[_Model]) -> _Model | None:
     """What was written, or None where it is not there or of another version."""
     try:
         return model.model_validate_json(path.read_bytes())

@@ -327,7 +327,7 @@ def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
     if not set(_AXES) <= set(sources):
         return []
     try:
-        t_ns, force = _read_fields(log, [sources[name] for name in _AXES])
+        t_ns, force = read_fields(log, [sources[name] for name in _AXES])
         speed = _read_speed(log, sources)
     except LogError:
         return []
@@ -365,11 +365,11 @@ def _read_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] 
     names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
     if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
         return None
-    t_ns, v = _read_fields(log, [sources[name] for name in names])
+    t_ns, v = read_fields(log, [sources[name] for name in names])
     return (t_ns, v.mean(axis=1)) if t_ns.size > 1 else None
 
 
-def _read_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
+def read_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
     """Stamps (n,) and fields (n, fields) of one topic, finite, one row a stamp.
 
     Raises:

@@ -104,10 +104,10 @@ def _line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None
     members = [each for each in members if each.size >= _FEWEST_IN_PART]
     if len(members) < _FEWEST_PARTS:
         return None
-    slope = _median_slope(*_points(time_s, latency_s, members, 0.5, 0.0))
+    slope = median_slope(*_points(time_s, latency_s, members, 0.5, 0.0))
     # anew without the slope: within a part it would choose the early or the late ones
     t, y = _points(time_s, latency_s, members, _QUANTILE, slope)
-    slope = _median_slope(t, y)
+    slope = median_slope(t, y)
     residual = y - slope * t
     residual -= np.median(residual)
     # the normal distribution's ratio, and two parameters fitted
@@ -126,7 +126,7 @@ def _points(
     return t, np.array([np.quantile(off[each], q) for each in members]) + slope * t
 
 
-def _median_slope(t: Floats, y: Floats) -> float:
+def median_slope(t: Floats, y: Floats) -> float:
     """The median of the slopes between all pairs of points (Theil and Sen)."""
     i, j = np.triu_indices(t.size, 1)
     return float(np.median((y[j] - y[i]) / (t[j] - t[i])))

@@ -93,7 +93,7 @@ def _child_pages(
             return None
         # a page holds fewer than its bytes
         children = np.empty(slots.size * (layout.page_bytes // 6 + 1), np.uint32)
-        count = _children(data, slots, layout.usable_bytes, children)
+        count = child_pages(data, slots, layout.usable_bytes, children)
         if count < 0:
             return None
         found.append(children[:count].copy())
@@ -102,7 +102,7 @@ def _child_pages(
 
 
 @compiled
-def _children(
+def child_pages(
     data: NDArray[np.uint8], slots: NDArray[np.int64], usable: int, found: NDArray[np.uint32]
 ) -> int:
     """Pages below those that begin at `slots`; how many there are, -1 where one is damaged."""

@@ -182,7 +182,7 @@ def find_times(
     if given is not None and given.column is not None:
         place = names.index(given.column)
         if unit is None:
-            unit = _named_unit(columns[place])
+            unit = unit_of_name(columns[place])
         return [(_one_axis(columns, cells, place, unit, table), names)]
     if calendar := calendar_columns(columns):
         return [(TableTimes(None, calendar=calendar), names)]
@@ -198,14 +198,14 @@ def find_times(
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
-    one = _one_axis(columns, cells, first, unit or _named_unit(columns[first]), table)
+    one = _one_axis(columns, cells, first, unit or unit_of_name(columns[first]), table)
     if len(times) == 1 or one.date:
         return [(one, names)]
     # pairs side by side: each column belongs to the time before it
     ends = [*times[1:], len(names)]
     return [
         (
-            TableTimes(names[at], unit=unit or _named_unit(columns[at]), day_first=day_first),
+            TableTimes(names[at], unit=unit or unit_of_name(columns[at]), day_first=day_first),
             names[start:end],
         )
         for at, start, end in zip(times, [0, *times[1:]], ends, strict=True)
@@ -258,7 +258,7 @@ def _repeats(cells: Sequence[str]) -> bool:
     return 2 * len(set(cells)) < len(cells)
 
 
-def _named_unit(column: ColumnName) -> str | None:
+def unit_of_name(column: ColumnName) -> str | None:
     """The unit of time that a column's name states.
 
     Raises:

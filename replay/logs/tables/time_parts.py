@@ -80,14 +80,14 @@ def fraction_column(
             column.name
             for k, column in enumerate(columns)
             if k != place
-            and _fraction_unit(column.name) is not None
+            and fraction_unit(column.name) is not None
             and all(cell.isdigit() for cell in cells(k))
         ),
         None,
     )
 
 
-def _fraction_unit(name: str) -> str | None:
+def fraction_unit(name: str) -> str | None:
     """The unit of fractions of a second that a name says: `nanosec`, `Millitm`."""
     word = letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
@@ -104,7 +104,7 @@ def fractions_ns(cells: pl.Series) -> tuple[pl.Series, str]:
     largest, least = numbers.max(), numbers.min()
     if not isinstance(largest, float) or not isinstance(least, float) or least < 0:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second")
-    stated = _fraction_unit(cells.name)
+    stated = fraction_unit(cells.name)
     possible = [unit for unit in ("ms", "us", "ns") if largest < NS / NS_PER_UNIT[unit]]
     unit = stated or (possible[0] if possible else "")
     if unit not in possible:
