@@ -11,7 +11,6 @@ from analysis.findings import (
     residual_causes,
     sampling_causes,
     setting_causes,
-    side_causes,
     sign_causes,
     unexplained,
 )
@@ -80,7 +79,7 @@ CAUSES: Final = (
         "unlike_sides",
         "left and right do not push, or turn, alike: one sensor or one wheel is off",
         "straight drives with the torque of both sides, or with the speed of both and a gyroscope",
-        side_causes.find_unlike_sides,
+        channel_causes.find_unlike_sides,
         withholds=True,
         as_judged=True,
         explains=(*_OF_FIT, "wrong_scale", "offset", "imu_misaligned"),
