@@ -98,7 +98,9 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     longest = (
         int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
     )
-    means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S}
+    swings = of.wheels is not None and of.wheels.shows_squat and motion.by_accelerometer
+    shortest_s = LIMITS.squat_min_mean_s if swings else 0.0
+    means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S if mean_s >= shortest_s}
     means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)
