@@ -5,7 +5,7 @@ What is drawn, and from what, is in `RANGES` and `drawn_shift`.
 
 import json
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -142,10 +142,6 @@ class ShiftFound:
         """Of the counted tonnes alone, against all that was dumped."""
         u_t = self.whole_u_t
         return (self.found_t - self.true_t) / u_t if u_t else float("nan")
-
-    def to_json(self) -> str:
-        """A line."""
-        return json.dumps(asdict(self))
 
 
 def drawn_shift(
