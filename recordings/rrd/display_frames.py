@@ -66,7 +66,7 @@ def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
     """The series of a view that this run has numbers for, each with the name of its frame."""
     for series in view.series:
         for name in frames_of(series, run.frames):
-            if _has_numbers(series, run.frames[name]):
+            if _has_numbers(series, _one_at_a_time(run.frames[name])):
                 yield series, name
 
 

@@ -296,8 +296,6 @@ TABS: Final = (
                 "Lateral force a mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
             ),
             _DECISIONS,
-            _INERTIA,
-            _YAW_FRICTION,
             _COM,
             _states("Outcome of arcs", ("planar", "reason", "arcs")),
         ),

@@ -62,7 +62,9 @@ def test_every_stage_that_the_table_draws_is_mapped(drives, tmp_path: Path):
     lines = [
         s for tab in TABS for view in tab.views for s in view.series if view.kind.name != "STATES"
     ]
-    assert {f"payscope:{series.column}" for series in lines} <= mapped
+    # arcs tell how far ahead the centre of mass is, and no more
+    drawn = {series.column for series in lines} - {"com_y_m"}
+    assert {f"payscope:{column}" for column in drawn} <= mapped
 
 
 def _view_names(container) -> list[str]:
@@ -188,6 +190,15 @@ def test_a_lane_of_gaps_needs_a_gap(drives) -> None:
         each = replace(run, frames=frames)
         *_, states = tab_panels(tab, each, display_frames(each))
         assert len(states.drawn) == lanes
+
+
+def test_a_centre_of_mass_that_no_arc_tells_has_no_view(drives) -> None:
+    run = drives(60.0)
+    assert "Centre of mass (m)" in _tabs(run)["Planar"]
+    unknown = pl.when(pl.col("kind") != "arc").then("com_x_m").alias("com_x_m")
+    planar = run.frames["planar"].with_columns(unknown)
+    run = replace(run, frames={**run.frames, "planar": planar})
+    assert "Centre of mass (m)" not in _tabs(run)["Planar"]
 
 
 def test_pictures_stand_beside_the_text_and_in_a_tab(drives) -> None:
