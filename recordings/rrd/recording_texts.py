@@ -67,6 +67,9 @@ def machine_name(about: Provenance) -> str:
     return str(machine_body(about).get("name", ""))
 
 
+#: What the times on the axes of the viewer are.
+_AXES: Final = "Times on the axes are UTC, unless the viewer's settings say local time."
+_AXES_WITHOUT_DATE: Final = "Times on the axes are of the log's own clock, which has no date."
 #: Heads of a calibration's errors.
 _ERRORS: Final = ("error kg", "load left out kg")
 #: Findings beside the answer; their own text has all.
@@ -160,8 +163,7 @@ def answer_text(run: Run) -> str:
         f"# {headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
     ]
-    if about.t0_unix_ns >= FIRST_DATE_NS:
-        parts.append("Times on the axes are UTC, unless the viewer's settings say local time.")
+    parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
     if _is_shift(said):
         parts.append("As weighed; what reviewers say is on the page of the review.")
     if failed := said.verdict.failed("mass"):
