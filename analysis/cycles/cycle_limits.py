@@ -120,6 +120,9 @@ class CycleLimits:
     class_distance_std: float = 4.0
     #: and of means that digging separates, in their own.
     digging_class_distance_std: float = 3.0
+    #: Fraction of the states that are heavier than both neighbours or lighter, by which loaded and
+    #: empty take turns: of masses that differ by chance two thirds are.
+    alternating_min_fraction: float = 0.9
     #: Standard deviations from which a state that is lighter after digging has not dug.
     not_dug_std: float = 3.0
     #: Smallest spread of empty passes, as a fraction of a load: what is carried back has a long

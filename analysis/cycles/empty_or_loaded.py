@@ -54,7 +54,8 @@ def _digging_labels(
 def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
     """(states,) whether each is loaded: the side of a border between the two classes.
 
-    Loads that are less than a state's deviation have no such border: what was dug tells then.
+    Loads that are less than a state's deviation have no such border: what was dug tells then, or
+    that every state is heavier than both its neighbours or lighter.
     """
     if mass_kg.size < 2:
         return None
@@ -69,15 +70,24 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     parted = b - a > LIMITS.class_distance_std * max(
         least_kg, spread_kg if light.sum() >= LIMITS.own_spread_min_states else 0.0
     )
-    if not parted and not (told and _class_means_differ(mass_kg[light], mass_kg[heavy], least_kg)):
-        return None
+    if not parted:
+        # a load that changes without digging is dumped
+        label = label if told else _alternating_labels(mass_kg)
+        light, heavy = label == 0, label == 1
+        return heavy if _class_means_differ(mass_kg[light], mass_kg[heavy], least_kg) else None
     low = max(spread_kg, LIMITS.min_empty_spread * (b - a))
     high = max(_robust_std(mass_kg[heavy], least_kg), LIMITS.min_loaded_spread * (b - a))
     border = (a * high + b * low) / (low + high)
-    if not parted:
-        # a load that changes without digging is dumped
-        return label == 1
     return mass_kg > (_border_by_labels(mass_kg, label, border) if told else border)
+
+
+def _alternating_labels(mass_kg: Floats) -> Ints:
+    """(states,) 1 where each is heavier than the one before, 0 where lighter; -1 without turns."""
+    rises = np.diff(mass_kg) > 0.0
+    turns = rises[1:] != rises[:-1]
+    if not turns.size or float(turns.mean()) < LIMITS.alternating_min_fraction:
+        return np.full(mass_kg.size, -1)
+    return np.append(not rises[0], rises).astype(np.int64)
 
 
 def _class_means_differ(light: Floats, heavy: Floats, least_kg: float) -> bool:

@@ -15,12 +15,13 @@ from analysis.findings.cause import Symptom
 from analysis.findings.constant_forces import gravity_by_pitch
 from analysis.findings.finding_inputs import ACC, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.likelihood_search import NO_FAULTS, PickedCause, search_likelihood
+from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_mended
 from analysis.model.schema import values
 from analysis.model.windows import windows_with
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.nuisances import WARMING
 from estimators.arrays import Bools, Floats
 
 #: Causes that a long delay alone makes show.
@@ -215,7 +216,7 @@ def _symptom(inputs: FindingInputs, pick: PickedCause) -> Symptom:
     if rivals:
         said += f"; as likely the {' or '.join(_SHOWN[each] for each in rivals)} is off"
     smooth = channel == "imu" and late_s > 0
-    others = [n for n in pick.rivals if not n.startswith("delay") and n not in NO_FAULTS]
+    others = [n for n in pick.rivals if not n.startswith("delay") and n not in WARMING]
     # what is early against an accelerometer may be in time, and the accelerometer filtered
     filtered = smooth or (late_s < 0.0 and "imu" in rivals)
     return Symptom(

@@ -10,12 +10,13 @@ from analysis.findings.changing_loads import compare_share_with_loads
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.likelihood_search import NO_FAULTS, PickedCause, search_likelihood
+from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.gating.digging import SURELY
 from analysis.weighing.motion_samples import MotionSamples
+from analysis.weighing.nuisances import WARMING
 from estimators.errors import counted
 
 
@@ -64,7 +65,7 @@ def _rival_causes(pick: PickedCause) -> tuple[str, ...]:
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
     named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
-    return tuple(key for key in dict.fromkeys(named) if key not in (own, *NO_FAULTS))
+    return tuple(key for key in dict.fromkeys(named) if key not in (own, *WARMING))
 
 
 def find_force_offset(inputs: FindingInputs) -> list[Symptom]:

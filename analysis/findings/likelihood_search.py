@@ -20,8 +20,6 @@ from analysis.findings.refit import renumber_stretches
 from analysis.findings.whitened_rows import ProjectedEquation, force_system, wheel_system
 from analysis.weighing.motion_samples import MotionSamples
 
-#: Columns that sound machines have, and no cause.
-NO_FAULTS: Final = ("viscous_drift", "viscous_bend")
 #: Parameters below these are no causes.
 _LEAST: Final = {
     **{f"delay:{channel}": 0.002 for channel in ("force", "speed", "imu")},

@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.findings.finding_limits import LIMITS
 from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
+from analysis.weighing.nuisances import WARMING
 from estimators.arrays import Floats, Ints
 from estimators.numerics.fit_loss import group_rows
 
@@ -78,9 +79,8 @@ def force_system(
         "slip": -friction * np.abs(v) * f,
         "driveline": a * f,
         "gain_drift": f * along,
-        # no faults: oil that warms, fast at first
-        "viscous_drift": v * along,
-        "viscous_bend": v * (along**2 - LIMITS.progress_mean_square),
+        # no faults: oil that warms
+        **{name: v * shape.share(along) for name, shape in WARMING.items()},
         "const": np.ones(f.size),
     }
     if motion.both_ways:

@@ -70,10 +70,17 @@ class JointFitInputs:
     uneven_1_s: float = 0.0
 
     @classmethod
-    def of(cls, motion: MotionSamples, noise: ColumnNoiseModel, priors: PriorSettings) -> Self:
-        """Ask the wheels."""
+    def of(
+        cls,
+        motion: MotionSamples,
+        noise: ColumnNoiseModel,
+        priors: PriorSettings,
+        before: JointFit | None = None,
+    ) -> Self:
+        """Ask the wheels; how uneven the ground is, a fit of nearly the same motion tells."""
         noise = CachedNoise(noise)
-        return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors))
+        uneven_1_s = 0.0 if before is None else before.found.uneven_1_s
+        return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors), uneven_1_s)
 
 
 def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
@@ -91,7 +98,9 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     longest = (
         int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
     )
-    means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S}
+    swings = of.wheels is not None and of.wheels.shows_squat and motion.by_accelerometer
+    shortest_s = LIMITS.squat_min_mean_s if swings else 0.0
+    means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S if mean_s >= shortest_s}
     means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)

@@ -13,7 +13,7 @@ from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, begins, ends
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, partitions
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import Partition
 from estimators.joint.random_intercepts import RandomIntercepts
 
@@ -183,10 +183,10 @@ def places(motion: MotionSamples) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
-        0 where the machine drove on or is named as empty, 1 where only the masses can, `RESTARTED`
-        where the log was silent as between two files, `HINTED` where the boom or the bucket moved
-        as well, `FILLED` where the machine dug, `NAMED` where the time begins or ends in which it
-        is named as empty.
+        0 where the machine drove on or is named as empty, 1 where only the masses can, `TURNED`
+        where it went from forwards to reverse, `RESTARTED` where the log was silent as between two
+        files, `HINTED` where the boom or the bucket moved as well, `FILLED` where the machine dug,
+        `NAMED` where the time begins or ends in which it is named as empty.
     """
     used = np.flatnonzero(motion.used)
     first = np.flatnonzero(np.append(True, np.diff(sample_units(motion)) > 0))
@@ -194,7 +194,11 @@ def places(motion: MotionSamples) -> Ints:
     # a boom may go up before the machine stands, and come down when it moves again
     middle = used[(first + last) // 2]
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
-    return np.array([_change_kind(motion, *span) for span in spans], np.int64)
+    kind = np.array([_change_kind(motion, *span) for span in spans], np.int64)
+    # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
+    forwards = motion.direction[used[first]] > 0.0
+    backs_out = (kind == 1) & forwards[:-1] & ~forwards[1:]
+    return np.where(backs_out & ~(kind >= HINTED).any(), TURNED, kind)
 
 
 def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:

@@ -17,7 +17,7 @@ from analysis.model.settings import PriorSettings
 from analysis.weighing.force_by_place import BY_PLACE, PLACE
 from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats
-from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.nuisances import WARMING, Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.prior_fit import MapFit
@@ -32,8 +32,7 @@ _WIDTHS: Final = {
 }
 #: The effect that each term is of.
 EFFECTS: Final = {
-    "viscous_drift": "friction",
-    "viscous_bend": "friction",
+    **dict.fromkeys(WARMING, "friction"),
     "gain_drift": "gain",
     **{term.name: BY_PLACE for term in PLACE},
     **{term.name: BY_GEAR for term in LOW_GEARS},

@@ -191,7 +191,7 @@ def _weigh_with_priors(
         return align_records(found)
 
     def of_states(motion: MotionSamples, begin: JointFit | None = None) -> JointFit:
-        fitted = JointFitInputs.of(motion, columns, priors)
+        fitted = JointFitInputs.of(motion, columns, priors, begin)
         states = None if begin is None or begin.states is None else begin.states.among(motion)
         return add_load_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 

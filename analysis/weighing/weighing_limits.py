@@ -124,6 +124,10 @@ class WeighingLimits:
     #: Error that no mean shows there, as a share of the mass per second of step: a bus at 1 Hz was
     #: 0.3 % off.
     slow_grid_hidden_1_s: float = 0.003
+    #: Shortest mean, in s, where a body squats: it swings on its springs for half a second after
+    #: each change of the force, and an accelerometer above its axis sees that. Payloads of five
+    #: starts were 10 to 15 % low by means of 0.02 to 0.1 s.
+    squat_min_mean_s: float = 0.8
     #: Fewest means of a stretch that have no sample in common.
     disjoint_means_per_stretch: int = 6
     #: Lag in s up to which a delayed and a low-passed force do not differ.
@@ -223,6 +227,8 @@ class WeighingLimits:
     # nuisances
     #: Mean square of the progress, which goes from -1/2 to 1/2.
     progress_mean_square: float = 1.0 / 12.0
+    #: Mean of its fourth power over that of its square: what its cube has of its slope.
+    progress_cube_slope: float = 0.15
     #: Standard deviation of an offset, in N, below which nothing is left to find.
     min_offset_std_N: float = 1e-3
 

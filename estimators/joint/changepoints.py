@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
-from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, GroupEffects
+from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.numerics.in_order import sum_in_order
 
@@ -73,7 +73,7 @@ def partitions(
     scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
     # with many changes, effects that one level needs hide them from every search that begins there
-    least_kinds = (RESTARTED, HINTED, FILLED, NAMED)
+    least_kinds = (TURNED, RESTARTED, HINTED, FILLED, NAMED)
     hinted = [np.append(0, np.cumsum(units.kind >= least)) for least in least_kinds if n > 1]
     noise_alone = PartitionPosterior(units, spread, 0.0, None)
     begin = [noise_alone.effects(one), noise_alone.effects(np.arange(n))]

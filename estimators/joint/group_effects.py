@@ -11,13 +11,14 @@ from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.numerics.sandwich import meat
 
-#: Kinds of boundaries where something besides the units tells a change: a record ends and another
-#: begins, it may (a boom that moves), it nearly always does (a bucket that was filled), or somebody
-#: says so.
-RESTARTED: Final = 2
-HINTED: Final = 3
-FILLED: Final = 4
-NAMED: Final = 5
+#: Kinds of boundaries where something besides the units tells a change: a machine backs out of
+#: where it drove to, a record ends and another begins, it may (a boom that moves), it nearly always
+#: does (a bucket that was filled), or somebody says so.
+TURNED: Final = 2
+RESTARTED: Final = 3
+HINTED: Final = 4
+FILLED: Final = 5
+NAMED: Final = 6
 #: Rounds of residuals and their variance.
 _NOISE_ROUNDS: Final = 3
 #: So many units share their effects.
@@ -37,8 +38,8 @@ class GroupEffects:
         gram: (r, r) information about β within units and from its prior.
         cross: (r,) likewise its right-hand side.
         kind: (n - 1,) of each boundary: 0 no change can be there, 1 only the units tell one,
-            `RESTARTED`, `HINTED`, `FILLED` and `NAMED` something tells it besides; places of a kind
-            are alike.
+            `TURNED`, `RESTARTED`, `HINTED`, `FILLED` and `NAMED` something tells it besides; places
+            of a kind are alike.
     """
 
     y: Floats

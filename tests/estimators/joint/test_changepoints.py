@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimators.joint.changepoints import partitions
-from estimators.joint.group_effects import FILLED, HINTED, RESTARTED, GroupEffects
+from estimators.joint.group_effects import FILLED, HINTED, RESTARTED, TURNED, GroupEffects
 from estimators.joint.partition_posterior import PartitionPosterior, Stretches
 
 SPREAD = 1200.0
@@ -62,6 +62,22 @@ class TestPartitions:
     def test_records_of_one_load_are_one_state(self, seed):
         kind = np.tile([0, 0, 0, RESTARTED], 5)[:-1]
         assert max(state_of([3600.0] * 20, seed=seed, kind=kind)) == 0
+
+    def test_loads_that_change_wherever_the_machine_turns_are_told_by_that(self):
+        """Two manoeuvres each, one deviation of their difference apart."""
+        levels = np.tile(np.repeat([3600.0, 3621.0], 2), 16)
+        kind = np.tile([1, TURNED], 32)[:-1]
+        turned, bare = (
+            [max(state_of(levels, seed=seed, kind=each)) + 1 for seed in range(8)]
+            for each in (kind, np.ones_like(kind))
+        )
+        assert turned.count(32) >= 6
+        assert bare.count(32) == 0
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_a_machine_that_turns_with_one_load_has_one_state(self, seed):
+        kind = np.tile([1, TURNED], 16)[:-1]
+        assert max(state_of([3600.0] * 32, seed=seed, kind=kind)) == 0
 
     def test_manoeuvres_that_scatter_alike_are_one_state(self):
         found = partitions(units([3600.0] * 20, scatter=60.0), SPREAD, USUAL)
