@@ -184,7 +184,7 @@ def _split(found: PhaseIntegrals, model: ForceModel) -> Floats:
     straight = _drive_work(drive, model)
     work = straight + found.turning_J
     slope = drive["mass"] - found.kinetic_J + model.acting * drive["offset"]
-    digging = _drive_work(dig, model) - _mass_and_friction_work(dig, model)
+    digging = _drive_work(dig, model) - _resisted_work(dig, model)
     friction = work - found.kinetic_J - slope - digging
     braking = -_mass_and_friction_work(slow, model)
     return np.stack([work, found.kinetic_J, slope, friction, digging, braking], axis=1)
@@ -209,8 +209,12 @@ def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
         + model.viscous_drift * of["viscous_drift"]
         + model.direction * of["direction"]
         + model.quadratic * of["quadratic"]
-        + of["slip"]
     )
+
+
+def _resisted_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
+    """Work that a drive without a pile has to do, slip of its wheels included, in J."""
+    return _mass_and_friction_work(of, model) + of["slip"]
 
 
 def _slope_transfer(found: PhaseIntegrals, model: ForceModel) -> Floats:
@@ -253,7 +257,7 @@ def _misfit(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
 
 def _left_work(found: PhaseIntegrals, value: Floats, model: ForceModel) -> Floats:
     """(phases,) work that neither masses, fitted friction nor digging explain, in J."""
-    explained = _mass_and_friction_work(found.drive, model) + value[:, PARTS.index("digging")]
+    explained = _resisted_work(found.drive, model) + value[:, PARTS.index("digging")]
     return _drive_work(found.drive, model) - explained
 
 

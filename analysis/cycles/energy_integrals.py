@@ -277,6 +277,7 @@ def integrate_phases(
     mass_kg: Floats,
     rotating_kg: float,
     errors: MotionErrors,
+    ground_N: Floats,
 ) -> PhaseIntegrals:
     """Integrate over each phase.
 
@@ -286,10 +287,13 @@ def integrate_phases(
         mass_kg: (n,) of machine and load at each sample, on the scale of the measured force.
         rotating_kg: equivalent mass of what rotates.
         errors: of force and speed.
+        ground_N: (n,) force between tyres and ground where the machine does not dig.
     """
     force = _earlier(samples, "force_N", errors.force_late_s)
     wheels = _earlier(samples, "speed_m_s", errors.speed_late_s)
-    speed = wheels * rolling_fraction(wheels, force, errors.slip_1_N)
+    # brakes slip as well, and leave no measured force
+    slipping_N = np.where(samples.digs, force, ground_N)
+    speed = wheels * rolling_fraction(wheels, slipping_N, errors.slip_1_N)
     step_s, fast = samples.step_s, np.abs(speed)
     # half the difference of squares on either side: what a stretch gains is what its ends differ by
     squares = np.pad(speed**2, 1, mode="edge")

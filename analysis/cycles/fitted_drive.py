@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -9,6 +10,7 @@ import polars as pl
 from analysis.cycles.energy_integrals import (
     EnergySamples,
     Floats,
+    Ints,
     MotionErrors,
     PhaseIntegrals,
     PhaseSpan,
@@ -57,7 +59,17 @@ class FittedDrive:
 
     def integrate(self, spans: list[PhaseSpan]) -> PhaseIntegrals:
         """The integrals over each phase."""
-        return integrate_phases(self.samples, spans, self.mass_kg, self.rotating_kg, self.errors)
+        ground_N = _ground_force(self.samples, self.mass_kg, self.model)
+        return integrate_phases(
+            self.samples, spans, self.mass_kg, self.rotating_kg, self.errors, ground_N
+        )
+
+
+def _ground_force(samples: EnergySamples, mass_kg: Floats, model: ForceModel) -> Floats:
+    """(n,) what accelerates the masses against friction, brakes included, in N."""
+    v, way = samples.speed_m_s, np.sign(samples.speed_m_s)
+    resisted = model.viscous * v + model.direction * way + model.quadratic * v * np.abs(v)
+    return mass_kg * samples.acceleration_m_s2 + model.acting + resisted
 
 
 def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDrive:
@@ -96,27 +108,46 @@ def _sample_masses(
     by_state = means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)
     middle = (manoeuvres["start_t_ns"] + manoeuvres["end_t_ns"]).to_numpy() / 2.0
     order = np.argsort(middle)
-    middle, level = middle[order], by_state[state][order]
-    between = (middle[1:] + middle[:-1]) / 2.0
-    mass_kg = level[np.searchsorted(between, samples.t_ns)]
+    starts = _Starts(middle[order], by_state[state][order])
     t_ns = samples.t_ns
+    mass_kg = starts.nearest_masses(t_ns)
     for row in cycles.iter_rows(named=True):
         if row["dig_t_ns"] is None or row["load_s"] is None:
             continue
-        dug = row["dig_t_ns"] + np.array([0, int(row["load_s"] * NS_PER_S)])
-        begin, first, last, end = np.searchsorted(t_ns, [row["start_t_ns"], *dug, row["end_t_ns"]])
-        own = (middle >= row["start_t_ns"]) & (middle <= row["end_t_ns"])
-        empty, loaded = row["empty_before_kg"], row["loaded_kg"]
-        # of a cycle without a mass the starts on either side of the pile have theirs
-        if empty is None or loaded is None:
-            before, after = level[own & (middle < dug[0])], level[own & (middle > dug[1])]
-            if not before.size or not after.size:
-                continue
-            empty, loaded = before[-1], after[0]
+        start, end = row["start_t_ns"], row["end_t_ns"]
+        digs, filled = row["dig_t_ns"], row["dig_t_ns"] + int(row["load_s"] * NS_PER_S)
+        begin, first, last, stop = np.searchsorted(t_ns, [start, digs, filled, end])
+        # the cycle's own starts on either side of the pile, else what its neighbours weighed
+        before = starts.between(start, digs, row["empty_before_kg"] or row["empty_after_kg"])
+        after = starts.between(filled, end, row["loaded_kg"])
+        if before is None or after is None:
+            continue
+        mass_kg[begin:first] = before.nearest_masses(t_ns[begin:first])
+        mass_kg[last:stop] = after.nearest_masses(t_ns[last:stop])
         filling = samples.digs[first:last]
         # the bucket fills while the machine pushes into the pile
         grown = np.cumsum(filling) / max(int(filling.sum()), 1)
-        mass_kg[begin:first] = empty
+        empty, loaded = before.mass_kg[-1], after.mass_kg[0]
         mass_kg[first:last] = empty + (loaded - empty) * grown
-        mass_kg[last:end] = loaded
     return mass_kg
+
+
+class _Starts(NamedTuple):
+    """Starts in time: the middle of each, and the mean mass of its load state."""
+
+    middle_ns: Floats
+    mass_kg: Floats
+
+    def between(self, begin_ns: int, end_ns: int, otherwise_kg: float | None) -> "_Starts | None":
+        """Those between two times; where there are none, one of another mass, if that is known."""
+        chosen = (self.middle_ns >= begin_ns) & (self.middle_ns <= end_ns)
+        if chosen.any():
+            return _Starts(self.middle_ns[chosen], self.mass_kg[chosen])
+        if otherwise_kg is None:
+            return None
+        return _Starts(np.array([float(begin_ns)]), np.array([otherwise_kg]))
+
+    def nearest_masses(self, t_ns: Ints) -> Floats:
+        """(n,) the mass of the start that is nearest to each time."""
+        halfway = (self.middle_ns[1:] + self.middle_ns[:-1]) / 2.0
+        return self.mass_kg[np.searchsorted(halfway, t_ns)]

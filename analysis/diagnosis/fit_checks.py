@@ -149,8 +149,9 @@ FIT_CHECKS: Final = (
     CheckRow(
         "filling",
         "mass",
-        _number_of_fit(lambda weighing: weighing.filling.deviations),
-        "evidence for a load that grows during every start, in standard deviations",
+        _number_of_fit(lambda weighing: weighing.filling.evidence),
+        "evidence for a load that grows during every start, in standard deviations; less where it "
+        "moves no mass by its uncertainty",
         maximum="filling_max",
         optional=True,
         remedy="starts without digging or filling; else the force is late, or brakes release",

@@ -80,7 +80,7 @@ def find_squat(
         return None
     value, variance = found.gain, found.variance
     before = LIMITS.squat_prior_probability
-    if wheels.shows_squat:
+    if wheels.gain_counts and wheels.gain[0] < 0.0:
         # a body that squats without a load does so more with one
         before = LIMITS.squat_by_load_prior_probability
     if _shows_grades(found, wheels):

@@ -62,10 +62,20 @@ class LoadFilling:
         kg_s: how fast, none below zero.
         deviations: how much better it explains the log than none does, in standard deviations
             with what even then all starts miss in common; NaN where the log does not tell.
+        moves_u: by how much of its own uncertainty it moves the mass that it moves most.
     """
 
     kg_s: float
     deviations: float
+    moves_u: float = 0.0
+
+    @property
+    def evidence(self) -> float:
+        """The deviations, as far as the growth moves a mass by its uncertainty.
+
+        What a log tells grows with its length, and so does a misfit that changes no mass.
+        """
+        return self.deviations * min(self.moves_u, 1.0)
 
 
 def fit_filling(
@@ -98,7 +108,11 @@ def fit_filling(
     best, missed = nnls(whitened, whitened @ (found / std))
     missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
     better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.fit.misfit_ratio, 1.0)
-    return LoadFilling(float(best[0] * std[0]), float(np.sqrt(better)))
+    # what the masses are beside that growth and those resistances
+    follows = np.linalg.lstsq(covariance, grown.fit.covariance[at, : fit.count])[0]
+    moved = grown.theta[: fit.count] + (best * std - found) @ follows - fit.theta[: fit.count]
+    moves_u = float(np.max(np.abs(moved) / np.maximum(fit.fit.std[: fit.count], 1e-9)))
+    return LoadFilling(float(best[0] * std[0]), float(np.sqrt(better)), moves_u)
 
 
 def find_growing_loads(

@@ -98,9 +98,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     longest = (
         int(np.median(np.bincount(motion.group[motion.used]))) / LIMITS.disjoint_means_per_stretch
     )
-    swings = of.wheels is not None and of.wheels.shows_squat and motion.by_accelerometer
-    shortest_s = LIMITS.squat_min_mean_s if swings else 0.0
-    means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S if mean_s >= shortest_s}
+    means = {rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S}
     means = sorted(means | {*LIMITS.slow_grid_mean_rows} if 1 in means else means)
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.of(part.motion, of.noise, terms, part.initial_estimates)
@@ -123,16 +121,28 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
     samples = best.mean_samples
-    if abs(best.lag_s) > LIMITS.short_lag_s or best.found.transfer_s2_m:
-        # slip is of the force on the ground at that moment
-        in_time = motion.shift_force(best.lag_s)
-        acting = replace(in_time, force=best.found.ground_force(in_time))
-        whole = replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
+    chosen = _fit_whole(of, whole, best)
+    transient = rows_in(LIMITS.transient_mean_s, motion.rate_hz)
+    if several and chosen.fit.misfit_ratio > LIMITS.max_misfit_ratio and transient > samples:
+        # starts have a shape in common that no term has; over a long mean it adds up to nothing
+        longer = _fit_whole(of, whole, replace(best, mean_samples=transient))
+        chosen = min(chosen, longer, key=lambda each: each.fit.misfit_ratio)
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
-    moved = replace(whole.fit_means(samples, LIMITS.lag_rounds), averaging_share=share)
+    return replace(chosen, averaging_share=share)
+
+
+def _fit_whole(of: JointFitInputs, whole: FitTask, pilot: JointFit) -> JointFit:
+    """Fit all stretches with the mean, the lag and the load transfer of a first fit."""
+    samples = pilot.mean_samples
+    if abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m:
+        # slip is of the force on the ground at that moment
+        in_time = of.motion.shift_force(pilot.lag_s)
+        acting = replace(in_time, force=pilot.found.ground_force(in_time))
+        whole = replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
+    moved = whole.fit_means(samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
-    filtered = replace(whole.fit_means(samples, 2, shift=False), averaging_share=share)
+    filtered = whole.fit_means(samples, 2, shift=False)
     filters = filtered.fit.residual_rms < moved.fit.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():

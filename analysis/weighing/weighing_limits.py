@@ -124,10 +124,13 @@ class WeighingLimits:
     #: Error that no mean shows there, as a share of the mass per second of step: a bus at 1 Hz was
     #: 0.3 % off.
     slow_grid_hidden_1_s: float = 0.003
-    #: Shortest mean, in s, where a body squats: it swings on its springs for half a second after
-    #: each change of the force, and an accelerometer above its axis sees that. Payloads of five
-    #: starts were 10 to 15 % low by means of 0.02 to 0.1 s.
-    squat_min_mean_s: float = 0.8
+    #: Misfit ratio of a fit of several loads above which its mean is too short: a body swings on
+    #: its springs for half a second after each change of the force, and an accelerometer above its
+    #: axis sees that. By means of 0.02 to 0.1 s payloads of five starts were 10 to 15 % low, at a
+    #: ratio of 2.1 to 4; without a swing it is 0.4 to 1.5.
+    max_misfit_ratio: float = 2.0
+    #: Mean, in s, that is tried then, however short the starts.
+    transient_mean_s: float = 0.8
     #: Fewest means of a stretch that have no sample in common.
     disjoint_means_per_stretch: int = 6
     #: Lag in s up to which a delayed and a low-passed force do not differ.

@@ -87,11 +87,6 @@ class WheelKinematics:
         return self.mismatch <= LIMITS.max_kinematic_mismatch
 
     @property
-    def shows_squat(self) -> bool:
-        """Whether the accelerometer sees gravity through a body that pitches as it gains speed."""
-        return self.squat[0] > 0.0 or (self.gain_counts and self.gain[0] < 0.0)
-
-    @property
     def is_found(self) -> bool:
         """Whether another motion may begin from here."""
         return self.is_consistent and abs(self.delay_s[0]) < LIMITS.longest_delay_s

@@ -5,7 +5,7 @@ from typing import Any
 
 from analysis.model.run_record import Run
 from estimators.errors import counted
-from recordings.report.number_text import plus_minus, scale_unknown_line, table
+from recordings.report.number_text import number, plus_minus, scale_unknown_line, table
 
 #: Of the variance.
 _SMALL = 0.005
@@ -88,21 +88,18 @@ def planar(run: Run) -> str:
     parts += [f"**{_OF[row['kind']].capitalize()}**: {list_determined(row)}" for row in whole]
     if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
         sources = run.frames["planar_budget"].to_dicts()
-        heads = ("of", "uncertainty from", "kind", "u", "unit", "shrinks with")
-        cells = [
-            (
-                row["quantity"],
-                row["cause"],
-                row["kind"],
-                "not known" if row["u"] is None else row["u"],
-                row["unit"],
-                row["shrinks"],
-            )
-            for row in sources
+        lines: dict[str, list[str]] = {}
+        for row in sources:
             # smaller shares of the variance are not listed
-            if row["share_1"] is None or row["share_1"] >= _SMALL
-        ]
-        parts += ["## Where their uncertainty comes from", table(heads, cells)]
+            if row["share_1"] is not None and row["share_1"] < _SMALL:
+                continue
+            u = "not known" if row["u"] is None else f"{number(row['u'])} {row['unit']}"
+            # a list, not a table: the viewer wraps it
+            line = f"- **{row['cause']}** ({row['kind']}): {u}; shrinks with {row['shrinks']}"
+            lines.setdefault(row["quantity"], []).append(line)
+        parts.append("## Where their uncertainty comes from")
+        for quantity, listed in lines.items():
+            parts += [f"### {quantity}", "\n".join(listed)]
     return "\n\n".join(parts)
 
 

@@ -1,7 +1,7 @@
 """The layout that a recording opens in: the tabs of the table, without what this run lacks."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import polars as pl
@@ -10,7 +10,8 @@ from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.finding_text import findings_of
 from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, drawn_of, span_ns
-from recordings.rrd.recording_table import TABS, TIME, Kind, Tab, component_name
+from recordings.rrd.plane_pictures import BOUNDS, plane_pictures
+from recordings.rrd.recording_table import TABS, TIME, Kind, Methods, Tab, View, component_name
 from recordings.rrd.recording_texts import texts
 from recordings.rrd.stored_frames import entity_path
 
@@ -31,9 +32,13 @@ _AROUND_PLOT: Final = 55.0
 _NAME: Final = 23.0 / 0.8
 #: Lanes take no more of a page than this.
 _MOST_LANES: Final = 0.6
+#: Displayed frames of methods begin so.
+_ESTIMATES: Final = f"{ROOT}/estimates/"
+#: Of several methods, the one that stands for all: it converges over the log, as on board.
+_LEADING_METHOD: Final = "rls"
 #: Room for legends behind the log, as a share of it; a panel beside a text is narrower.
 _ROOM: Final = 0.18
-_BESIDE: Final = 0.25
+_BESIDE: Final = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +73,25 @@ class Panel:
         return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE
 
 
+#: Panels side by side.
+Row = tuple[Panel, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Page:
-    """One tab as it is drawn: panels from top to bottom, texts beside them."""
+    """One tab as it is drawn: panels or rows of them from top to bottom, texts beside them."""
 
     name: str
-    panels: tuple[Panel, ...] = ()
+    panels: tuple[Panel | Row, ...] = ()
     texts: tuple[str, ...] = ()
     events: bool = False
+    pictures: tuple[tuple[str, str], ...] = ()
+    """Name and title of each, below the panels."""
+
+    @property
+    def rows(self) -> list[Row]:
+        """The panels, row by row."""
+        return [each if isinstance(each, tuple) else (each,) for each in self.panels]
 
 
 def blueprint(run: Run, shown: Mapping[str, pl.DataFrame], under: str = "") -> "rrb.Blueprint":
@@ -86,13 +102,14 @@ def blueprint(run: Run, shown: Mapping[str, pl.DataFrame], under: str = "") -> "
         shown: its `display_frames`.
         under: the entity that all of it lies under; empty: none.
     """
-    written = texts(run)
+    written, drawn = texts(run), plane_pictures(run)
     pages = [
         Page(
             tab.name,
             tab_panels(tab, run, shown),
             tuple(name for name in tab.texts if name in written),
             events=tab.events and bool(findings_of(run)),
+            pictures=tuple((name, drawn[name].title) for name in tab.pictures if name in drawn),
         )
         for tab in TABS
         # what is not there needs no signals beside it
@@ -101,13 +118,42 @@ def blueprint(run: Run, shown: Mapping[str, pl.DataFrame], under: str = "") -> "
     return laid_out(pages, unix_span_ns(run), under)
 
 
-def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Panel, ...]:
-    """The views of a tab that this run has numbers for; `shown` are its `display_frames`."""
-    return tuple(
-        Panel(view.title, view.kind, drawn, axis_range(view, run))
-        for view in tab.views
-        if (drawn := drawn_of(view, run, shown))
-    )
+def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Panel | Row, ...]:
+    """The views of a tab that this run has numbers for; `shown` are its `display_frames`.
+
+    Returns:
+        Panels, or rows of them; none where all that there is to see is the tab's context.
+    """
+    found = [(view, panel) for view in tab.views if (panel := _panel(view, run, shown))]
+    if all(view in tab.context for view, _ in found):
+        return ()
+    by_method = [_split_by_method(panel) for _, panel in found]
+    if tab.methods is Methods.ROWS:
+        methods = dict.fromkeys(method for panels in by_method for method in panels)
+        return tuple(
+            tuple(panels[method] for panels in by_method if method in panels) for method in methods
+        )
+    return tuple(panels.get(_LEADING_METHOD, next(iter(panels.values()))) for panels in by_method)
+
+
+def _panel(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> Panel | None:
+    drawn = drawn_of(view, run, shown)
+    return Panel(view.title, view.kind, drawn, axis_range(view, run)) if drawn else None
+
+
+def _split_by_method(panel: Panel) -> dict[str, Panel]:
+    """A panel for each method, on one axis; one without a name where there is but one."""
+    by_frame: dict[str, list[DisplayColumn]] = {}
+    for each in panel.drawn:
+        by_frame.setdefault(each.frame, []).append(each)
+    if len(by_frame) < 2 or not all(frame.startswith(_ESTIMATES) for frame in by_frame):
+        return {"": panel}
+    return {
+        (method := frame.removeprefix(_ESTIMATES)): replace(
+            panel, title=f"{panel.title}, {method}", drawn=tuple(drawn)
+        )
+        for frame, drawn in by_frame.items()
+    }
 
 
 def unix_span_ns(run: Run) -> tuple[int, int] | None:
@@ -151,6 +197,11 @@ def text_entity(name: str, under: str = "") -> str:
     return entity_path(f"{ROOT}/text/{name}", under)
 
 
+def picture_entity(name: str, under: str = "") -> str:
+    """Where a picture lies."""
+    return entity_path(f"{ROOT}/picture/{name}", under)
+
+
 def events_entity(under: str = "") -> str:
     """Where events lie."""
     return entity_path(f"{ROOT}/events", under)
@@ -159,32 +210,48 @@ def events_entity(under: str = "") -> str:
 def _tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
-    beside = bool(page.texts)
-    room = (_BESIDE if beside else _ROOM) if any(p.has_legend for p in page.panels) else 0.0
-    plots: list[rrb.View] = [_view(panel, _axis(span, room), under) for panel in page.panels]
-    shares = _shares(page)
+    has_legend = any(panel.has_legend for row in page.rows for panel in row)
+    axis = _axis(span, (_BESIDE if page.texts else _ROOM) if has_legend else 0.0)
+    plots = [_side_by_side([_view(panel, axis, under) for panel in row]) for row in page.rows]
+    if page.events:
+        plots.append(rrb.TextLogView(origin=events_entity(under), name="Events"))
+    left, top, right, bottom = BOUNDS
+    bounds = rrb.VisualBounds2D(x_range=[left, right], y_range=[top, bottom])
+    pictures = [
+        rrb.Spatial2DView(origin=picture_entity(name, under), name=title, visual_bounds=bounds)
+        for name, title in page.pictures
+    ]
     documents = [
         rrb.TextDocumentView(origin=text_entity(name, under), name=name.capitalize())
         for name in page.texts
     ]
-    if page.events:
-        plots.append(rrb.TextLogView(origin=events_entity(under), name="Events"))
-    if plots and documents:
-        column = rrb.Vertical(*plots, row_shares=shares)
-        return rrb.Horizontal(*documents, column, column_shares=[2, 3], name=page.name)
-    if plots:
-        return rrb.Vertical(*plots, row_shares=shares, name=page.name)
+    column = [*plots, *pictures]
+    if column and documents:
+        beside = rrb.Vertical(*column, row_shares=_shares(page))
+        # tables beside pictures are wide
+        shares = [1, 1] if pictures else [2, 3]
+        return rrb.Horizontal(*documents, beside, column_shares=shares, name=page.name)
+    if column:
+        return rrb.Vertical(*column, row_shares=_shares(page), name=page.name)
     return rrb.Horizontal(*documents, name=page.name) if documents else None
 
 
+def _side_by_side(views: "list[rrb.View]") -> "rrb.View | rrb.Container":
+    import rerun.blueprint as rrb
+
+    return views[0] if len(views) == 1 else rrb.Horizontal(*views)
+
+
 def _shares(page: Page) -> list[float]:
-    """Heights of a page's panels, and of its events.
+    """Heights of a page's panels, of its events and of its pictures.
 
     Lanes have what they need, the others are alike but for those whose legend needs more.
     """
-    lanes = [panel.lanes_share for panel in page.panels] + [0.0] * page.events
+    others = page.events + len(page.pictures)
+    lanes = [max(panel.lanes_share for panel in row) for row in page.rows] + [0.0] * others
     shrunk = min(1.0, _MOST_LANES / (sum(lanes) or 1.0))
-    least = [panel.plot_share for panel in page.panels] + [_AROUND_PLOT / _PAGE] * page.events
+    least = [max(panel.plot_share for panel in row) for row in page.rows]
+    least += [_AROUND_PLOT / _PAGE] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
     heights = iter(_share_room(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]
@@ -248,11 +315,11 @@ def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
         looks = rr.StateConfiguration(
             values=list(colours.state_colours()),
             labels=[state.replace("_", " ") for state in colours.state_colours()],
-            colors=[_rgba(colour) for colour in colours.state_colours().values()],
+            colors=[colours.rgba(colour) for colour in colours.state_colours().values()],
         )
         yield looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
         return
-    colour = _rgba(drawn.colour, "60" if drawn.faint else "ff")
+    colour = colours.rgba(drawn.colour, "60" if drawn.faint else "ff")
     scalars = _mapping("Scalars:scalars", drawn.column)
     if drawn.variance is not None:
         band = rr.Measurements.from_fields(names=drawn.label, colors=colour)
@@ -271,10 +338,6 @@ def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
     if drawn.dotted:
         dots = rr.SeriesPoints(names=drawn.label, colors=colour, marker_sizes=3.0)
         yield dots.visualizer(mappings=[scalars])
-
-
-def _rgba(colour: str, alpha: str = "ff") -> int:
-    return int(colour[1:] + alpha, 16)
 
 
 def _mapping(target: str, column: str) -> "VisualizerComponentMapping":

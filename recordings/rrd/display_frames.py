@@ -65,9 +65,21 @@ def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
     """The series of a view that this run has numbers for, each with the name of its frame."""
     for series in view.series:
         for name in frames_of(series, run.frames):
-            frame = run.frames[name]
-            if series.column in frame.columns and frame[series.column].is_not_null().any():
+            if _has_numbers(series, _one_at_a_time(run.frames[name])):
                 yield series, name
+
+
+def _has_numbers(series: Series, frame: pl.DataFrame) -> bool:
+    """Whether there is anything to draw."""
+    if series.column not in frame.columns:
+        return False
+    column = frame[series.column]
+    if column.dtype == pl.Boolean:
+        return bool(column.any())
+    # a log in which nothing is dumped, as a calibration's, has no cycles but what is left over
+    if series.frame == "cycles" and not (frame["quality"] != "not dumped").any():
+        return False
+    return bool(column.is_not_null().any())
 
 
 def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[DisplayColumn, ...]:

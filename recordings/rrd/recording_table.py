@@ -66,15 +66,34 @@ class View:
         return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
 
 
+class Methods(Enum):
+    """How a tab draws the methods of a view: over each other they hide all but the last."""
+
+    ONE = "one of them, which stands for all"
+    ROWS = "a row a method, all with the same axis"
+
+
 @dataclass(frozen=True, slots=True)
 class Tab:
-    """One tab: its views from top to bottom, and the texts beside them."""
+    """One tab: its views from top to bottom, and the texts beside them.
+
+    Attributes:
+        name: of the tab.
+        views: from top to bottom.
+        texts: to the left of them.
+        events: whether it lists the findings as events in time.
+        context: those of the views that are not what the tab is about.
+        methods: how it draws estimates.
+        pictures: by name, below the views.
+    """
 
     name: str
     views: tuple[View, ...] = ()
     texts: tuple[str, ...] = ()
     events: bool = False
-    """Whether it lists the findings as events in time."""
+    context: tuple[View, ...] = ()
+    methods: Methods = Methods.ONE
+    pictures: tuple[str, ...] = ()
 
 
 def _lines(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
@@ -98,10 +117,10 @@ _FORCE = _lines("Force", "excitation", force_x_N="driving force")
 _ACCELERATION = _lines(
     "Acceleration",
     "excitation",
-    regressor_acc_x_m_s2="regressor, multiplies the mass",
-    specific_force_x_m_s2="accelerometer, gravity included",
+    regressor_acc_x_m_s2="multiplies the mass",
+    specific_force_x_m_s2="accelerometer",
     acc_x_m_s2="kinematic",
-    speed_rate_x_m_s2="speed rate, decides the phase",
+    speed_rate_x_m_s2="tells the phase",
 )
 _SPEED = _lines("Speed", "excitation", speed_x_m_s="speed")
 _YAW_TORQUE = _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque")
@@ -126,6 +145,9 @@ _LOADS = View(
 _MASS = _band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
 _FRICTION = _band_view("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
 _INERTIA = _band_view("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
+_YAW_FRICTION = _band_view(
+    "Viscous friction of turning", "estimates", "friction_z_N_m_s", "friction_z_std_N_m_s"
+)
 _COM = View(
     "Centre of mass",
     Kind.BANDS,
@@ -148,6 +170,7 @@ TABS: Final = (
         (_states("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
         ("findings",),
         events=True,
+        context=(_FORCE, _SPEED),
     ),
     Tab(
         "Loads",
@@ -158,6 +181,7 @@ TABS: Final = (
             ),
             _SPEED,
         ),
+        context=(_SPEED,),
     ),
     Tab(
         "Cycles",
@@ -168,6 +192,7 @@ TABS: Final = (
             _states("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),
+        context=(_SPEED,),
     ),
     Tab(
         "Motion",
@@ -179,6 +204,7 @@ TABS: Final = (
             _states("Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")),
         ),
     ),
+    Tab("Scatter", pictures=("scatter",)),
     Tab(
         "Gate",
         (
@@ -215,7 +241,9 @@ TABS: Final = (
             _FRICTION,
             _band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
         ),
+        methods=Methods.ROWS,
     ),
+    Tab("Turning", (_INERTIA, _YAW_FRICTION), methods=Methods.ROWS),
     Tab(
         "Residuals",
         (
@@ -223,6 +251,7 @@ TABS: Final = (
             _wild("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
             _wild("Condition number", "estimates", "condition_1"),
         ),
+        methods=Methods.ROWS,
     ),
     Tab(
         "Manoeuvres",
@@ -267,13 +296,6 @@ TABS: Final = (
                 "Lateral force a mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
             ),
             _DECISIONS,
-            _INERTIA,
-            _band_view(
-                "Viscous friction of turning",
-                "estimates",
-                "friction_z_N_m_s",
-                "friction_z_std_N_m_s",
-            ),
             _COM,
             _states("Outcome of arcs", ("planar", "reason", "arcs")),
         ),
@@ -334,7 +356,7 @@ TABS: Final = (
             _lines("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
         ),
     ),
-    Tab("Calibration", texts=("calibration",)),
+    Tab("Calibration", texts=("calibration",), pictures=("line", "errors")),
     Tab("Provenance", texts=("settings", "provenance")),
 )
 

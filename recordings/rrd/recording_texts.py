@@ -66,6 +66,11 @@ def machine_name(about: Provenance) -> str:
     return str(machine_body(about).get("name", ""))
 
 
+#: What the times on the axes of the viewer are.
+_AXES: Final = "Times on the axes are UTC, unless the viewer's settings say local time."
+_AXES_WITHOUT_DATE: Final = "Times on the axes are of the log's own clock, which has no date."
+#: Heads of a calibration's errors.
+_ERRORS: Final = ("error kg", "load left out kg")
 #: Findings beside the answer; their own text has all.
 _FOUND: Final = 3
 #: Of a page's loads.
@@ -157,8 +162,7 @@ def answer_text(run: Run) -> str:
         f"# {headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
     ]
-    if about.t0_unix_ns >= FIRST_DATE_NS:
-        parts.append("Times on the axes are UTC, unless the viewer's settings say local time.")
+    parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
     if is_shift(said):
         parts.append("As weighed; what reviewers say is on the page of the review.")
     if failed := said.verdict.failed("mass"):
@@ -201,19 +205,56 @@ def calibration(run: Run) -> str:
                 f"**{method}**: reference = {number(fit['alpha_1'])} · estimate "
                 f"{fit['beta_kg']:+.4g} kg"
             )
-    columns = [name for name in points.columns if name not in ("alpha_1", "beta_kg")]
-    return "\n\n".join([*parts, table(columns, points.select(columns).rows())])
+    rows = [
+        (
+            row["method"],
+            number(row["load_kg"]),
+            number(row["reference_kg"]),
+            f"{plus_minus(row['estimate_kg'], row['estimate_std_kg'])} ({row['runs']})",
+            number(row["error_kg"]),
+            number(row["error_left_out_kg"]),
+        )
+        for row in points.iter_rows(named=True)
+    ]
+    heads = ("method", "load kg", "reference kg", "estimate kg (runs)", *_ERRORS)
+    return "\n\n".join([*parts, table(heads, rows)])
 
 
 def _evidence_lines(run: Run) -> list[str]:
     """The line of evidence, its points, and where each run is recorded."""
     if "points" not in run.frames:
         return []
-    parts = [f"- {note}" for note in run.provenance.notes]
-    for name, title in (("line", "Line"), ("points", "Points"), ("runs", "Recordings of the runs")):
-        frame = run.frames[name]
-        parts += [f"## {title}", table(frame.columns, frame.rows())]
-    return parts
+    line, points, runs = (run.frames[name] for name in ("line", "points", "runs"))
+    rows = [
+        (
+            row["run_id"],
+            row["load"],
+            number(row["reference_kg"]),
+            f"{plus_minus(row['mean_kg'], row['std_kg'])} ({row['readings']})",
+            number(row["error_kg"]),
+            number(row["error_left_out_kg"]),
+        )
+        for row in points.iter_rows(named=True)
+    ]
+    heads = ("run", "load", "reference kg", "estimate kg (readings)", *_ERRORS)
+    fitted = [
+        f"reference = {number(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
+        f"{number(row['valid_from_kg'])} to {number(row['valid_to_kg'])} kg; a later mass "
+        f"± {number(row['line_u_kg'])} kg (k = 1), interval with k = {number(row['coverage_k_1'])}"
+        for row in line.iter_rows(named=True)
+    ]
+    # a digest does not fit into a column
+    logs = [
+        f"- **{row['run_id']}** {row['log']}{', ' + row['recording'] if row['recording'] else ''}: "
+        f"`{row['log_sha256']}`"
+        for row in runs.iter_rows(named=True)
+    ]
+    return [
+        "\n".join(f"- {note}" for note in run.provenance.notes),
+        *("## Line", *fitted),
+        *("## Points", table(heads, rows)),
+        *("## Logs of the runs", "\n".join(logs)),
+    ]
 
 
 def settings(run: Run) -> str:

@@ -14,11 +14,11 @@ import polars as pl
 
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.rrd.blueprint import Page, Panel, laid_out, text_entity
+from recordings.rrd.blueprint import Page, Panel, laid_out
 from recordings.rrd.display_frames import DisplayColumn, bin_rows, stands_alone
 from recordings.rrd.drawn_rows import drawn_rows
 from recordings.rrd.recording_table import SINCE_START, TIME, Kind
-from recordings.rrd.writer import Scene, scene_of, send_events
+from recordings.rrd.writer import Scene, scene_of, send_events, send_texts
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -146,9 +146,7 @@ def _stream(scene: Scene, asks: ViewerAsks, t0_unix_ns: int) -> None:
     if not asks.under:
         recording.send_recording_name(scene.name)
         recording.send_recording_start_time_nanos(t0_unix_ns)
-    for name, text in scene.texts.items():
-        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        recording.log(text_entity(name, asks.under), document, static=True)
+    send_texts(recording, scene, asks.under)
     at = _times(asks)
     send_events(recording, scene, t0_unix_ns, asks.under, at)
     for name, frame in scene.shown.items():

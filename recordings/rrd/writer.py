@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from uuid import uuid4
@@ -15,10 +15,11 @@ from analysis.model.schema import FRAMES
 from estimators.errors import OutputError, RecordingError
 from recordings.report.atomic_output import atomic_file, check_output
 from recordings.report.finding_text import finding_line, findings_of
-from recordings.rrd.blueprint import blueprint, events_entity, text_entity
+from recordings.rrd.blueprint import blueprint, events_entity, picture_entity, text_entity
 from recordings.rrd.display_frames import display_frames, span_ns
 from recordings.rrd.drawn_rows import drawn_rows
 from recordings.rrd.piped_file import PipedFile, piped_file
+from recordings.rrd.plane_pictures import PlanePicture, plane_pictures, send_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, opened
 from recordings.rrd.recording_properties import ANSWER, recording_properties
 from recordings.rrd.recording_table import ROW, SINCE_START, TIME, component_name
@@ -98,6 +99,7 @@ class Scene:
     texts: Mapping[str, str]
     events: tuple[tuple[int, str, bool], ...] = ()
     """`t_ns`, a line, and whether it is a warning."""
+    pictures: Mapping[str, PlanePicture] = field(default_factory=dict)
 
 
 def scene_of(run: Run, under: str = "") -> Scene:
@@ -113,7 +115,8 @@ def scene_of(run: Run, under: str = "") -> Scene:
         )
         for each in findings_of(run)
     )
-    return Scene(name, shown, blueprint(run, shown, under), texts(run), tuple(events))
+    layout = blueprint(run, shown, under)
+    return Scene(name, shown, layout, texts(run), tuple(events), plane_pictures(run))
 
 
 def write_scene(
@@ -186,9 +189,7 @@ def _write(
     recording.send_property(ANSWER, rr.AnyValues(**said))
     recording.send_recording_name(scene.name)
     recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
-    for name, text in scene.texts.items():
-        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        recording.log(text_entity(name), document, static=True)
+    send_texts(recording, scene)
     send_events(recording, scene, run.provenance.t0_unix_ns)
     _settle(recording, piped, path)  # what describes the frames first, or a cut file is past help
     waiting = 0
@@ -200,6 +201,17 @@ def _write(
             waiting = 0
     _settle(recording, piped, path)
     recording.disconnect()
+
+
+def send_texts(recording: "RecordingStream", scene: Scene, under: str = "") -> None:
+    """Send what holds for all times under an entity: texts and pictures of a scene."""
+    import rerun as rr
+
+    for name, text in scene.texts.items():
+        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+        recording.log(text_entity(name, under), document, static=True)
+    for name, picture in scene.pictures.items():
+        send_picture(recording, picture_entity(name, under), picture)
 
 
 def send_events(

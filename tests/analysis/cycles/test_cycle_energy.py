@@ -28,7 +28,7 @@ def machine(**body: Any) -> Machine:
 
 
 def driven(
-    *, slope_m_s2: float = 0.0, offset_N: float = 0.0, digs_N: float = 0.0
+    *, slope_m_s2: float = 0.0, offset_N: float = 0.0, digs_N: float = 0.0, slip_1_N: float = 0.0
 ) -> dict[str, pl.DataFrame]:
     """One cycle: a start empty, one that digs, one with the load; then what the fit says of it.
 
@@ -44,11 +44,15 @@ def driven(
     speed[stands] = 0.0
     t_ns = np.arange(rate.size) * round(NS / RATE_HZ)
     third = rate.size // 3
-    mass = np.where(np.arange(rate.size) < 2 * third, EMPTY_KG, LOADED_KG)
     digs = (np.arange(rate.size) // third == 1) & ~stands
+    # the bucket fills while it is pushed into the pile
+    filled = np.cumsum(digs & ~brakes) / np.sum(digs & ~brakes)
+    mass = EMPTY_KG + (LOADED_KG - EMPTY_KG) * filled
     acceleration = rate + slope_m_s2
-    force = mass * acceleration + FRICTION_N_S_M * speed + np.where(digs, digs_N, 0.0)
-    force = np.where(brakes | stands, 0.0, force) + offset_N
+    ground = mass * acceleration + FRICTION_N_S_M * speed + np.where(digs, digs_N, 0.0)
+    force = np.where(brakes | stands, 0.0, ground) + offset_N
+    # wheels turn faster than the ground by what the drive takes, slower by what brakes take
+    speed = speed * (1.0 + slip_1_N * ground)
     phase = np.where(stands, "standstill", np.where(brakes, "braking", "accelerating"))
     channels = {
         "t_ns": t_ns,
@@ -70,7 +74,7 @@ def driven(
             "mass_std_kg": [10.0, 10.0],
         }
     )
-    term = {"term": ["const", "offset"], "posterior": [offset_N, offset_N]}
+    term = {"term": ["const", "offset", "wheel_slip"], "posterior": [offset_N, offset_N, slip_1_N]}
     return {
         "aligned": aligned,
         "excitation": excitation,
@@ -89,8 +93,8 @@ def driven(
                 "load_s": [(edges[2] - edges[1]) / NS],
                 "haul_s": [(edges[3] - edges[2]) / NS],
                 "empty_before_kg": [EMPTY_KG],
-                # what is dug weighs nothing until the machine hauls it
-                "loaded_kg": [LOADED_KG if not digs_N else EMPTY_KG],
+                "empty_after_kg": [None],
+                "loaded_kg": [LOADED_KG],
             }
         ),
         "manoeuvres": starts,
@@ -103,7 +107,9 @@ def driven(
                 "friction_x_std_N_s_m": [4.0] * 2,
             }
         ),
-        "nuisances": pl.DataFrame({**term, "posterior_std": [1.0, 1.0], "prior_std": [1e6, 1.0]}),
+        "nuisances": pl.DataFrame(
+            {**term, "posterior_std": [1.0, 1.0, 0.0], "prior_std": [1e6, 1.0, 1.0]}
+        ),
         "budget": pl.DataFrame({"load_id": [0], "kind": ["common"], "u_kg": [6.0]}),
     }
 
@@ -184,6 +190,29 @@ def test_a_cycle_without_a_mass_has_those_of_its_starts_on_either_side_of_the_pi
     )
     for phase in ("return", "haul"):
         assert row(not_weighed, phase).braking == row(weighed, phase).braking
+
+
+def test_wheels_that_slip_as_the_machine_brakes_hide_none_of_its_speed() -> None:
+    rolls, slips = row(driven(), "return"), row(driven(slip_1_N=3e-5), "return")
+    assert slips.kinetic.kWh == pytest.approx(rolls.kinetic.kWh, rel=0.02)
+    assert slips.braking.kWh == pytest.approx(rolls.braking.kWh, rel=0.02)
+    assert slips.work.kWh > 1.02 * rolls.work.kWh
+
+
+def test_a_first_cycle_that_starts_at_the_pile_is_empty_until_it_digs() -> None:
+    frames = driven()
+    frames["cycles"] = frames["cycles"].with_columns(
+        empty_before_kg=pl.lit(None, pl.Float64), empty_after_kg=pl.lit(EMPTY_KG)
+    )
+    frames["manoeuvres"] = frames["manoeuvres"].tail(1).with_columns(load_id=pl.lit(0, pl.Int64))
+    assert row(frames, "return").kinetic == row(driven(), "return").kinetic
+
+
+def test_a_load_that_is_lost_on_the_way_was_hauled_until_then() -> None:
+    frames = driven()
+    # what was left in the bucket at the end of the haul
+    frames["cycles"] = frames["cycles"].with_columns(loaded_kg=pl.lit(EMPTY_KG))
+    assert row(frames, "haul").kinetic == row(driven(), "haul").kinetic
 
 
 def test_a_late_force_drives_when_it_acted_not_when_it_was_measured() -> None:

@@ -1,5 +1,6 @@
 """The blueprint draws what is there, and only that."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import polars as pl
@@ -8,9 +9,10 @@ import pytest
 
 from analysis import Run
 from recordings import write_recording
-from recordings.rrd.blueprint import Page, Panel, _shares, blueprint
+from recordings.rrd.blueprint import Page, Panel, _shares, blueprint, tab_panels
 from recordings.rrd.display_frames import DisplayColumn, display_frames
-from recordings.rrd.recording_table import TABS, Kind
+from recordings.rrd.recording_table import TABS, Kind, Methods, Tab
+from tests.recordings.conftest import METHODS
 
 
 def _components(path: Path) -> dict[tuple[str, str], pa.DataType]:
@@ -60,7 +62,9 @@ def test_every_stage_that_the_table_draws_is_mapped(drives, tmp_path: Path):
     lines = [
         s for tab in TABS for view in tab.views for s in view.series if view.kind.name != "STATES"
     ]
-    assert {f"payscope:{series.column}" for series in lines} <= mapped
+    # arcs tell how far ahead the centre of mass is, and no more
+    drawn = {series.column for series in lines} - {"com_y_m"}
+    assert {f"payscope:{column}" for column in drawn} <= mapped
 
 
 def _view_names(container) -> list[str]:
@@ -123,17 +127,86 @@ def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):
         "Information index (nat)",
         "Gate and phase",
         "Mass of each load (kg)",
-        "Mass (kg)",
-        "Yaw inertia (kg·m²)",
+        "Mass (kg), rls",
+        "Yaw inertia (kg·m²), rls",
     ]
 
 
 def test_views_of_frames_that_are_missing_or_empty_are_left_out(drives):
     nothing = _tabs(drives(60.0, accepted=False, calibration=False))
-    assert "Mass (kg)" not in nothing["Overview"]
+    assert not any(name.startswith("Mass (kg)") for name in nothing["Overview"])
     assert "Estimates" not in nothing
     assert "Calibration" not in nothing
     assert "Phase and outcome" in nothing["Manoeuvres"]
+
+
+def _methods_of(panel: Panel) -> set[str]:
+    frames = {each.frame for each in panel.drawn}
+    return {method for method in METHODS if f"display/estimates/{method}" in frames}
+
+
+@pytest.mark.parametrize("tab", TABS, ids=lambda tab: tab.name)
+def test_no_view_draws_two_methods_over_each_other(drives, tab: Tab) -> None:
+    run = drives(60.0)
+    rows = Page(tab.name, tab_panels(tab, run, display_frames(run))).rows
+    assert all(len(_methods_of(panel)) <= 1 for row in rows for panel in row)
+    if tab.methods is Methods.ROWS:
+        assert [_methods_of(row[0]) for row in rows] == [{method} for method in METHODS]
+        assert all(_methods_of(panel) == _methods_of(row[0]) for row in rows for panel in row)
+        # below each other they can be compared: one axis
+        assert all(len({panel.bulk for panel in each}) == 1 for each in zip(*rows, strict=True))
+
+
+def _with_cycles(run: Run, *qualities: str) -> Run:
+    count = len(qualities)
+    cycles = pl.DataFrame(
+        {
+            "start_t_ns": [number * 10**10 for number in range(count)],
+            "end_t_ns": [(number + 1) * 10**10 - 1 for number in range(count)],
+            "payload_kg": [500.0] * count,
+            "payload_u_kg": [20.0] * count,
+            "quality": qualities,
+        }
+    )
+    return replace(run, frames={**run.frames, "cycles": cycles})
+
+
+def test_a_log_in_which_nothing_is_dumped_has_no_tab_of_cycles(drives) -> None:
+    assert "Cycles" not in _tabs(_with_cycles(drives(60.0), "not dumped"))
+    shift = _tabs(_with_cycles(drives(60.0), "good", "not dumped"))
+    assert shift["Cycles"] == ["Payload of each cycle (kg)", "Cycle", "Speed (m/s)"]
+
+
+def test_a_tab_that_would_hold_nothing_but_its_context_is_left_out(drives) -> None:
+    nothing = _tabs(drives(60.0, accepted=False))
+    assert not {"Loads", "Cycles", "Estimates", "Turning", "Residuals"} & nothing.keys()
+
+
+def test_a_lane_of_gaps_needs_a_gap(drives) -> None:
+    run = drives(60.0)
+    whole = run.frames["aligned"].with_columns(gap=pl.lit(value=False))
+    (tab,) = (tab for tab in TABS if tab.name == "Motion")
+    for frames, lanes in ((run.frames, 2), ({**run.frames, "aligned": whole}, 1)):
+        each = replace(run, frames=frames)
+        *_, states = tab_panels(tab, each, display_frames(each))
+        assert len(states.drawn) == lanes
+
+
+def test_a_centre_of_mass_that_no_arc_tells_has_no_view(drives) -> None:
+    run = drives(60.0)
+    assert "Centre of mass (m)" in _tabs(run)["Planar"]
+    unknown = pl.when(pl.col("kind") != "arc").then("com_x_m").alias("com_x_m")
+    planar = run.frames["planar"].with_columns(unknown)
+    run = replace(run, frames={**run.frames, "planar": planar})
+    assert "Centre of mass (m)" not in _tabs(run)["Planar"]
+
+
+def test_pictures_stand_beside_the_text_and_in_a_tab(drives) -> None:
+    tabs = _tabs(drives(60.0))
+    assert tabs["Scatter"] == ["Force against acceleration"]
+    text, line, errors = tabs["Calibration"]
+    assert (text, line) == ("Calibration", "Line of the calibration")
+    assert errors.startswith("Errors of the calibration")
 
 
 def test_a_run_without_any_frame_still_opens_with_its_answer_and_provenance(tmp_path: Path):

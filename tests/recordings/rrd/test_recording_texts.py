@@ -67,7 +67,9 @@ def test_every_check_is_listed_also_one_that_does_not_apply(drives):
 
 
 def test_a_person_reads_the_local_time_of_the_machine(drives):
-    assert "2023-11-14 19:13:20 -03:00 America/Santiago" in texts(drives(60.0))["answer"]
+    written = texts(drives(60.0))["answer"]
+    assert "2023-11-14 19:13:20 -03:00 America/Santiago" in written
+    assert "Times on the axes are UTC, unless the viewer's settings say local time." in written
 
 
 def test_a_clock_that_counts_from_its_start_is_given_no_date(drives):
@@ -76,6 +78,32 @@ def test_a_clock_that_counts_from_its_start_is_given_no_date(drives):
     written = texts(Run(run.frames, about))["answer"]
     assert "47.580 s of the log's own clock" in written
     assert "1970" not in written
+    assert "Times on the axes are of the log's own clock" in written
+    assert "UTC" not in written
+
+
+def test_nothing_of_a_calibration_is_cut_off_at_the_side(drives):
+    written = texts(drives(60.0))["calibration"]
+    (head,) = (line for line in written.splitlines() if "reference kg" in line)
+    assert head.count("|") == 7
+    assert "| ls | 0 |" in written
+
+
+def test_what_turning_is_worth_is_a_list_that_wraps(drives):
+    rows = {
+        "quantity": ["inertia_z_kg_m2", "com_x_m"],
+        "cause": ["noise", "track_width"],
+        "kind": ["random", "scale"],
+        "u": [8.7, None],
+        "unit": ["kg·m²", "m"],
+        "share_1": [0.4, None],
+        "meaning": ["", ""],
+        "shrinks": ["more turns", "measuring it"],
+    }
+    run = drives(60.0)
+    written = texts(Run({**run.frames, "planar_budget": pl.DataFrame(rows)}))["planar"]
+    assert "- **noise** (random): 8.7 kg·m²; shrinks with more turns" in written
+    assert "- **track_width** (scale): not known; shrinks with measuring it" in written
 
 
 def test_a_loss_of_a_whole_file_has_no_topic():

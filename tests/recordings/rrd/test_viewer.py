@@ -5,16 +5,22 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from analysis import Run
 from estimators.errors import OutputError, RecordingError
 from recordings import read_recording, write_recording
+from recordings.report import colours
 from recordings.rrd.recording_table import TABS
 from recordings.rrd.viewer import headless_viewer, screenshots
+from tests.recordings.conftest import METHODS
 from tests.viewer_needed import VIEWER
 
-EMPTY_WITHOUT_ESTIMATES = ("Estimates", "Residuals")
+#: Tabs of what these runs do not have; they have no cycles at all.
+EMPTY = ("Cycles",)
+EMPTY_WITHOUT_ESTIMATES = ("Loads", "Estimates", "Turning", "Residuals")
 
 
 class TestViewer:
@@ -34,7 +40,7 @@ class TestViewer:
     ):
         path = write_recording(drives(**options), tmp_path / "shift.rrd")
         drawn = screenshots(path, tmp_path)
-        named = [tab.name for tab in TABS]
+        named = [tab.name for tab in TABS if tab.name not in EMPTY]
         assert [each.tab for each in drawn] == [
             name
             for name in named
@@ -44,6 +50,15 @@ class TestViewer:
         sizes = [each.png.stat().st_size for each in drawn]
         assert min(sizes) > 20_000
         assert len({each.png.read_bytes() for each in drawn}) == len(drawn)
+
+    @pytest.mark.parametrize("tab", ["Estimates", "Calibration"])
+    def test_each_of_five_methods_is_seen(self, drives, tmp_path: Path, tab: str):
+        path = write_recording(drives(60.0), tmp_path / "shift.rrd")
+        (shot,) = screenshots(path, tmp_path, tab)
+        pixels = np.asarray(Image.open(shot.png).convert("RGB")).reshape(-1, 3).astype(int)
+        for method in METHODS:
+            own = [int(colours.method(method)[at : at + 2], 16) for at in (1, 3, 5)]
+            assert np.sum(abs(pixels - own).max(axis=1) < 12) > 50, method
 
     def test_a_recording_is_seen_while_it_is_written_and_the_file_is_the_same(
         self, drives, tmp_path: Path

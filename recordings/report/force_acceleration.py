@@ -1,0 +1,153 @@
+"""Force against acceleration, of which the mass is the slope: points by the gate, and masses."""
+
+from typing import Any, Final, NamedTuple
+
+import polars as pl
+
+from analysis.model.run_record import Run
+from analysis.model.windows import samples_of
+from recordings.report import colours
+from recordings.report.number_text import plus_minus
+
+#: The acceleration that multiplies the mass, a column of the excitation.
+ACCELERATION: Final = "regressor_acc_x_m_s2"
+#: The force, less friction where the answer has it.
+FORCE: Final = "force_N"
+ACCELERATION_LABEL: Final = "acceleration that multiplies the mass (m/s²)"
+_NEEDED: Final = ("force_x_N", ACCELERATION, "speed_x_m_s")
+_ACCEPTED: Final = "#2e9e5b"
+#: Reasons that are named beside the accepted; the rest is "other".
+_REASONS: Final = 3
+
+
+class PointGroup(NamedTuple):
+    """Points that the gate judged alike: columns `ACCELERATION` and `FORCE`."""
+
+    label: str
+    colour: str
+    points: pl.DataFrame
+
+
+class MassLine(NamedTuple):
+    """A mass of the answer, with its standard uncertainty."""
+
+    name: str
+    mass_kg: float
+    u_kg: float
+
+    @property
+    def label(self) -> str:
+        """The name, the mass and U."""
+        return f"{self.name} {plus_minus(self.mass_kg, 2 * self.u_kg)} kg (k = 2)"
+
+
+class ForceAcceleration(NamedTuple):
+    """What is drawn of force against acceleration.
+
+    Attributes:
+        points: all of them, `t_ns`, `ACCELERATION` and `FORCE`.
+        groups: the same by what the gate said.
+        masses: of the load at the moment, else of the lightest and the heaviest.
+        force_label: of the axis.
+    """
+
+    points: pl.DataFrame
+    groups: list[PointGroup]
+    masses: list[MassLine]
+    force_label: str
+
+
+def force_acceleration(run: Run, at_s: float | None = None) -> ForceAcceleration | None:
+    """Select points and masses.
+
+    Args:
+        run: the run, or a stretch of it.
+        at_s: the moment that is meant.
+
+    Returns:
+        None where no sample has force and acceleration.
+    """
+    points = _select_points(run)
+    if points is None or not points.height:
+        return None
+    loads = _fitted_loads(run, at_s)
+    friction = next((row["friction_x_N_s_m"] for row in loads), None)
+    coulomb = _coulomb_force(run) if friction is not None else 0.0
+    force = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
+    # a shift has millions of rows: no more columns than are drawn
+    points = points.select(
+        "t_ns",
+        ACCELERATION,
+        (force - coulomb * pl.col("direction_x_1")).alias(FORCE),
+        "used",
+        pl.when(~pl.col("used") & (pl.col("phase") != "standstill")).then("reason").alias("why"),
+    )
+    names = ("lightest load", "heaviest load") if len(loads) > 1 else ("mass",)
+    masses = [
+        MassLine(name, row["mass_kg"], row["u_kg"] or 0.0)
+        for name, row in zip(names, loads, strict=False)
+    ]
+    less = "less friction " if friction is not None else ""
+    return ForceAcceleration(points, _group_points(points), masses, f"force {less}(N)")
+
+
+def _group_points(points: pl.DataFrame) -> list[PointGroup]:
+    counts = points["why"].drop_nulls().value_counts(sort=True)
+    named = [str(reason) for reason in counts["why"].head(_REASONS)]
+    drawn = points.select(ACCELERATION, FORCE)
+    chosen = {reason: (points["why"] == reason).fill_null(value=False) for reason in named}
+    rest = ~points["used"]
+    for each in chosen.values():
+        rest &= ~each
+    groups = [("other" if named else "not used", colours.OTHER, rest)]
+    for reason, rows in chosen.items():
+        groups.append((reason.replace("_", " "), colours.STATES.get(reason, colours.OTHER), rows))
+    groups.append(("accepted", _ACCEPTED, points["used"]))
+    return [
+        PointGroup(f"{label} ({rows.sum() / points.height:.0%})", colour, drawn.filter(rows))
+        for label, colour, rows in groups
+        if rows.any()
+    ]
+
+
+def _select_points(run: Run) -> pl.DataFrame | None:
+    """Samples with force and acceleration, whether a window used them, and the gate's reason."""
+    excitation, gate = run.frames.get("excitation"), run.frames.get("gate")
+    if excitation is None or any(name not in excitation.columns for name in _NEEDED):
+        return None
+    columns = [name for name in (*_NEEDED, "direction_x_1") if name in excitation.columns]
+    points = excitation.select("t_ns", *columns, "phase")
+    if "direction_x_1" not in columns:
+        points = points.with_columns(direction_x_1=pl.col("speed_x_m_s").sign())
+    if gate is None or gate.height != excitation.height or "accepted_x" not in gate.columns:
+        points = points.with_columns(used=pl.lit(value=False), reason=pl.lit("not judged"))
+    else:
+        window = run.provenance.settings.gate.window_samples
+        used = samples_of(gate["accepted_x"].fill_null(value=False).to_numpy(), window)
+        points = points.with_columns(pl.Series("used", used), gate["reason_x"].alias("reason"))
+    return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
+
+
+def _fitted_loads(run: Run, at_s: float | None) -> list[dict[str, Any]]:
+    """The loads whose masses are drawn as lines, the lighter first."""
+    loads = run.frames.get("loads")
+    if loads is None:
+        return []
+    known = loads.drop_nulls(["mass_kg", "friction_x_N_s_m"])
+    if at_s is not None:
+        at = round(at_s * 1e9)
+        here = known.filter(pl.lit(at).is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
+        known = here if here.height else known
+    if known.height > 1:
+        known = known.sort("mass_kg")
+        known = pl.concat([known.head(1), known.tail(1)])
+    return known.to_dicts()
+
+
+def _coulomb_force(run: Run) -> float:
+    """Coulomb friction of the answer."""
+    terms = run.frames.get("nuisances")
+    if terms is None:
+        return 0.0
+    found = terms.filter(pl.col("term") == "direction")["posterior"].to_list()
+    return float(found[0] or 0.0) if found else 0.0

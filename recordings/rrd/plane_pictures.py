@@ -1,0 +1,236 @@
+"""Pictures over no time: force against acceleration, and a calibration's line and errors.
+
+The viewer has plots over time only. So these are drawn in its plane: grid, numbers, points and
+lines, each under a path of its own, which can be hidden there.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.model.run_record import Run
+from estimators.arrays import Floats
+from recordings.report import colours
+from recordings.report.force_acceleration import (
+    ACCELERATION,
+    ACCELERATION_LABEL,
+    FORCE,
+    force_acceleration,
+)
+from recordings.report.svg_shapes import Axes, ticks
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
+
+#: Points of a group that are kept; more lie on one another.
+_MOST_POINTS: Final = 2000
+#: Left, top, right and bottom of the axes, in units of the plane.
+_BOX: Final = (0.0, 0.0, 1000.0, 560.0)
+#: Left, top, right and bottom of what the view shows: numbers, labels and legend as well.
+BOUNDS: Final = (-130.0, -75.0, 1310.0, 665.0)
+#: Units from the axes to their numbers and to their labels, from the axes to the middle of the
+#: legend, and of a line of it; the viewer writes so many units below the place.
+_NUMBERS: Final = 16.0
+_LABELS: Final = 60.0
+_LEGEND: Final = 160.0
+_LEGEND_LINE: Final = 38.0
+_BELOW: Final = 12.0
+#: Distance between the errors of two methods, as a share of the range of loads.
+_ASIDE: Final = 0.012
+#: Points of the screen from the middle to the edge of a dot, a line, and a line of the grid.
+_DOT: Final = 2.5
+_WIDTH: Final = 0.7
+_GRID_WIDTH: Final = 0.3
+_GRID: Final = "#59616b"
+_INK: Final = "#aab2bb"
+_MASS: Final = "#f0f0f0"
+
+
+@dataclass(frozen=True)
+class PlaneSeries:
+    """Points or a line, in the units of the axes.
+
+    Attributes:
+        label: of the legend; empty: no entry.
+        colour: as #rrggbb.
+        x: (n,) along.
+        y: (n,) up.
+        joined: whether it is a line.
+    """
+
+    label: str
+    colour: str
+    x: Floats
+    y: Floats
+    joined: bool = False
+
+
+@dataclass(frozen=True)
+class PlanePicture:
+    """A picture with two axes."""
+
+    title: str
+    x_label: str
+    y_label: str
+    series: tuple[PlaneSeries, ...]
+
+
+def plane_pictures(run: Run) -> dict[str, PlanePicture]:
+    """The pictures that this run has numbers for, by name."""
+    drawn = {
+        "scatter": _draw_scatter(run),
+        "line": _draw_line(run),
+        "errors": _draw_errors(run),
+    }
+    return {name: picture for name, picture in drawn.items() if picture is not None}
+
+
+def send_picture(recording: "RecordingStream", entity: str, picture: PlanePicture) -> None:
+    """Send a picture, for all times.
+
+    Args:
+        recording: where to.
+        entity: what it lies under.
+        picture: what is drawn.
+    """
+    import rerun as rr
+
+    x, y = (np.concatenate([getattr(each, axis) for each in picture.series]) for axis in "xy")
+    axes = Axes.around(x.tolist(), y.tolist(), _BOX)
+    dot, width, thin = (rr.Radius.ui_points(size) for size in (_DOT, _WIDTH, _GRID_WIDTH))
+    grid = [[axes.place(a, b), axes.place(c, d)] for a, b, c, d in _grid(axes)]
+    ink = colours.rgba(_GRID)
+    frame = rr.LineStrips2D(grid, colors=ink, radii=thin, draw_order=0.0)
+    recording.log(f"{entity}/grid", frame, static=True)
+    places, texts, inks = zip(*_write(axes, picture), strict=True)
+    written = rr.Points2D(places, labels=texts, colors=inks, radii=0.0, show_labels=True)
+    recording.log(f"{entity}/text", written, static=True)
+    for number, each in enumerate(picture.series):
+        corners = [axes.place(a, b) for a, b in zip(each.x, each.y, strict=True)]
+        ink, order = colours.rgba(each.colour), 10.0 + number
+        shape = (
+            rr.LineStrips2D([corners], colors=ink, radii=width, draw_order=order)
+            if each.joined
+            else rr.Points2D(corners, colors=ink, radii=dot, draw_order=order)
+        )
+        recording.log(f"{entity}/series/{number}", shape, static=True)
+
+
+def _grid(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
+    """Ends of each line of the grid, in the units of the axes."""
+    for value, _ in ticks(*axes.x):
+        yield value, axes.y[0], value, axes.y[1]
+    for value, _ in ticks(*axes.y):
+        yield axes.x[0], value, axes.x[1], value
+
+
+def _write(axes: Axes, picture: PlanePicture) -> Iterator[tuple[tuple[float, float], str, int]]:
+    """Numbers, labels and the legend: where, what and in which colour."""
+    left, top, right, bottom = _BOX
+    ink = colours.rgba(_INK)
+    for value, text in ticks(*axes.x):
+        yield (axes.place(value, axes.y[0])[0], bottom + _NUMBERS - _BELOW), text, ink
+    for value, text in ticks(*axes.y):
+        yield (left - 3.0 * _NUMBERS, axes.place(axes.x[0], value)[1] - _BELOW), text, ink
+    yield ((left + right) / 2.0, bottom + _LABELS - _BELOW), picture.x_label, ink
+    yield (left + _LABELS, top - _LABELS), picture.y_label, ink
+    named = [each for each in picture.series if each.label]
+    for line, each in enumerate(named):
+        place = (right + _LEGEND, top + _LEGEND_LINE * line)
+        yield place, each.label, colours.rgba(each.colour)
+
+
+def _draw_scatter(run: Run) -> PlanePicture | None:
+    found = force_acceleration(run)
+    if found is None:
+        return None
+    series: list[PlaneSeries] = []
+    for group in found.groups:
+        kept = group.points.gather_every(-(-group.points.height // _MOST_POINTS))
+        x, y = kept[ACCELERATION].to_numpy(), kept[FORCE].to_numpy()
+        series.append(PlaneSeries(group.label, group.colour, x, y))
+    ends = np.array([found.points[ACCELERATION].min(), found.points[ACCELERATION].max()], float)
+    series += [
+        PlaneSeries(mass.label, _MASS, ends, mass.mass_kg * ends, joined=True)
+        for mass in found.masses
+    ]
+    return PlanePicture(
+        "Force against acceleration", ACCELERATION_LABEL, found.force_label, tuple(series)
+    )
+
+
+def _draw_line(run: Run) -> PlanePicture | None:
+    """What a calibration adds to an estimate: the points and the line, by method."""
+    series: list[PlaneSeries] = []
+    for name, colour, points in _calibrated_methods(run):
+        estimate, reference = points["estimate_kg"].to_numpy(), points["reference_kg"].to_numpy()
+        series.append(PlaneSeries(name, colour, estimate, reference - estimate))
+        alpha, beta = points["alpha_1"][0], points["beta_kg"][0]
+        if alpha is not None and beta is not None:
+            ends = np.array([estimate.min(), estimate.max()])
+            series.append(PlaneSeries("", colour, ends, (alpha - 1.0) * ends + beta, joined=True))
+    if not series:
+        return None
+    return PlanePicture(
+        "Line of the calibration", "estimate (kg)", "reference less estimate (kg)", tuple(series)
+    )
+
+
+def _draw_errors(run: Run) -> PlanePicture | None:
+    """What the line leaves of each load, and of a load that the line has not seen."""
+    series: list[PlaneSeries] = []
+    methods = list(_calibrated_methods(run))
+    for number, (name, colour, points) in enumerate(methods):
+        # methods of one load beside each other
+        aside_1 = (number - (len(methods) - 1) / 2.0) * _ASIDE
+        for column, label, look in (
+            ("error_left_out_kg", "", colours.lighten(colour)),
+            ("error_kg", name, colour),
+        ):
+            known = points.drop_nulls(column)
+            x, y = known["reference_kg"].to_numpy(), known[column].to_numpy()
+            if known.height:
+                series.append(PlaneSeries(label, look, x + aside_1 * np.ptp(x), y))
+    if not series:
+        return None
+    ends = np.concatenate([each.x for each in series])
+    ends = np.array([ends.min(), ends.max()])
+    series += [
+        PlaneSeries(label, _INK, ends, np.full(2, level_kg), joined=True)
+        for label, level_kg in _limits(run)
+    ]
+    return PlanePicture(
+        "Errors of the calibration (paler: of a load that the line has not seen)",
+        "reference (kg)",
+        "calibrated less reference (kg)",
+        tuple(series),
+    )
+
+
+def _limits(run: Run) -> list[tuple[str, float]]:
+    """No error, and the interval of a later mass where there is evidence."""
+    line = run.frames.get("line", pl.DataFrame())
+    if line.is_empty():
+        return [("", 0.0)]
+    interval_kg = float(line["line_u_kg"][0] * line["coverage_k_1"][0])
+    later = f"± {interval_kg:.1f} kg, of a later mass"
+    return [("", 0.0), (later, interval_kg), ("", -interval_kg)]
+
+
+def _calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
+    """Name, colour and points of each method that was calibrated; of evidence there is one."""
+    evidence, line = (run.frames.get(name, pl.DataFrame()) for name in ("points", "line"))
+    if evidence.height and line.height:
+        points = evidence.rename({"mean_kg": "estimate_kg"}).join(
+            line.select("alpha_1", "beta_kg"), how="cross"
+        )
+        yield "a run", colours.line(0), points.drop_nulls("estimate_kg")
+        return
+    points = run.frames.get("calibration", pl.DataFrame())
+    if points.is_empty():
+        return
+    for (method,), group in points.group_by("method", maintain_order=True):
+        yield str(method), colours.method(str(method)), group.drop_nulls("estimate_kg")

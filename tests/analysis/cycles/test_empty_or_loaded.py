@@ -1,0 +1,35 @@
+"""Loaded and empty by the order of the states, where their masses overlap and nothing digs."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from analysis.cycles.load_passes import loaded_states
+
+STATES = 40
+STATE_U_KG = 24.0
+NO_DIGGING = pl.DataFrame(schema={"start_t_ns": pl.Int64, "end_t_ns": pl.Int64})
+
+
+def classified(payload_kg: float, seed: int) -> np.ndarray | None:
+    """Of one manoeuvre a state, every second one with a load."""
+    loads = payload_kg * (np.arange(STATES) % 2)
+    mass_kg = 1670.0 + loads + np.random.default_rng(seed).normal(0.0, STATE_U_KG / 3.0, STATES)
+    begin = np.arange(STATES) * 10**10
+    times_ns = (begin, begin + 5 * 10**9)
+    return loaded_states(
+        mass_kg, np.full(STATES, STATE_U_KG), np.arange(STATES), times_ns, NO_DIGGING
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_small_loads_that_take_turns_are_told_by_that(seed: int) -> None:
+    """Loads of 3.75 standard uncertainties of a state: too few for a border between masses."""
+    loaded = classified(3.75 * STATE_U_KG, seed)
+    assert loaded is not None
+    assert (loaded == (np.arange(STATES) % 2 == 1)).all()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_masses_that_differ_by_chance_are_not_told(seed: int) -> None:
+    assert classified(0.0, seed) is None

@@ -1,0 +1,27 @@
+"""A load that grows at every start: it is told by what it does to a mass, not by a long log."""
+
+import pytest
+
+from analysis.weighing.growing_load import LoadFilling
+from tests.analysis.weighing.weighed import RICH, weighed
+
+#: A bucket that takes up 25 to 250 kg at every start, driven both ways.
+FILLS_KG_S = (20.0, 50.0)
+
+
+@pytest.mark.parametrize("fill_kg_s", FILLS_KG_S)
+def test_a_bucket_that_fills_moves_the_mass_and_is_evidence_in_full(fill_kg_s: float) -> None:
+    fills = {"loading": {"fill_kg_s": fill_kg_s}, "starts": {"directions": "alternating"}}
+    filling = weighed(fills).weighing.filling
+    assert filling.moves_u > 1.0
+    assert filling.evidence == filling.deviations
+
+
+def test_a_clean_log_has_no_evidence_of_one() -> None:
+    assert weighed(RICH).weighing.filling.evidence < 1.0
+
+
+def test_what_a_long_log_tells_of_a_growth_that_moves_no_mass_is_no_evidence() -> None:
+    """Two half hours of a clean shift have three deviations together, for 5 kg under ± 25 kg."""
+    assert LoadFilling(2.6, 3.25, 0.2).evidence < 1.0
+    assert LoadFilling(2.6, 3.25, 2.0).evidence == 3.25
