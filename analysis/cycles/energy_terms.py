@@ -9,12 +9,13 @@ import polars as pl
 
 from analysis.cycles.boom_dumps import standing
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.energy_integrals import Floats, MotionErrors
+from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.settings import PriorSettings
 from analysis.model.windows import runs_of
 from analysis.weighing.nuisances import coulomb_std
+from estimators.arrays import Floats
 
 #: Columns of `nuisances` that are a value and its uncertainty.
 _FOUND: Final = ("term", "posterior", "posterior_std")

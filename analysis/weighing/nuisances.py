@@ -67,23 +67,8 @@ class Moments:
 
     def at(self, rows: Ints) -> "Moments":
         """The same of some of the samples."""
-        return replace(
-            self,
-            acceleration=self.acceleration[rows],
-            wheel_acceleration=self.wheel_acceleration[rows],
-            speed=self.speed[rows],
-            rolling_fraction=self.rolling_fraction[rows],
-            force=self.force[rows],
-            force_rate=self.force_rate[rows],
-            direction=self.direction[rows],
-            progress=self.progress[rows],
-            under_way_s=self.under_way_s[rows],
-            relative_load=self.relative_load[rows],
-            load_contrast=self.load_contrast[rows],
-            place_1=self.place_1[rows],
-            travelled_m=self.travelled_m[rows],
-            route_1=self.route_1[rows],
-        )
+        channels = {n: x[rows] for n, x in vars(self).items() if isinstance(x, np.ndarray)}
+        return replace(self, **channels)
 
 
 @dataclass(frozen=True, slots=True)
