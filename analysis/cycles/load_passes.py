@@ -298,7 +298,7 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
 
 
 def _alternating_labels(mass_kg: Floats) -> Ints:
-    """(states,) 1 where each is heavier than the one before, 0 where lighter; -1 without turns."""
+    """(states,) 1 if heavier than the state before, 0 if lighter; -1 where none alternate."""
     rises = np.diff(mass_kg) > 0.0
     turns = rises[1:] != rises[:-1]
     if not turns.size or float(turns.mean()) < LIMITS.alternating_min_fraction:
