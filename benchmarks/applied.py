@@ -9,11 +9,10 @@ ends. Harm is a mass that is farther from the truth in its own standard uncertai
 one that was withheld and is open and wrong.
 """
 
-import json
 import os
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -23,9 +22,8 @@ import typer
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import Machine
 from analysis.model.settings import Settings
-from analysis.simulation.logs.fault_injection import FAULTS, Fault
-from analysis.simulation.scenario.drawn_designs import join_designs
 from benchmarks.findings_rows import AXES, design, needed, own_machine, simulated
+from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from benchmarks.unlisted_rows import UNLISTED, Unlisted, drawn_log, memory_log
 from estimators.errors import PayscopeError
@@ -34,6 +32,8 @@ from replay.inputs.cached_log import CachedLog
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.logs import Log
 from replay.pipeline import run
+from tests.trials.drawn_designs import join_designs
+from tests.trials.fault_injection import FAULTS, Fault
 
 #: Size of an injected fault, where it has one.
 _SIZE: Final = 3.0
@@ -151,13 +151,6 @@ def table(found: Sequence[Applied]) -> str:
     return markdown(head, rows)
 
 
-def kept(path: Path) -> list[Applied]:
-    """The lines of a campaign."""
-    if not path.is_file():
-        return []
-    return [Applied(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
-
-
 def tasks(
     names: Sequence[str] | None, seeds: Sequence[int]
 ) -> Iterator[tuple[Fault | Unlisted, int]]:
@@ -176,19 +169,17 @@ def main(
     read: Annotated[list[Path] | None, typer.Option("--read")] = None,
 ) -> None:
     if read:
-        print(table([each for path in read for each in kept(path)]))
+        print(table([Applied(**row) for row in read_rows(*read)]))
         return
-    found = [] if lines is None else kept(lines)
-    done = {(each.fault, each.seed) for each in found}
-    for one, seed in tasks(fault, range(first, first + seeds)):
-        if (one.name, seed) in done:
-            continue
-        each = applied(one, seed)
-        found.append(each)
-        if lines is not None:
-            with lines.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(each)) + "\n")
-    print(table(found))
+    found = run_trials(
+        tasks(fault, range(first, first + seeds)),
+        lambda task: applied(*task),
+        lines,
+        Applied,
+        task_key=lambda task: (task[0].name, task[1]),
+        result_key=lambda each: (each.fault, each.seed),
+    )
+    print(table(list(found)))
 
 
 if __name__ == "__main__":

@@ -31,6 +31,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
+from benchmarks.kept_trials import keep, read_rows
+
 os.environ.setdefault("POLARS_MAX_THREADS", "1")
 
 import polars as pl
@@ -495,10 +497,7 @@ def main(
     processes: int = 1,
     results: Annotated[Path, typer.Option("--json")] = Path("degenerate_tables.jsonl"),
 ) -> None:
-    done: set[int] = set()
-    if results.exists():
-        lines = results.read_text(encoding="utf-8").splitlines()
-        done = {json.loads(line)["seed"] for line in lines}
+    done = {row["seed"] for row in read_rows(results)} if results.exists() else set[int]()
     broken = 0
     wanted = [seed for seed in range(first, first + tables) if seed not in done]
     # Rerun keeps threads of each recording that a process has written
@@ -507,15 +506,14 @@ def main(
     )
     with pool:
         for row in pool.imap(partial(_row, every=every), wanted):
-            with results.open("a", encoding="utf-8") as file:
-                file.write(f"{json.dumps(row, ensure_ascii=False)}\n")
+            keep(results, row)
             broken += bool(row["faults"])
             for fault in row["faults"]:
                 print(f"seed {row['seed']} ({row['spoilt']}): {fault}", flush=True)
         pool.close()
         pool.join()
     ran = Counter[str]()
-    rows = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
+    rows = read_rows(results)
     for row in rows:
         ran.update(row["ran"])
     kept = sum(bool(row["faults"]) for row in rows)

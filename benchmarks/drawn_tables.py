@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
+
 Rng = np.random.Generator
 
 _MASSES_KG: Final = (0.0, 1e-12, 1.0, 99.0, 120.0, 3600.0, 1e12)

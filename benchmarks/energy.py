@@ -20,18 +20,18 @@ import typer
 from numpy.typing import NDArray
 
 from analysis.cycles.cycle_energy import PARTS, PHASES, WHOLE, EnergyRow, shift_energy
-from analysis.cycles.lost_cycles import holes
+from analysis.cycles.cycles_without_mass import holes
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
 from analysis.simulation.logs.shift_logs import ShiftSimulation
 from benchmarks.page import markdown, put
 from benchmarks.shift_logs import GAIN_U, drawn_shift
+from estimators.arrays import Floats
 from replay import open_log
 from replay.pipeline import run
 from replay.simulation.simulate_logs import simulate
 
-Floats = NDArray[np.float64]
 #: Of the true integrals, in Hz.
 _RATE_HZ: Final = 200.0
 _NS: Final = 10**9

@@ -8,7 +8,6 @@ reached. `--write` puts the tables into docs/findings.md, with the commit and th
 """
 
 import datetime as dt
-import json
 import subprocess
 import time
 import traceback
@@ -20,7 +19,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from analysis.simulation.logs.fault_injection import FAULTS
 from benchmarks.findings_rows import AXES, design, found, replayed
 from benchmarks.findings_tables import (
     of_clean,
@@ -31,8 +29,10 @@ from benchmarks.findings_tables import (
     of_totals,
 )
 from benchmarks.findings_trials import BY_NAME, DelayTrial, Trial, delays, pair, trials_of
+from benchmarks.kept_trials import keep, read_rows
 from benchmarks.page import put
 from estimators.errors import PayscopeError
+from tests.trials.fault_injection import FAULTS
 
 _REPO = Path(__file__).resolve().parent.parent
 FAILS = (PayscopeError, ArithmeticError, LookupError, ValueError)
@@ -163,15 +163,12 @@ def main(
     write: bool = False,
 ) -> None:
     if read:
-        lines = [line for path in read for line in path.read_text(encoding="utf-8").splitlines()]
-        shown([json.loads(line) for line in lines], write=write)
+        shown(read_rows(*read), write=write)
         return
     rows: list[dict[str, Any]] = []
     for row in measured(seeds, clean, first, minutes):
         rows.append(row)
-        if kept is not None:
-            with kept.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(row) + "\n")
+        keep(kept, row)
     shown(rows, write=write)
 
 

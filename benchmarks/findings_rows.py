@@ -14,16 +14,16 @@ from analysis.model.machine import Channel, Machine
 from analysis.model.run_record import Run
 from analysis.model.schema import values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from analysis.simulation.logs.fault_injection import Fault, with_fault
-from analysis.simulation.scenario.drawn_designs import (
+from benchmarks.weighed import machine
+from replay.inputs.memory_log import MemoryLog, reading_memory
+from replay.pipeline import run
+from tests.trials.drawn_designs import (
     Sections,
     draw_design,
     join_designs,
     with_field_physics,
 )
-from benchmarks.weighed import machine
-from replay.inputs.memory_log import MemoryLog, reading_memory
-from replay.pipeline import run
+from tests.trials.fault_injection import Fault, with_fault
 
 #: Axes that tell more causes apart than the loader's machine file needs.
 AXES: Final = ("specific_force_y_m_s2", "specific_force_z_m_s2", "pitch_rad")

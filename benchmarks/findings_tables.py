@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 
 from analysis.findings import CAUSES
-from analysis.simulation.logs.fault_injection import FAULTS
 from benchmarks.findings_trials import BY_NAME, SEVERITIES, DelayTrial, Trial
 from benchmarks.page import markdown
+from tests.trials.fault_injection import FAULTS
 
 _MOST_CONFUSED: Final = 3
 

@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulation.logs.fault_injection import FAULTS, Fault
-from analysis.simulation.scenario.drawn_designs import Sections, join_designs
 from benchmarks.findings_rows import AXES, Found, design, found, needed, replayed
 from estimators.errors import PayscopeError
+from tests.trials.drawn_designs import Sections, join_designs
+from tests.trials.fault_injection import FAULTS, Fault
 
 SEVERITIES: Final = (1.0, 3.0, 10.0)
 BY_NAME: Final = {fault.name: fault for fault in FAULTS}

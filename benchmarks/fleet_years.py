@@ -15,13 +15,11 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.fleet.machine_drifts import MachineChart, machine_charts
 from benchmarks.fleet_logs import told
 from benchmarks.page import markdown, put
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 _DAYS: Final = 365
 _MONTH: Final = 365.0 / 12.0

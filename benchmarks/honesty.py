@@ -38,6 +38,7 @@ from benchmarks.honesty_rows import (
     row_tasks,
     width_tasks,
 )
+from benchmarks.kept_trials import read_rows
 from benchmarks.page import markdown, put
 from benchmarks.weighed import LoadsFound, Weighed
 from estimators.errors import PayscopeError
@@ -260,8 +261,7 @@ def measured(
 def kept_answers(path: Path) -> list[Weighed]:
     """Answers that an earlier run kept."""
     found: list[Weighed] = []
-    for text in path.read_text(encoding="utf-8").splitlines():
-        content = json.loads(text)
+    for content in read_rows(path):
         del content["deviations"]
         if content.get("loads"):
             content["loads"] = LoadsFound(**content["loads"])

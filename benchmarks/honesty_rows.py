@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from analysis.model.settings import PriorSettings
-from analysis.simulation.scenario.drawn_designs import (
+from benchmarks.weighed import DERIVED, Weighed, weighed
+from estimators.errors import ScenarioError
+from tests.trials.drawn_designs import (
     Sections,
     brought_to_size,
     draw_design,
     join_designs,
     with_field_physics,
 )
-from analysis.simulation.scenario.situations import HARMLESS, INSTRUMENTS, MACHINE, WITHHELD
-from benchmarks.weighed import DERIVED, Weighed, weighed
-from estimators.errors import ScenarioError
+from tests.trials.situations import HARMLESS, INSTRUMENTS, MACHINE, WITHHELD
 
 POOLED = 'settings.trace.methods=["pooled"]'
 BRAKING = "settings.gate.exclude_braking=false"

@@ -16,12 +16,11 @@ with U (k = 2) of both, against all that was dumped.
 """
 
 import io
-import json
 import tempfile
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -33,6 +32,7 @@ from scipy.optimize import linear_sum_assignment
 from benchmarks.independent.machine_file import write_machine_file
 from benchmarks.independent.mcap_log import write_mcap
 from benchmarks.independent.shift_logs import shift_log
+from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from estimators.errors import PayscopeError
 from replay.review.review_shift import ReviewOptions, review
@@ -198,25 +198,27 @@ def _printed(made: ShiftReview) -> list[str]:
 
 def read(paths: Sequence[Path]) -> list[IndependentShift]:
     """What earlier runs kept."""
-    texts = [path.read_text(encoding="utf-8") for path in paths if path.exists()]
-    return [IndependentShift(**json.loads(line)) for text in texts for line in text.splitlines()]
+    return [IndependentShift(**row) for row in read_rows(*paths)]
 
 
 def campaign(
     seeds: Sequence[int], shorter: float, kept: Path | None, *, clean: bool = False
 ) -> Iterator[IndependentShift]:
     """Each shift, kept as it comes; what is kept is not made again."""
-    before = {each.seed: each for each in read([kept] if kept else [])}
-    for seed in seeds:
-        if seed in before:
-            yield before[seed]
-            continue
+
+    def review_shift(seed: int) -> IndependentShift:
         found = reviewed(seed, shorter, clean=clean)
-        if kept is not None:
-            with kept.open("a", encoding="utf-8") as lines:
-                lines.write(json.dumps(asdict(found)) + "\n")
         print(f"seed {seed}: F1 {found.f1:.3f}, {found.seconds:.0f} s", flush=True)
-        yield found
+        return found
+
+    return run_trials(
+        seeds,
+        review_shift,
+        kept,
+        IndependentShift,
+        task_key=lambda seed: seed,
+        result_key=lambda found: found.seed,
+    )
 
 
 def table(found: Sequence[IndependentShift], said: Sequence[str]) -> str:

@@ -17,7 +17,6 @@ import typer
 from scipy.stats import norm
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import join_designs
 from analysis.weighing.load_states import LoadStates, find_states
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
@@ -26,6 +25,7 @@ from estimators.joint.group_effects import GroupEffects
 from estimators.numerics.autocorrelation import student_factor
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
+from tests.trials.drawn_designs import join_designs
 
 NOISE_KG: Final = 15.0
 MASS_KG: Final = 3700.0

@@ -10,12 +10,11 @@ keeps every log as a line, `--read` makes the table of them, `--write` puts it i
 docs/explaining.md.
 """
 
-import json
 import tempfile
 import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -23,10 +22,9 @@ import numpy as np
 import typer
 
 from analysis.simulation import SimulatedLog
-from analysis.simulation.logs.fault_injection import Fault
-from analysis.simulation.scenario.drawn_designs import Sections, join_designs
 from benchmarks.findings_rows import OPEN, POOLED, found, replayed, simulated
 from benchmarks.findings_trials import BY_NAME, base, errors, tried
+from benchmarks.kept_trials import keep, read_rows
 from benchmarks.page import markdown, put
 from estimators.errors import PayscopeError
 from replay.explain.mended_file import Proposal, write_proposals
@@ -35,6 +33,8 @@ from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
 from replay.simulation.simulate_logs import write_logs
+from tests.trials.drawn_designs import Sections, join_designs
+from tests.trials.fault_injection import Fault
 
 FAULTS: Final = (
     "force late",
@@ -259,11 +259,6 @@ def measured(
                     yield made
 
 
-def _read(paths: Sequence[Path]) -> list[MendedTrial]:
-    rows = [json.loads(line) for path in paths for line in path.read_text().splitlines()]
-    return [MendedTrial(**row) for row in rows]
-
-
 def main(
     seeds: int = 16,
     first: int = 1_300_000,
@@ -273,15 +268,13 @@ def main(
     read: Annotated[list[Path] | None, typer.Option("--read")] = None,
     write: bool = False,
 ) -> None:
-    trials = _read(read or [])
+    trials = [MendedTrial(**row) for row in read_rows(*(read or []))]
     for each in () if read else measured(faults or FAULTS, seeds, first, minutes):
         if isinstance(each, str):
             print(each)
             continue
         trials.append(each)
-        if kept is not None:
-            with kept.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(each)) + "\n")
+        keep(kept, each)
     text = table(trials)
     print(text)
     if write:

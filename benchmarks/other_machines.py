@@ -8,7 +8,6 @@ take turns. With `--files` each drives one to seven files with one to seven load
 size or shuffled. What a file of results holds is not run again; its table is printed.
 """
 
-import json
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -25,11 +24,12 @@ import typer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.other_machines import OTHER_MACHINES
+from benchmarks.kept_trials import keep, read_rows
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.kinematic_machine import kinematic_machine
 from tests.analysis.other_machine_logs import table_of
+from tests.trials.other_machines import OTHER_MACHINES
 
 MOST_FILES: Final = 7
 #: From one load to the next, over the machine's mass: a bus with labelled loads had 5 %.
@@ -213,16 +213,14 @@ def main(
     minutes: float = 60.0,
 ) -> None:
     until = time.monotonic() + 60.0 * minutes
-    lines = results.read_text(encoding="utf-8").splitlines() if results.exists() else []
-    rows = [json.loads(line) for line in lines]
+    rows = read_rows(results) if results.exists() else []
     done = {row["drawn"]["seed"] for row in rows}
     for number in range(first, first + logs):
         if number in done or time.monotonic() > until:
             continue
         mine = draw_machine(number, files=files)
         rows.append({"drawn": asdict(mine), "told": asdict(told(mine))})
-        with results.open("a", encoding="utf-8") as file:
-            file.write(f"{json.dumps(rows[-1])}\n")
+        keep(results, rows[-1])
     print("\n".join(table(rows)))
 
 

@@ -21,14 +21,12 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.machine import Machine
 from analysis.model.settings import Settings
+from estimators.arrays import Floats
 from replay import open_log, run
 from replay.logs import TimeAxis
-
-Floats = NDArray[np.float64]
 
 #: Of the car, in kg, N, N·s/m and N·s²/m²: a small car on a flat road.
 MASS_KG: Final = 1850.0

@@ -14,11 +14,10 @@ digest are the same logs, and only those are compared.
 """
 
 import hashlib
-import json
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -29,6 +28,7 @@ import typer
 from benchmarks.independent.machine_file import write_machine_file
 from benchmarks.independent.mcap_log import write_mcap
 from benchmarks.independent.payload_plans import PLANS, SITUATIONS, payload_log
+from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from replay import load_machine, open_log, run
 
@@ -147,22 +147,19 @@ def found_of(situation: str, plan: str, seed: int) -> PayloadFound:
 
 def read(paths: Sequence[Path]) -> list[PayloadFound]:
     """What earlier runs kept."""
-    texts = [path.read_text(encoding="utf-8") for path in paths if path.exists()]
-    return [PayloadFound(**json.loads(line)) for text in texts for line in text.splitlines()]
+    return [PayloadFound(**row) for row in read_rows(*paths)]
 
 
 def campaign(wanted: Sequence[tuple[str, str, int]], kept: Path | None) -> Iterator[PayloadFound]:
     """Each wanted log (situation, plan, seed), kept as it comes; what is kept is not made again."""
-    before = {(x.situation, x.plan, x.seed): x for x in read([kept] if kept else [])}
-    for each in wanted:
-        if each in before:
-            yield before[each]
-            continue
-        found = found_of(*each)
-        if kept is not None:
-            with kept.open("a", encoding="utf-8") as lines:
-                lines.write(json.dumps(asdict(found)) + "\n")
-        yield found
+    return run_trials(
+        wanted,
+        lambda task: found_of(*task),
+        kept,
+        PayloadFound,
+        task_key=lambda task: task,
+        result_key=lambda found: (found.situation, found.plan, found.seed),
+    )
 
 
 def table(found: Sequence[PayloadFound]) -> str:

@@ -5,7 +5,7 @@ What is drawn, and from what, is in `RANGES` and `drawn_shift`.
 
 import json
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -17,16 +17,16 @@ from analysis.model.run_record import Run
 from analysis.model.settings import PriorSettings
 from analysis.simulation import Scenario
 from analysis.simulation.logs.shift_limits import check_shift
-from analysis.simulation.scenario.drawn_designs import (
+from estimators.errors import ScenarioError
+from replay import load_machine, open_log
+from replay.pipeline import run
+from replay.simulation.simulate_logs import shift_truth_path, simulate
+from tests.trials.drawn_designs import (
     LOADER_KG,
     Sections,
     join_designs,
     with_field_physics,
 )
-from estimators.errors import ScenarioError
-from replay import load_machine, open_log
-from replay.pipeline import run
-from replay.simulation.simulate_logs import shift_truth_path, simulate
 
 YARD: Final = Path(__file__).resolve().parent.parent / "examples" / "yard.toml"
 #: A dump is found when it is so near to a true one.
@@ -142,10 +142,6 @@ class ShiftFound:
         """Of the counted tonnes alone, against all that was dumped."""
         u_t = self.whole_u_t
         return (self.found_t - self.true_t) / u_t if u_t else float("nan")
-
-    def to_json(self) -> str:
-        """A line."""
-        return json.dumps(asdict(self))
 
 
 def drawn_shift(

@@ -23,12 +23,10 @@ from analysis.weighing.joint_result import JointFit, PriorMeans
 from analysis.weighing.load_states import LoadStates, find_states
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Curvature, Weighing
+from estimators.arrays import Floats, Ints
 from estimators.joint.group_effects import GroupEffects
 from estimators.joint.prior_fit import MapFit
 from replay import load_machine
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 EMPTY_KG: Final = 3614.0
 GAIN_U: Final = 0.01

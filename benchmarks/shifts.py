@@ -10,7 +10,6 @@ docs/reviewing-a-shift.md. `--physics` drives on real ground, with loads that sp
 shifts are others than those of the page, and are not written.
 """
 
-import json
 import tempfile
 import time
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
+from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown, put
 from benchmarks.shift_logs import ShiftFound, reviewed_shift
 
@@ -32,29 +32,26 @@ def reviewed(
     seeds: list[tuple[int, float]], kept: Path | None, *, physics: bool
 ) -> Iterator[ShiftFound]:
     """Each shift, kept as it comes."""
-    before = {each.seed: each for each in read(kept)} if kept is not None and kept.exists() else {}
-    for number, (seed, break_s) in enumerate(seeds, start=1):
-        if seed in before:
-            yield before[seed]
-            continue
+
+    def review_shift(drawn: tuple[int, float]) -> ShiftFound:
         began = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:
-            found = reviewed_shift(seed, Path(folder), break_s=break_s, physics=physics)
-        if kept is not None:
-            with kept.open("a", encoding="utf-8") as lines:
-                lines.write(found.to_json() + "\n")
+            found = reviewed_shift(drawn[0], Path(folder), break_s=drawn[1], physics=physics)
         print(
-            f"{number} of {len(seeds)}: seed {seed}, F1 {found.f1:.3f}, error / u "
-            f"{found.error:+.2f}, {time.monotonic() - began:.0f} s",
+            f"{seeds.index(drawn) + 1} of {len(seeds)}: seed {drawn[0]}, F1 {found.f1:.3f}, "
+            f"error / u {found.error:+.2f}, {time.monotonic() - began:.0f} s",
             flush=True,
         )
-        yield found
+        return found
 
-
-def read(path: Path) -> list[ShiftFound]:
-    """What an earlier run kept."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    return [ShiftFound(**json.loads(line)) for line in lines]
+    return run_trials(
+        seeds,
+        review_shift,
+        kept,
+        ShiftFound,
+        task_key=lambda drawn: drawn[0],
+        result_key=lambda found: found.seed,
+    )
 
 
 def table(found: list[ShiftFound]) -> str:
@@ -118,7 +115,11 @@ def main(
         raise typer.BadParameter("--write is for the shifts without --physics")
     seeds = [(seed + k, 0.0) for k in range(shifts)]
     seeds += [(seed + 500 + k, _HOUR_S) for k in range(breaks)]
-    found = list(reviewed(seeds, kept, physics=physics)) if again is None else read(again)
+    found = (
+        list(reviewed(seeds, kept, physics=physics))
+        if again is None
+        else [ShiftFound(**row) for row in read_rows(again)]
+    )
     text = f"{table(found)}\n\n{totals(found)}"
     print(text)
     if write:

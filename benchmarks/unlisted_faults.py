@@ -8,16 +8,16 @@ tries the eighteen faults that nothing was made for. An open answer that is more
 standard uncertainties off, without a finding or a warning of the scale, is wrong.
 """
 
-import json
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
 import typer
 
 from analysis.model.run_record import Run
+from benchmarks.kept_trials import read_rows, run_trials
 from benchmarks.page import markdown
 from benchmarks.unlisted_more import MORE
 from benchmarks.unlisted_rows import (
@@ -79,12 +79,16 @@ def try_fault(fault: Unlisted | None, size: float, seed: int, *, odd: bool = Fal
     """Draw a log, put the fault into it, replay it."""
     log = drawn_log(seed, odd=odd, both_ways=fault is not None and fault.both_ways)
     log = with_usual_sides(log, seed) if fault is None else fault.put_into(log, size, seed)
-    name = _CLEAN if fault is None else fault.name
+    name = _name(fault)
     try:
         replayed = run([memory_log(log)], log.machine)
     except PayscopeError as error:
         return FaultTrial(name, size, seed, log.true_kg, None, None, (), (), str(error))
     return _read_off(replayed, name, size, seed, log.true_kg)
+
+
+def _name(fault: Unlisted | None) -> str:
+    return _CLEAN if fault is None else fault.name
 
 
 def _read_off(replayed: Run, name: str, size: float, seed: int, true_kg: float) -> FaultTrial:
@@ -163,19 +167,6 @@ def _others(part: Sequence[FaultTrial], causes: Sequence[str]) -> str:
     return ", ".join(f"{name} {n}" for name, n in sorted(counts.items(), key=lambda c: -c[1]))
 
 
-def kept(path: Path) -> list[FaultTrial]:
-    """The lines of a campaign."""
-    if not path.is_file():
-        return []
-    return [
-        FaultTrial(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()
-    ]
-
-
-def _key(each: FaultTrial) -> tuple[str, float, int]:
-    return each.fault, round(each.size, 6), each.seed
-
-
 def main(
     seeds: int = 20,
     first: int = 2_800_000,
@@ -187,22 +178,18 @@ def main(
 ) -> None:
     faults = [each for each in (MORE if more else UNLISTED) if not fault or each.name in fault]
     if read:
-        print(table([each for path in read for each in kept(path)], faults))
+        print(table([FaultTrial(**row) for row in read_rows(*read)], faults))
         return
-    found = [] if lines is None else kept(lines)
-    done = {_key(each) for each in found}
     clean_seeds = range(first + 500_000, first + 500_000 + clean)
-    for one, size, seed in tasks(faults, range(first, first + seeds), clean_seeds):
-        name = _CLEAN if one is None else one.name
-        if (name, round(size, 6), seed) in done:
-            continue
-        each = try_fault(one, size, seed, odd=one is None and seed % 4 == 0)
-        done.add(_key(each))
-        found.append(each)
-        if lines is not None:
-            with lines.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(each)) + "\n")
-    print(table(found, faults))
+    found = run_trials(
+        tasks(faults, range(first, first + seeds), clean_seeds),
+        lambda task: try_fault(*task, odd=task[0] is None and task[2] % 4 == 0),
+        lines,
+        FaultTrial,
+        task_key=lambda task: (_name(task[0]), round(task[1], 6), task[2]),
+        result_key=lambda each: (each.fault, round(each.size, 6), each.seed),
+    )
+    print(table(list(found), faults))
 
 
 if __name__ == "__main__":

@@ -12,13 +12,13 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Channel, Machine
-from analysis.simulation.scenario.drawn_designs import join_designs
 from benchmarks.findings_rows import AXES, design, simulated
 from benchmarks.independent.payload_plans import PayloadLog, Situation, payload_log
 from benchmarks.independent.sensors import Readings
 from benchmarks.weighed import machine as loader
 from estimators.arrays import Floats
 from replay.inputs.memory_log import MemoryLog
+from tests.trials.drawn_designs import join_designs
 
 Frames = dict[str, pl.DataFrame]
 Body = Mapping[str, float]

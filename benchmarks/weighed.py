@@ -12,10 +12,10 @@ from analysis import Machine
 from analysis.model.run_record import Run
 from analysis.model.schema import values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import Sections
 from replay import load_machine
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
+from tests.trials.drawn_designs import Sections
 
 #: Settings of an acceleration that is derived from the speed, where there is no accelerometer.
 DERIVED = ("settings.forces.acceleration=kinematic", "channels.acc_x_m_s2.derive=d/dt speed_x_m_s")

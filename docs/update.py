@@ -48,11 +48,12 @@ from analysis.simulation.scenario.manoeuvres import Arc, Excite, Rest, Spin, Sta
 from analysis.simulation.scenario.sampling import SimulatedSampling
 from analysis.simulation.scenario.scenario import (
     SimulatedCampaign,
+    SimulatedLoading,
     SimulatedMachine,
+    SimulatedStarts,
     SimulatedTerrain,
 )
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.scenario.starts import SimulatedLoading, SimulatedStarts
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
 from replay.fleet.fleet_file import AboutFleet, MachineRule
 from replay.fleet.last_run import TaskLimits

@@ -115,8 +115,14 @@ OWNERS = {
 }
 #: Lines below which a file that one other file imports is a crumb: it hardly says more than a name.
 CRUMB_LINES = 60
-#: Crumbs that are left; there may only be fewer.
-MORE_CRUMBS = 7
+#: What is left of crumbs, of files with one importer and of long files: there may only be fewer.
+MORE_CRUMBS = 4
+MORE_SINGLE = 130
+MORE_LONG = 11
+#: Lines above which a file is long.
+LONG_LINES = 400
+#: Of all functions and methods at most so many are private; it may only fall.
+MOST_PRIVATE = 0.44
 FILES = [path for package in HOUSE for path in sorted((REPO / package).rglob("*.py"))]
 
 
@@ -309,24 +315,61 @@ def test_a_circle_is_found() -> None:
     assert circle({"a": {"b", "c"}, "b": {"c"}}) == []
 
 
-def crumbs() -> list[str]:
-    """Small files that one other file imports; a command and the part of a face are meant to be."""
+def lines_of(path: Path) -> int:
+    return len(path.read_text(encoding="utf-8").splitlines())
+
+
+def single_imports() -> list[tuple[Path, Path]]:
+    """Files with one importer; a command and the part of a face are meant to have one."""
     importers: dict[Path, set[Path]] = {}
     for path in FILES:
         for imported in files_imported(path):
             importers.setdefault(imported, set()).add(path)
     return [
-        f"{shown(path)} is imported by {shown(one)} alone"
+        (path, one)
         for path in FILES
         if path.name != "__init__.py" and len(importers.get(path, ())) == 1
         for one in importers[path]
         if one.name not in ("__init__.py", "cli.py")
-        and len(path.read_text(encoding="utf-8").splitlines()) < CRUMB_LINES
     ]
 
 
+def test_files_that_one_other_imports_become_fewer() -> None:
+    found = single_imports()
+    assert len(found) <= MORE_SINGLE, "\n".join(
+        [
+            *(f"{shown(path)} is imported by {shown(one)} alone" for path, one in found),
+            f"{len(found)} files, at most {MORE_SINGLE} may be: merge one of them into the file "
+            "that imports it, or two of them, where they read as one.",
+        ]
+    )
+
+
+def test_long_files_become_fewer() -> None:
+    found = {shown(path): lines for path in FILES if (lines := lines_of(path)) > LONG_LINES}
+    assert len(found) <= MORE_LONG, f"{found}: at most {MORE_LONG} may have over {LONG_LINES} lines"
+
+
+def test_private_functions_become_fewer() -> None:
+    names = [
+        node.name
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
+    private = sum(name.startswith("_") and not name.startswith("__") for name in names)
+    assert private <= MOST_PRIVATE * len(names), (
+        f"{private} of {len(names)} functions are private, more than {MOST_PRIVATE:.0%}: what is "
+        "short and called once stands where it is called; what others could use is public."
+    )
+
+
 def test_a_small_file_that_one_other_imports_is_merged_into_it() -> None:
-    found = crumbs()
+    found = [
+        f"{shown(path)} is imported by {shown(one)} alone"
+        for path, one in single_imports()
+        if lines_of(path) < CRUMB_LINES
+    ]
     assert len(found) <= MORE_CRUMBS, "\n".join(
         [
             *found,

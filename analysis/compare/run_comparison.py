@@ -1,15 +1,13 @@
 """Two replays side by side: settings, columns, estimates and manoeuvres that differ."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final
-
-import polars as pl
 
 from analysis.compare.stage_change import Replay, StageChange, family, stage_change
 from analysis.model.axes import X, Z
 from analysis.model.machine import Machine
-from analysis.model.run_record import Provenance, Run
+from analysis.model.run_record import Provenance
 from analysis.model.settings import Settings
 
 #: Estimates and their standard deviations, by the frame that holds them.
@@ -17,27 +15,6 @@ _ESTIMATES: Final = {
     **dict((*X.parameters, *Z.parameters)),
     "calibrated_kg": "calibrated_u_kg",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class InMemory:
-    """A run as a replay to compare."""
-
-    run: Run
-
-    @property
-    def provenance(self) -> Provenance:
-        """Where its frames came from."""
-        return self.run.provenance
-
-    @property
-    def stages(self) -> Mapping[str, Sequence[str]]:
-        """The columns of each frame, in order."""
-        return {name: frame.columns for name, frame in self.run.frames.items()}
-
-    def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
-        """Some columns of a frame."""
-        return self.run.frames[stage].select(columns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +200,7 @@ def _estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
             name = "joint" if len(loads) == 1 else f"joint, load {load['load_id']}"
             rows[name] = {**load, "mass_std_kg": load["u_kg"]}
     methods = dict.fromkeys((*mine, *theirs))
-    return _differing_estimates(
+    return differing_estimates(
         ((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), rtol
     )
 
@@ -245,7 +222,7 @@ def _manoeuvres(a: Replay, b: Replay, rtol: float, offset_ns: int) -> tuple[Esti
         found.append((_span_text(row, 0), row, inside[0] if inside else {}))
         found += [(_span_text(other, offset_ns), {}, other) for other in inside[1:]]
     found += [(_span_text(other, offset_ns), {}, other) for other in left]
-    return _differing_estimates(found, rtol)
+    return differing_estimates(found, rtol)
 
 
 def _span_text(row: Mapping[str, Any], offset_ns: int) -> str:
@@ -253,7 +230,7 @@ def _span_text(row: Mapping[str, Any], offset_ns: int) -> str:
     return f"{begin:.2f} to {end:.2f} s"
 
 
-def _differing_estimates(
+def differing_estimates(
     pairs: Iterable[tuple[str, Mapping[str, Any], Mapping[str, Any]]], rtol: float
 ) -> tuple[EstimateChange, ...]:
     """Estimates that differ: appeared or gone first, then by how far they moved."""

@@ -10,14 +10,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.schema import values
+from estimators.arrays import Bools, Floats, Ints
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 Span = tuple[int, int]
 
 #: A boom that moves by so much, in rad, tells when it dumps.

@@ -5,17 +5,14 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.mass_differences import difference_on_line
 from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.cycles.haul_spillage import deliver
-from analysis.model.schema import MOVED, QUALITY, conform
+from analysis.model.schema import MOVED, QUALITY, conform, values
 from estimators.errors import DataError, nearest
-
-Floats = NDArray[np.float64]
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
 _OF_MASS: Final = "joint_mass"
@@ -51,14 +48,14 @@ def calibrate_cycles(
             f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
-    scale_1 = _column_values(cycles, "scale_1")
-    payload_kg = _column_values(cycles, "payload_kg") / scale_1
+    scale_1 = values(cycles, "scale_1")
+    payload_kg = values(cycles, "payload_kg") / scale_1
     on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
-    common, shared = (on_line.beside(_column_values(cycles, f"own_u_{n}_kg")) for n in _COMMON)
+    common, shared = (on_line.beside(values(cycles, f"own_u_{n}_kg")) for n in _COMMON)
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
     common_kg = np.maximum(common_kg, shared_kg)
-    random_kg = _column_values(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
+    random_kg = values(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
     found = {
         "payload_kg": on_line.payload_kg,
         "payload_u_random_kg": random_kg,
@@ -104,17 +101,12 @@ def _is_ticket_better(cycles: pl.DataFrame, on_line: pl.DataFrame, names: Sequen
         return False
 
     def relative(table: pl.DataFrame) -> float:
-        sums = {name: _column_values(table, name)[counted] for name in names}
+        sums = {name: values(table, name)[counted] for name in names}
         shared = sums["payload_u_shared_kg"].sum()
         random = np.linalg.norm(sums["payload_u_random_kg"])
         return float(np.hypot(shared, random) / abs(sums["payload_kg"].sum()))
 
     return relative(cycles) < relative(on_line)
-
-
-def _column_values(cycles: pl.DataFrame, name: str) -> Floats:
-    """A column as floats, NaN where it is null."""
-    return cycles[name].cast(pl.Float64).to_numpy()
 
 
 def _distance_from_line(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:

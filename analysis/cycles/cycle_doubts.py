@@ -1,14 +1,12 @@
 """What makes a counted load worth a second look, though the fit calls it good."""
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 import polars as pl
 
 from analysis.cycles.cycle_limits import LIMITS
-
-#: Standard deviation of a normal distribution over its median absolute deviation.
-_STD_OF_MAD: Final = 1.4826
+from analysis.model.uncertainty_sources import STD_OF_MAD
 
 
 def cycle_doubts(cycles: pl.DataFrame) -> list[str]:
@@ -43,7 +41,7 @@ def _row_doubts(row: Mapping[str, Any], typical_kg: Any, mad_kg: Any) -> str:
         elif back_kg > LIMITS.max_carried_fraction * abs(payload_kg):
             found.append(f"after the dump {back_kg:,.0f} kg still in the bucket")
     if typical_kg is not None:
-        room_kg = LIMITS.unlike_load_std * float((_STD_OF_MAD**2 * mad_kg**2 + u_kg**2) ** 0.5)
+        room_kg = LIMITS.unlike_load_std * float((STD_OF_MAD**2 * mad_kg**2 + u_kg**2) ** 0.5)
         if abs(payload_kg - typical_kg) > room_kg:
             found.append(f"unlike the others, which are about {typical_kg:,.0f} kg")
     return "; ".join(found)

@@ -30,6 +30,7 @@ from analysis.cycles.energy_terms import ForceModel, change_each, gain_u, mass_u
 from analysis.cycles.fitted_drive import FittedDrive, fit_drive
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
+from analysis.weighing.nuisances import WARMING
 
 #: What an energy is split into, in the order of all tables.
 PARTS: Final = ("work", "kinetic", "slope", "friction", "digging", "braking")
@@ -206,7 +207,7 @@ def _mass_and_friction_work(of: EnergyIntegrals, model: ForceModel) -> Floats:
         of["mass"]
         + model.acting * of["offset"]
         + model.viscous * of["viscous"]
-        + model.viscous_drift * of["viscous_drift"]
+        + sum(getattr(model, name) * of[name] for name in WARMING)
         + model.direction * of["direction"]
         + model.quadratic * of["quadratic"]
     )

@@ -13,7 +13,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.boom_cycles import add_boom_cycles, digging_contradicts
 from analysis.cycles.cycle_limits import LIMITS
@@ -37,8 +36,7 @@ from analysis.model.verdict import Verdict
 from analysis.weighing.empty_mass_datum import Datum, EmptyMachine
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.weigh import Weighing
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 _UNSEEN: Final = "dumped while nothing was recorded"
 _CONTRADICTED: Final = "the mass does not change where the boom dumps"
@@ -353,7 +351,7 @@ def _shared_uncertainty(
         none = _CommonUncertainty(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
         return _SharedUncertainty(none, none, 1.0, ShiftScale())
     datum = empty.datum(pass_weights_by_state(weighing.fit, found) @ weights)
-    own = _common_uncertainty(weighing, machine, found, weights, None)
+    own = common_uncertainty(weighing, machine, found, weights, None)
     gain_1, gain_u_1 = empty.gain or (None, None)
     sources = (
         budget(weighing, machine, empty.weights) if datum is None else datum.sources(empty.weights)
@@ -364,11 +362,11 @@ def _shared_uncertainty(
     if datum is None:
         return _SharedUncertainty(own, own, 1.0, scale)
     return _SharedUncertainty(
-        own, _common_uncertainty(weighing, machine, found, weights, datum), datum.scale_1, scale
+        own, common_uncertainty(weighing, machine, found, weights, datum), datum.scale_1, scale
     )
 
 
-def _common_uncertainty(
+def common_uncertainty(
     weighing: Weighing, machine: Machine, found: Passes, weights: Floats, datum: Datum | None
 ) -> _CommonUncertainty:
     """What is common to payloads of the log's own, with the fit's correlations.

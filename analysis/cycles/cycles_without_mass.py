@@ -1,4 +1,4 @@
-"""Cycles that a shift shows and that have no mass, in number and kg, with their uncertainty.
+"""Cycles that a shift shows and that have no mass, or that holes in it hide, in number and kg.
 
 Digging, dumps of the boom and counted cycles are compared. What two of them show was a cycle; what
 only one shows was one with a probability: more where the log has no second witness, less where it
@@ -6,20 +6,17 @@ has one that is silent. Where neither tells, the rhythm does: work that goes on 
 between two dumps hides one.
 """
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.boom_dumps import ONE_DUMP_NS, BoomDumps, find_boom_dumps, standing
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import IDLE_S
-from analysis.cycles.lost_cycles import HOLE_S
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.windows import runs_of
-
-Ints = NDArray[np.int64]
+from estimators.arrays import Ints
 
 
 class UncountedCycles(NamedTuple):
@@ -55,7 +52,7 @@ def uncounted_cycles(
     times = cycles["dump_t_ns"].drop_nulls().to_list()
     boom = find_boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
     likely = _row_probabilities(cycles, boom)
-    if not boom.tells and not _is_digging_reliable(cycles):
+    if not boom.tells and not is_digging_reliable(cycles):
         likely += _rhythm_gap_probabilities(np.array(sorted(times), np.int64), excitation)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
@@ -96,7 +93,7 @@ def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     only_dug = LIMITS.contradicted_probability if boom.tells else LIMITS.sole_witness_probability
     only_dumped = (
         LIMITS.contradicted_probability
-        if _is_digging_reliable(cycles)
+        if is_digging_reliable(cycles)
         else LIMITS.sole_witness_probability
     )
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
@@ -106,7 +103,7 @@ def _row_probabilities(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     ]
 
 
-def _is_digging_reliable(cycles: pl.DataFrame) -> bool:
+def is_digging_reliable(cycles: pl.DataFrame) -> bool:
     """Whether digging is a witness: counted cycles mostly have it."""
     counted = cycles.filter("counted")
     dug = counted.height - counted["dig_t_ns"].null_count()
@@ -138,3 +135,73 @@ def _rhythm_gap_probabilities(dumps_ns: Ints, excitation: pl.DataFrame) -> list[
     # a whole number of cycles, not a slow one
     whole = np.abs(worked_s - (missing + 1) * cycle_s) < LIMITS.rhythm_tolerance * cycle_s
     return [steady] * int(missing[whole].clip(0).sum())
+
+
+#: Shorter holes lose no cycle.
+HOLE_S: Final = 1.0
+
+
+class LostCycles(NamedTuple):
+    """Cycles that the recording cannot show.
+
+    Attributes:
+        cycles: expected number.
+        u: its standard uncertainty.
+        payload_kg: what they would have carried.
+        payload_u_kg: likewise.
+    """
+
+    cycles: float
+    u: float
+    payload_kg: float
+    payload_u_kg: float
+
+
+def holes(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, int]]:
+    """Stretches of a second or more in which a channel is missing, in ns, between its samples.
+
+    Args:
+        excitation: its times.
+        aligned: `gap`, row by row.
+    """
+    t_ns = excitation["t_ns"].to_numpy()
+    here = t_ns[~aligned["gap"].to_numpy()]
+    if here.size < 2:
+        return []
+    wide = np.flatnonzero(np.diff(here) > HOLE_S * NS_PER_S)
+    return [(int(here[k]), int(here[k + 1])) for k in wide]
+
+
+def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
+    """Price what the holes hide: a cycle is lost when all of its loaded stretch lies in one.
+
+    With a period P between dumps, hauls of D, as long as those that were seen, a hole G hides
+    (G − D)/P cycles, nothing where the haul is longer; the number of whole periods in a stretch of
+    chance place deviates by √(f(1−f)), f being the fraction over whole ones, and periods differ.
+    Where no haul was seen whole, nothing is priced.
+
+    Args:
+        cycles: the frame.
+        gaps: `holes`.
+    """
+    dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / NS_PER_S
+    known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()
+    hauls = cycles["haul_s"].drop_nulls().to_numpy()
+    if dumps.size < LIMITS.period_min_dumps or not known.size or not hauls.size:
+        return LostCycles(0.0, 0.0, 0.0, 0.0)
+    periods = np.diff(dumps)
+    periods = periods[periods < LIMITS.idle_period_ratio * np.median(periods)]
+    period, spread = float(np.mean(periods)), float(np.std(periods))
+    expected = variance = 0.0
+    for start, end in gaps:
+        hidden = float(np.mean(np.maximum((end - start) / NS_PER_S - hauls, 0.0))) / period
+        part = hidden % 1.0
+        expected += hidden
+        variance += part * (1.0 - part) + hidden * (spread / period) ** 2
+    mean_kg, std_kg = float(np.mean(known)), float(np.std(known))
+    return LostCycles(
+        expected,
+        float(np.sqrt(variance)),
+        expected * mean_kg,
+        float(np.sqrt(variance * mean_kg**2 + expected * std_kg**2)),
+    )

@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.machine import Body, Machine
@@ -17,10 +16,8 @@ from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.weighing.motion_samples import rolling_fraction
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
+from analysis.weighing.nuisances import WARMING
+from estimators.arrays import Bools, Floats, Ints
 
 
 class PhaseSpan(NamedTuple):
@@ -239,7 +236,7 @@ _TERMS: Final = (
     "offset",  # ∫ v
     "mass",  # ∫ m a v, gravity included
     "viscous",  # ∫ v²
-    "viscous_drift",  # ∫ progress v²
+    *WARMING,  # ∫ share(progress) v²
     "direction",  # ∫ |v|
     "quadratic",  # ∫ |v|³
     "slip",  # ∫ F (v of the wheels - v of the ground)
@@ -313,7 +310,10 @@ def integrate_phases(
         "offset": wheels * step_s,
         "mass": mass_kg * samples.acceleration_m_s2 * speed * step_s + rotating_kg * gained,
         "viscous": speed**2 * step_s,
-        "viscous_drift": samples.progress * speed**2 * step_s,
+        **{
+            name: shape.share(samples.progress) * speed**2 * step_s
+            for name, shape in WARMING.items()
+        },
         "direction": fast * step_s,
         "quadratic": fast**3 * step_s,
         "slip": force * (wheels - speed) * step_s,

@@ -9,12 +9,13 @@ import polars as pl
 
 from analysis.cycles.boom_dumps import standing
 from analysis.cycles.cycle_limits import LIMITS
-from analysis.cycles.energy_integrals import Floats, MotionErrors
+from analysis.cycles.energy_integrals import MotionErrors
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.settings import PriorSettings
 from analysis.model.windows import runs_of
-from analysis.weighing.nuisances import coulomb_std
+from analysis.weighing.nuisances import WARMING, coulomb_std
+from estimators.arrays import Floats
 
 #: Columns of `nuisances` that are a value and its uncertainty.
 _FOUND: Final = ("term", "posterior", "posterior_std")
@@ -35,6 +36,8 @@ class ForceModel:
     offset: float
     viscous: float
     viscous_drift: float
+    viscous_bend: float
+    viscous_cubic: float
     direction: float
     quadratic: float
 
@@ -87,7 +90,7 @@ def fitted_force(
         "const": (const, const_u),
         "offset": _combine_offsets((wrong_1 * const + offset, offset_u), excitation, mass_kg),
         "viscous": viscous,
-        "viscous_drift": of("viscous_drift"),
+        **{name: of(name) for name in WARMING},
         "direction": (of("direction")[0], direction_u),
         "quadratic": of("quadratic"),
     }

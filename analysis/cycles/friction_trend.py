@@ -1,23 +1,64 @@
-"""Friction over a shift, part by part, with the masses known: what tells wear, or a colder morning.
+"""Friction over a shift and over days, with the masses known: what tells wear, or a cold morning.
 
 Masses, and what else the joint fit says of the force, are those of the whole shift; of each part of
 it the viscous friction is what is left. So the parts compare with each other; what they share (a
 lag, slip) is in none of their deviations.
+
+When friction reaches a limit is told by a line through the days, each weighted by its own variance;
+where days scatter by more than that, their scatter counts. The day at which the line reaches the
+limit is a ratio of two estimates, and its interval is Fieller's (J. Royal Statistical Society B 16,
+1954): all days for which the limit is inside the line's own interval. Where the slope may be zero
+it has no end, and nothing is said.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.axes import X, regressor
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.settings import Settings
 from analysis.weighing.load_states import means_by_state
+from estimators.arrays import Floats
 
-Floats = NDArray[np.float64]
+
+class FrictionDay(NamedTuple):
+    """The friction of a shift.
+
+    Attributes:
+        at_d: in the middle of it, in days since any instant.
+        friction_N_s_m: viscous friction by its joint fit.
+        std_N_s_m: its standard deviation.
+    """
+
+    at_d: float
+    friction_N_s_m: float
+    std_N_s_m: float
+
+
+class FrictionTrend(NamedTuple):
+    """The trend of friction, and when it reaches the limit.
+
+    Attributes:
+        limit_N_s_m: that was asked for.
+        slope_N_s_m_d: change a day.
+        slope_u_N_s_m_d: its standard uncertainty.
+        now_N_s_m: of the line at the last shift.
+        reached_d: 95 % interval of the day at which it reaches the limit, on the days' clock; None
+            where it cannot be said.
+        why_not: why it cannot be said; empty where it can.
+    """
+
+    limit_N_s_m: float
+    slope_N_s_m_d: float | None
+    slope_u_N_s_m_d: float | None
+    now_N_s_m: float | None
+    reached_d: tuple[float, float] | None
+    why_not: str
 
 
 class FrictionPart(NamedTuple):
@@ -116,3 +157,36 @@ def _state_masses(manoeuvres: pl.DataFrame) -> Floats:
     state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
     return means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]
+
+
+def friction_trend(days: Sequence[FrictionDay], limit_N_s_m: float) -> FrictionTrend:
+    """Fit the trend, and date the limit.
+
+    Args:
+        days: one of each shift of one machine, in any order.
+        limit_N_s_m: upper limit of the friction.
+    """
+    n = len(days)
+    if n < LIMITS.friction_min_days or np.ptp([day.at_d for day in days]) == 0.0:
+        why = f"{n} of at least {LIMITS.friction_min_days} shifts on different days"
+        return FrictionTrend(limit_N_s_m, None, None, None, None, why)
+    at, friction, std = np.array(days).T
+    weight = std**-2.0
+    middle, mean = np.average(at, weights=weight), np.average(friction, weights=weight)
+    squares = float(weight @ (at - middle) ** 2)
+    slope = float(weight @ ((at - middle) * (friction - mean))) / squares
+    left = friction - mean - slope * (at - middle)
+    wider = max(float(weight @ left**2) / (n - 2), 1.0)
+    mean_var, slope_var = wider / float(weight.sum()), wider / squares
+    k2 = float(student.ppf(0.975, n - 2)) ** 2
+    room = limit_N_s_m - mean
+    now = float(mean + slope * (at.max() - middle))
+    trend = FrictionTrend(limit_N_s_m, slope, float(np.sqrt(slope_var)), now, None, "")
+    sure = slope**2 - k2 * slope_var
+    if sure <= 0.0:
+        return trend._replace(why_not="no trend beyond its uncertainty")
+    if slope < 0.0:
+        return trend._replace(why_not="friction falls")
+    root = float(np.sqrt((room * slope) ** 2 - sure * (room**2 - k2 * mean_var)))
+    low, high = ((room * slope - root) / sure, (room * slope + root) / sure)
+    return trend._replace(reached_d=(float(middle + low), float(middle + high)))

@@ -10,15 +10,13 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.cycles.cycle_parts import CycleParts
 from analysis.cycles.load_passes import Passes
 from analysis.model.machine import Body
 from analysis.model.schema import conform, values
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: Columns that are in proportion to the payload.
 _IN_PROPORTION: Final = (

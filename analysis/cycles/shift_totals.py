@@ -4,22 +4,37 @@ What was dumped in the shift is the counted cycles, those that the log shows wit
 those that holes hide; one uncertainty holds for all of it.
 """
 
-from collections.abc import Collection, Mapping
-from typing import Any, Final
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import polars as pl
 
 from analysis.cycles.boom_dumps import standing
 from analysis.cycles.cycle_parts import IDLE_S
-from analysis.cycles.cycles_without_mass import price_kg, uncounted_cycles
+from analysis.cycles.cycles_without_mass import holes, lost_cycles, price_kg, uncounted_cycles
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
-from analysis.cycles.lost_cycles import holes, lost_cycles
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
 from analysis.model.windows import runs_of
 
 _NO_SCALE: Final = ShiftScale()
+
+
+class LabelTotal(NamedTuple):
+    """The counted loads with one label.
+
+    Attributes:
+        label: the text; empty for loads that have none.
+        loads: how many.
+        payload_kg: their sum.
+        payload_u_kg: its standard uncertainty.
+    """
+
+    label: str
+    loads: int
+    payload_kg: float
+    payload_u_kg: float
 
 
 def shift(
@@ -65,7 +80,7 @@ def shift(
         "idle_s": idle_s,
         "utilisation_1": max(duration_s - gap_s - idle_s, 0.0) / max(duration_s - gap_s, 1e-9),
     }
-    row |= _total_payload(row)
+    row |= total_payload(row)
     declared = FRAMES["shift"].columns
     return build("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
 
@@ -93,13 +108,13 @@ def recount_shift(
     }
     if (cycles["scale_from"] == BY_CALIBRATION).any():
         found |= {"scale_from": BY_CALIBRATION, "scale_unknown": ""}
-    found |= _total_payload(row | found)
+    found |= total_payload(row | found)
     return summary.with_columns(
         pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
     )
 
 
-def _total_payload(row: Mapping[str, Any]) -> dict[str, float]:
+def total_payload(row: Mapping[str, Any]) -> dict[str, float]:
     """What was dumped in the shift: counted, uncounted and lost, under one uncertainty.
 
     What is common to all payloads is common to those that are priced by them.
@@ -187,3 +202,28 @@ def _idle_s(excitation: pl.DataFrame) -> float:
     begins, ends = runs_of(stands)
     lengths = (t_ns[ends] - t_ns[begins]) / NS_PER_S
     return float(lengths[lengths > IDLE_S].sum())
+
+
+def label_totals(
+    cycles: pl.DataFrame, labels: Sequence[str], rejected: Collection[int] = ()
+) -> list[LabelTotal]:
+    """The sum of each label, by label; none where no cycle has one.
+
+    Parts that are common to all loads are in each sum: the uncertainties of two labels do not add
+    up in squares.
+
+    Args:
+        cycles: frame `cycles`.
+        labels: of each row; empty where it has none.
+        rejected: numbers of cycles that are not counted.
+    """
+    if not any(labels):
+        return []
+    found: list[LabelTotal] = []
+    named = cycles.with_columns(pl.Series("label", labels, dtype=pl.String))
+    for label in sorted(set(labels), key=lambda each: (each == "", each)):
+        sums = sum_cycles(named.filter(label=label).drop("label"), rejected)
+        total = LabelTotal(label, sums["cycles_counted"], sums["payload_kg"], sums["payload_u_kg"])
+        if total.loads:
+            found.append(total)
+    return found

@@ -1,23 +1,115 @@
-"""What the checks look at: the ungated samples of straight motion and of spins."""
+"""What the checks look at: the ungated samples of straight motion and of spins.
+
+Among it is what the log weighs against the machine's empty mass: a gear that nobody divided out, a
+force in another unit or a wrong radius multiply every mass of a log alike, and have no other
+witness. The difference is judged in its standard uncertainty with the scale.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis.empty_mass import EmptyMassDifference, compare_empty_mass
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import Signals
 from analysis.diagnosis.side_comparison import SideDifference, side_differences
 from analysis.model.axes import Z, axes, spin, straight
 from analysis.model.machine import Machine
+from analysis.model.uncertainty_sources import combine
 from analysis.stages.estimation import fit_quality
 from analysis.stages.motion.phases import yaw_pace
+from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
+from analysis.weighing.mass_budget import budget
 from analysis.weighing.weigh import Weighing
 from estimators.arrays import Bools, Floats
+
+#: Above the empty mass lies a payload: without a state that is known to be empty a difference of up
+#: to so many standard uncertainties, 43 % at a scale of 10 %, passes for one.
+_PAYLOAD_U: Final = 3.0
+#: A factor is a candidate within this share of it: friction and what is carried bend a mass so far.
+_NEAR: Final = 0.08
+#: Factors that forces and torques are wrong by, and what they are.
+_CANDIDATES: Final = {
+    2.0: "one side for both, or both for one",
+    3.6: "km/h for m/s",
+    4.4482: "lbf for N",
+    1.3558: "lbf·ft for N·m",
+    8.8507: "lbf·in for N·m",
+    9.5493: "rpm for rad/s",
+    9.80665: "kgf for N, or g for m/s²",
+    57.296: "degrees for radians",
+    1000.0: "a thousand",
+}
+
+
+@dataclass(frozen=True)
+class EmptyMassDifference:
+    """The lightest load against the machine's empty mass.
+
+    Attributes:
+        mass_kg: of the lightest load, less what only turns.
+        empty_kg: by the machine file.
+        u_kg: standard uncertainty of the difference, with that of the scale.
+        scale_known: whether the machine file states the scale's; else it is 10 %.
+        empty_known: whether the log says when it was empty, or has several loads.
+        machine: for the factors that it states.
+    """
+
+    mass_kg: float
+    empty_kg: float
+    u_kg: float
+    scale_known: bool
+    empty_known: bool
+    machine: Machine
+
+    @property
+    def in_u(self) -> float:
+        """The difference in its standard uncertainty, negative below."""
+        return (self.mass_kg - self.empty_kg) / self.u_kg
+
+    @property
+    def factor(self) -> float:
+        """The mass over the empty mass."""
+        return self.mass_kg / self.empty_kg
+
+    @property
+    def tells(self) -> bool:
+        """Whether the difference tells of the scale: what is above may be a payload."""
+        return self.in_u < 0.0 or self.empty_known or self.in_u > _PAYLOAD_U
+
+    @property
+    def text(self) -> str:
+        """The factor, and what it may be, in words."""
+        scale = (
+            "" if self.scale_known else ", with 10 % for a scale that the machine file leaves open"
+        )
+        payload = "" if self.in_u < 0.0 or self.empty_known else "a payload, or "
+        return (
+            f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.factor:.3g} times the "
+            f"{self.empty_kg:,.0f} kg of the empty machine: {payload}{' or '.join(self.candidates)}"
+        )
+
+    @property
+    def candidates(self) -> list[str]:
+        """What a factor like this comes from."""
+        if self.factor <= 0.0:
+            return ["a force of the wrong sign"]
+        times = max(self.factor, 1.0 / self.factor)
+        body = self.machine.machine
+        known = dict(_CANDIDATES)
+        if body.force_share < 1.0:
+            known[1.0 / body.force_share] = f"machine.force_share ({body.force_share:g})"
+        radius_m = body.wheel_radius_m
+        if radius_m is not None and radius_m != 1.0:
+            stated = f"machine.wheel_radius_m ({radius_m:g}) taken twice, or not at all"
+            known[max(radius_m, 1.0 / radius_m)] = stated
+        near = [(abs(np.log(times / each)), f"{each:.4g}, {what}") for each, what in known.items()]
+        named = [what for off, what in sorted(near) if off < _NEAR]
+        gear = f"a gear or gain of {times:.3g}"
+        return [gear if self.factor > 1.0 else f"{gear} the other way", *named[:3]]
 
 
 class UngatedFit(NamedTuple):
@@ -144,3 +236,38 @@ class CheckInputs:
         if not fit_quality.has_enough_samples(A, moving):
             return None
         return Motion(A, f, spinning, moving, braking, speeding=spinning & (changes > 0))
+
+
+def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMassDifference | None:
+    """Compare the lightest load with the empty machine.
+
+    Args:
+        weighing: the joint fit.
+        machine: its empty mass and what it states of the scale.
+
+    Returns:
+        None where either has no mass, or the fit no uncertainty.
+    """
+    body = machine.machine
+    if weighing is None or body.empty_mass_kg is None:
+        return None
+    fit = weighing.fit
+    lightest = int(np.argmin(fit.masses_kg))
+    sources = budget(weighing, machine, fit.weights(lightest))
+    mass_kg = float(fit.masses_kg[lightest])
+    unknown = bool(unknown_factors(sources))
+    scale_kg = UNKNOWN_SCALE * abs(mass_kg) if unknown else 0.0
+    u_kg = float(np.linalg.norm([combine(sources), scale_kg, body.empty_mass_u_kg or 0.0]))
+    if not np.isfinite([mass_kg, u_kg]).all() or u_kg == 0.0:
+        return None
+    # the lightest of several is light by chance as well
+    by_chance_kg = combine(sources, "random") * float(np.sqrt(2.0 * np.log(fit.count)))
+    named = machine.settings.loads.empty_from_s is not None
+    return EmptyMassDifference(
+        mass_kg + by_chance_kg - body.rotating_mass_kg,
+        body.empty_mass_kg,
+        u_kg,
+        not unknown,
+        named or fit.count > 1,
+        machine,
+    )

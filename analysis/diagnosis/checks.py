@@ -164,7 +164,7 @@ class _AxisWords:
     moves: str
 
 
-def _model_checks(about: EvidenceSubject, words: _AxisWords) -> tuple[CheckRow, ...]:
+def model_checks(about: EvidenceSubject, words: _AxisWords) -> tuple[CheckRow, ...]:
     """The checks that every axis must pass: they ask whether its model fits what moved."""
     force, moves = words.force, words.moves
     return (
@@ -223,7 +223,7 @@ CHECKS: Final = (
         optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
     ),
-    *_model_checks("mass", _AxisWords("", "acceleration", "speed", "mass", "force", "motion")),
+    *model_checks("mass", _AxisWords("", "acceleration", "speed", "mass", "force", "motion")),
     CheckRow(
         "acceleration_gain",
         "mass",
@@ -274,7 +274,7 @@ CHECKS: Final = (
     ),
     *FIT_CHECKS,
     *SIGNAL_CHECKS,
-    *_model_checks(
+    *model_checks(
         "inertia",
         _AxisWords("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
     ),

@@ -18,8 +18,8 @@ from analysis.model.settings import VerdictLimits
 from analysis.model.windows import windows_with
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows
-from analysis.weighing.motion_samples import Bools
 from analysis.weighing.weigh import Weighing, mean_difference_kg
+from estimators.arrays import Bools
 
 #: So many standard uncertainties of the answer without a stretch are no other answer.
 MOVES_U: Final = 1.0
@@ -107,7 +107,7 @@ def refit_without_stretches(
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
-            seen = windows_with(held, _lookback_samples(machine))
+            seen = windows_with(held, span_rows(machine.settings) + machine.settings.smooth.samples)
             gated = refuse_windows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 
@@ -133,10 +133,6 @@ def _mass_shift_u(whole: Weighing, without: Weighing | None) -> float:
         return np.inf
     moved_u = abs(mean_difference_kg(without.fit, whole.fit)) / without.fit.u_kg
     return moved_u if np.isfinite(moved_u) else np.inf
-
-
-def _lookback_samples(machine: Machine) -> int:
-    return span_rows(machine.settings) + machine.settings.smooth.samples
 
 
 def _covered_rows(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:

@@ -176,7 +176,7 @@ def _interpolate_at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
     return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), x)
 
 
-def _equal_runs(x: Floats) -> tuple[Ints, Ints]:
+def equal_runs(x: Floats) -> tuple[Ints, Ints]:
     """First and last reading of each run of equal ones."""
     first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
     return first, np.append(first[1:], x.size) - 1
@@ -184,7 +184,7 @@ def _equal_runs(x: Floats) -> tuple[Ints, Ints]:
 
 def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     """Where a channel repeats one reading for long, and whether it hardly ever does otherwise."""
-    first, last = _equal_runs(x)
+    first, last = equal_runs(x)
     long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
     runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
     others = int((last - first + 1)[~long].sum())
@@ -196,7 +196,7 @@ def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
 
 def _zero_speed_spans(t: Ints, x: Floats) -> Spans:
     """Where a speed reads exactly 0 for long, and comes to it and leaves it gradually, in ns."""
-    first, last = _equal_runs(x)
+    first, last = equal_runs(x)
     before, after = np.abs(x[np.maximum(first - 1, 0)]), np.abs(x[np.minimum(last + 1, x.size - 1)])
     small = _BESIDE_STAND * float(np.quantile(np.abs(x), 0.98))
     stands = (x[first] == 0.0) & (before <= small) & (after <= small)

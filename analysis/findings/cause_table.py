@@ -4,16 +4,13 @@ from typing import Final
 
 from analysis.findings import (
     accelerometer_causes,
-    braking_cause,
     changing_loads,
     channel_causes,
     delay_causes,
     fit_causes,
-    forgetting_causes,
-    loose_imu,
     residual_causes,
     sampling_causes,
-    side_causes,
+    setting_causes,
     sign_causes,
     unexplained,
 )
@@ -82,7 +79,7 @@ CAUSES: Final = (
         "unlike_sides",
         "left and right do not push, or turn, alike: one sensor or one wheel is off",
         "straight drives with the torque of both sides, or with the speed of both and a gyroscope",
-        side_causes.find_unlike_sides,
+        channel_causes.find_unlike_sides,
         withholds=True,
         as_judged=True,
         explains=(*_OF_FIT, "wrong_scale", "offset", "imu_misaligned"),
@@ -157,7 +154,7 @@ CAUSES: Final = (
         "imu_loose",
         "the IMU rocks on its mount: its scale is off, and it rings after starts",
         f"{_STILL}, and three starts from it whose force rises fast",
-        loose_imu.find_loose_imu,
+        accelerometer_causes.find_loose_imu,
         explains=(*_OF_FIT, "imu_misaligned", "spikes"),
     ),
     Cause(
@@ -241,7 +238,7 @@ CAUSES: Final = (
         "braking_left_out",
         "braking is left out, and the force sees it",
         "drives and brakes that tell a mass each",
-        braking_cause.find_unmodelled_braking,
+        setting_causes.find_unmodelled_braking,
         explains=("too_little_excitation", "collinear"),
     ),
     Cause(
@@ -307,7 +304,7 @@ CAUSES: Final = (
         "wind_up",
         "a recursion forgets the mass while nothing tells of it",
         "a method that forgets, and windows at steady speed that the gate accepts",
-        forgetting_causes.find_wind_up,
+        setting_causes.find_wind_up,
     ),
     Cause(
         "collinear",

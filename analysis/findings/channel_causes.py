@@ -1,4 +1,7 @@
-"""Readings of one channel: frozen, clipped, coarse, with spikes."""
+"""Readings of one channel: frozen, clipped, coarse, with spikes, or unlike the other side of it.
+
+Sides that are unlike while the machine drives straight: one sensor, wheel or tyre is off.
+"""
 
 from dataclasses import dataclass
 from typing import Final
@@ -7,9 +10,12 @@ import numpy as np
 
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import long_runs
+from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
 from analysis.findings.cause import Change, Symptom, strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
+from analysis.findings.finding_limits import LIMITS
 from analysis.findings.refit import left_out
+from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.model.windows import windows_with
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Bools, Floats, Ints
@@ -50,6 +56,7 @@ _STAND_EDGE_NS: Final = 200_000_000
 _DEAD_1: Final = 0.5
 #: and has neither a sign nor a zero.
 _OF_DEAD: Final = ("unsigned", "offset")
+_CHANNELS: Final = {"torque": TORQUES, "speed": SPEEDS, "slip": SPEEDS}
 
 
 def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
@@ -154,7 +161,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Moving readings that repeat the one before: the noise is below the resolution."""
     found: list[Symptom] = []
     for name in inputs.needed:
-        repeats, lsb = _reading_steps(inputs, name)
+        repeats, lsb = reading_steps(inputs, name)
         if not lsb:
             continue
         found.append(
@@ -168,7 +175,7 @@ def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     return strongest_symptom(found)
 
 
-def _reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
+def reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
     """The share of moving readings that repeat the one before, and what all steps are multiples of.
 
     0 where they are no multiples: then a channel holds its value, but resolves more.
@@ -189,7 +196,7 @@ def _reading_steps(inputs: FindingInputs, name: str) -> tuple[float, float]:
 
 def _is_coarse(inputs: FindingInputs, name: str) -> bool:
     """Whether what repeats is the resolution."""
-    repeats, lsb = _reading_steps(inputs, name)
+    repeats, lsb = reading_steps(inputs, name)
     return bool(lsb) and repeats > _REPEATS
 
 
@@ -242,7 +249,7 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, _Spikes]:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
         # a coarse channel is off by a step now and then
-        scale = np.maximum(_local_std(middle), _reading_steps(inputs, name)[1] / np.sqrt(12.0))
+        scale = np.maximum(local_std(middle), reading_steps(inputs, name)[1] / np.sqrt(12.0))
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
@@ -269,7 +276,7 @@ def _are_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) ->
         t, x = inputs.series[other]
         if inputs.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
             continue
-        scale = _local_std(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        scale = local_std(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
         near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(inputs.series[name][0]))
         ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
         around = np.searchsorted(t, unix_ns[:, None] + np.array([-_AROUND_NS, _AROUND_NS]))
@@ -281,10 +288,10 @@ def _are_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) ->
     return felt
 
 
-def _local_std(x: Floats) -> Floats:
+def local_std(x: Floats) -> Floats:
     """(n,) by the median of the distances within its block, and not below the log's."""
     size = x.size // _BLOCK * _BLOCK
-    blocks = 1.4826 * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
+    blocks = STD_OF_MAD * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
     # a start is sharper than what surrounds it
     around = np.maximum(blocks, np.maximum(np.append(blocks[1:], 0.0), np.append(0.0, blocks[:-1])))
     around = np.maximum(around, np.median(blocks))
@@ -306,3 +313,81 @@ def is_beside_spike(inputs: FindingInputs) -> Bools:
     for each in _spikes(inputs).values():
         near |= each.near
     return near
+
+
+def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
+    """The largest difference between left and right."""
+    found = [_symptom(inputs, each) for each in inputs.check_inputs.sides.values()]
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
+    least = LIMITS.unlike_slip_1 if seen.kind == "slip" else LIMITS.unlike_sides_1
+    strength = abs(seen.value_1) / max(least + seen.resistance_1, SURELY * seen.std_1)
+    left, right = _CHANNELS[seen.kind]
+    smaller, larger = (left, right) if seen.smaller == "left" else (right, left)
+    other = "right" if seen.smaller == "left" else "left"
+    if seen.kind == "torque":
+        return Symptom(
+            strength,
+            f"on straight drives the {seen.smaller} torque is {seen.share_1:.1%} "
+            f"(± {seen.std_1:.1%}) of the {other} one: one of the two is wrong",
+            channel=smaller,
+            change=lambda: _if_smaller_is_wrong(inputs, seen),
+        )
+    if seen.kind == "slip":
+        return Symptom(
+            strength,
+            f"in hard starts the {other} wheels turn faster than the {seen.smaller} ones by "
+            f"{abs(seen.value_1):.1%} ± {seen.std_1:.1%} more than in soft ones, by the gyroscope",
+            channel=larger,
+            change=lambda: _no_change(inputs),
+            alternatives=("slip",),
+        )
+    wrong = _wrong_speed(inputs, seen)
+    setting, value = (None, None) if wrong is None else inputs.scale_channels((wrong[0],), wrong[1])
+    by_imu = (
+        "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
+    )
+    return Symptom(
+        strength,
+        f"on straight drives the {other} wheels turn faster than the {seen.smaller} ones by "
+        f"{abs(seen.value_1):.1%} ± {seen.std_1:.1%}, by the gyroscope{by_imu}",
+        channel=larger if wrong is None else wrong[0],
+        setting=setting,
+        value=value,
+        change=lambda: _no_change(inputs),
+    )
+
+
+def _other_side(channel: str) -> str:
+    return "right" if channel == SPEEDS[0] else "left"
+
+
+def _wrong_speed(inputs: FindingInputs, seen: SideDifference) -> tuple[str, float] | None:
+    """The speed that the accelerometer contradicts, and what its scale is to be multiplied by."""
+    wheels = None if inputs.fit is None else inputs.fit.kinematics
+    if wheels is None or not wheels.is_consistent:
+        return None
+    gains = [(1.0 + wheels.gain[0]) * (1.0 + way * seen.value_1 / 2.0) for way in (-1.0, 1.0)]
+    if min(gains) <= 0.0:
+        return None
+    off = np.abs(np.log(gains))
+    right = int(np.argmin(off))
+    if off[right] > LIMITS.right_side_1 or off[1 - right] < off[right] + LIMITS.wrong_side_1:
+        return None
+    return SPEEDS[1 - right], gains[right] / gains[1 - right]
+
+
+def _if_smaller_is_wrong(inputs: FindingInputs, seen: SideDifference) -> Change | None:
+    """If the larger one is wrong, the mass is as much too large as it is else too small."""
+    if inputs.fit is None or seen.share_1 <= -1.0:
+        return None
+    kg = abs(inputs.fit.mass_kg) * (2.0 / (1.0 + max(seen.share_1, 0.0)) - 1.0)
+    return Change(kg, kg)
+
+
+def _no_change(inputs: FindingInputs) -> Change | None:
+    """The accelerometer weighs: what the wheels say hardly moves the mass."""
+    fit = inputs.fit
+    return None if fit is None or not fit.motion.by_accelerometer else Change(0.0, 0.5 * fit.u_kg)

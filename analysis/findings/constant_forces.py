@@ -110,8 +110,8 @@ def _fit_explanation(inputs: FindingInputs) -> Constants:
     return Constants(
         rest,
         error,
-        _is_in_explanation(cost, best, 0),
-        _is_in_explanation(cost, best, 1),
+        is_in_explanation(cost, best, 0),
+        is_in_explanation(cost, best, 1),
         _subtract_constants(motion, of_rest, of_error),
     )
 
@@ -122,7 +122,7 @@ def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float)
     return change_accelerometer(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
 
 
-def _is_in_explanation(
+def is_in_explanation(
     cost: dict[tuple[bool, bool, bool], float], best: tuple[bool, bool, bool], place: int
 ) -> bool | None:
     """Whether a cause is in the best explanation; None where one without it is nearly as good."""

@@ -12,7 +12,7 @@ from analysis.diagnosis.check_inputs import CheckInputs
 from analysis.diagnosis.measured_channels import Series
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.axes import X
-from analysis.model.machine import Channel, Machine
+from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.verdict import Verdict
 from analysis.model.windows import windows_with
@@ -133,7 +133,7 @@ class FindingInputs:
     def is_moving_at(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
         t = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
-        return ~self.stands[np.minimum(_places(t, unix_ns), t.size - 1)]
+        return ~self.stands[np.minimum(places_text(t, unix_ns), t.size - 1)]
 
     def newtons_per_unit(self, channel: str) -> float:
         """The longitudinal force in N that one of a force channel stands for (17)."""
@@ -148,7 +148,11 @@ class FindingInputs:
         A speed that is read as it is gets its unit: a scale alone would pass for a wheel's radius.
         """
         channels = self.machine.channels
-        as_read = [n for n in names if n in SPEEDS and _is_as_read(channels[n])]
+        as_read = [
+            n
+            for n in names
+            if n in SPEEDS and channels[n].unit is None and channels[n].scale == 1.0
+        ]
         keys = (f"channels.{name}.scale" for name in names)
         values = (f"{channels[name].scale * times:.6g}" for name in names)
         return (
@@ -191,12 +195,8 @@ class FindingInputs:
         return fit.masses_kg[fit.states.membership[place.clip(0, fit.states.unit.size - 1)]]
 
 
-def _is_as_read(channel: Channel) -> bool:
-    return channel.unit is None and channel.scale == 1.0
-
-
 @compiled_ahead
-def _places(t: Ints, stamps: Ints) -> Ints:
+def places_text(t: Ints, stamps: Ints) -> Ints:
     """Where stamps, (n,), stand among ascending ones: `searchsorted` of stamps mostly in order."""
     out = np.empty(stamps.size, np.int64)
     at = 0

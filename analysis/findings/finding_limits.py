@@ -77,7 +77,7 @@ class FindingLimits:
     #: Largest uncertainty without braking over that with it: less motion determines less.
     braking_u_ratio: float = 4.0
 
-    # forgetting_causes
+    # setting_causes
     #: Growth of an estimate's own standard deviation at steady speed from which it winds up: three
     #: quarters of what it knew are then forgotten.
     wind_up_growth: float = 2.0
@@ -138,7 +138,7 @@ class FindingLimits:
     #: Time in s before, in which it stands or drives the other way.
     driving_start_s: float = 0.5
 
-    # loose_imu
+    # a loose accelerometer
     #: Gain of a loose accelerometer on the wheels' acceleration, at least,
     loose_gain_1: float = 1.02
     #: by so many standard deviations.
@@ -258,7 +258,7 @@ class FindingLimits:
     #: Standard uncertainties, with the scale's, that chance stays below.
     wrong_scale_u: float = 3.0
 
-    # side_causes
+    # the two sides
     #: Smallest difference of the sides: sound machines have up to 5 %;
     unlike_sides_1: float = 0.07
     #: and of hard starts beyond soft ones, where sound machines have none.

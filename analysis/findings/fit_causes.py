@@ -53,14 +53,14 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
             change=lambda: refit_mended(inputs, larger, min(std / abs(gain), 1.0)),
             # an accelerometer that reads too much may rock on its mount
             alternatives=(
-                *_rival_causes(pick),
+                *rival_causes(pick),
                 *(("imu_loose",) if gain < -LIMITS.rocking_imu_fraction else ()),
             ),
         )
     ]
 
 
-def _rival_causes(pick: PickedCause) -> tuple[str, ...]:
+def rival_causes(pick: PickedCause) -> tuple[str, ...]:
     """Keys of the causes that this log does not tell from one."""
     keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
@@ -142,7 +142,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     force = pick.value * way
     prior = "direction_share" if motion.both_ways else "const_share"
     share = max(getattr(inputs.machine.settings.priors, prior), force / motion.largest_force)
-    others = _rival_causes(pick)
+    others = rival_causes(pick)
     seen = explain_constant_force(inputs)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
@@ -210,7 +210,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
             "full force",
             channel=next(iter(inputs.speed_channels), None),
             change=lambda: _no_symptom(inputs),
-            alternatives=_rival_causes(pick),
+            alternatives=rival_causes(pick),
         )
     ]
 
@@ -235,7 +235,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
                     ),
                     1.0,
                 ),
-                alternatives=_rival_causes(pick),
+                alternatives=rival_causes(pick),
             )
         )
     return [max(found, key=lambda sign: sign.strength)] if found else []
@@ -261,7 +261,7 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
                 if inputs.fit is not None
                 else None
             ),
-            alternatives=_rival_causes(pick),
+            alternatives=rival_causes(pick),
         )
     ]
 
@@ -344,7 +344,7 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
             float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
             pick.value / LIMITS.seen_braking_fraction,
         )
-        share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", _rival_causes(pick)
+        share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", rival_causes(pick)
     return [
         Symptom(
             strength,

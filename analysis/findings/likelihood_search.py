@@ -72,11 +72,11 @@ def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
     out: dict[str, PickedCause] = {}
     late = _try_long_delay(inputs, motion)
     if late is not None:
-        motion, found = _converge_delay(inputs, motion, taken, late)
+        motion, found = converge_delay(inputs, motion, taken, late)
         out[late.name] = replace(found, gain=late.gain)
         taken.append(late.name)
     for _ in range(LIMITS.max_picked_causes):
-        tried = _try_causes(inputs, motion, taken)
+        tried = try_causes(inputs, motion, taken)
         if not tried:
             break
         best = _best_candidate(tried)
@@ -87,11 +87,11 @@ def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         rivals = {
             name
             for name, pick in tried.items()
-            if best.gain - pick.gain < _gain_tolerance(best, name) and _is_physical(pick)
+            if best.gain - pick.gain < gain_tolerance(best, name) and is_physical(pick)
         }
         if best.name.startswith("delay"):
             begun = motion
-            motion, found = _converge_delay(inputs, begun, taken, best)
+            motion, found = converge_delay(inputs, begun, taken, best)
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
                 motion, found, other = _attribute_delay(inputs, begun, taken, (motion, found))
                 rivals = rivals - {*_BESIDE} | {*other}
@@ -101,11 +101,11 @@ def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         )
         taken.append(found.name)
     else:
-        out.update({n: p for n, p in _try_causes(inputs, motion, taken).items() if n not in out})
+        out.update({n: p for n, p in try_causes(inputs, motion, taken).items() if n not in out})
     return out
 
 
-def _gain_tolerance(best: PickedCause, name: str) -> float:
+def gain_tolerance(best: PickedCause, name: str) -> float:
     """Gains that differ by less are not told apart."""
     # under a throttle that is held, brakes of an unknown course are a constant force as well, or
     # one that is not linear in the acceleration
@@ -121,20 +121,20 @@ def _gain_tolerance(best: PickedCause, name: str) -> float:
 def _best_candidate(tried: Mapping[str, PickedCause]) -> PickedCause:
     """The cause that raises the likelihood most; of its class one that can be and matters."""
     best = max(tried.values(), key=lambda pick: pick.gain)
-    if _is_physical(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
+    if is_physical(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
     others = [
         pick
         for pick in tried.values()
-        if best.gain - pick.gain < _gain_tolerance(best, pick.name)
-        and _is_physical(pick)
+        if best.gain - pick.gain < gain_tolerance(best, pick.name)
+        and is_physical(pick)
         and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
         and pick.gain >= LIMITS.picked_gain
     ]
     return max(others, key=lambda pick: pick.gain, default=best)
 
 
-def _is_physical(pick: PickedCause) -> bool:
+def is_physical(pick: PickedCause) -> bool:
     """Wheels do not turn slower than the ground that they push: that is another one's shape."""
     return pick.name != "slip" or pick.value > 0.0
 
@@ -145,7 +145,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     if fit is None or abs(fit.lag_s) < LIMITS.long_delay_s:
         return None
     late = delay_channel(motion, "force", fit.lag_s)
-    before, after = (_remaining_motion(inputs, of)[0] for of in (motion, late))
+    before, after = (remaining_motion(inputs, of)[0] for of in (motion, late))
     if (
         before.square_left * before.variance
         < (1.0 + LIMITS.long_delay_residual_ratio) * after.square_left * after.variance
@@ -153,7 +153,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
         return None
     # the wheels tell whether it is the accelerometer that is early or late
     turned = delay_channel(motion, "imu", -fit.lag_s)
-    without, with_it = (_remaining_motion(inputs, of)[1] for of in (motion, turned))
+    without, with_it = (remaining_motion(inputs, of)[1] for of in (motion, turned))
     by_imu = (
         without is not None
         and with_it is not None
@@ -165,7 +165,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     return PickedCause("delay:force", fit.lag_s, 1e-3, gain, ())
 
 
-def _converge_delay(
+def converge_delay(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str], pick: PickedCause
 ) -> tuple[MotionSamples, PickedCause]:
     """Move the channel back by what was found, until nothing is left of its delay."""
@@ -178,7 +178,7 @@ def _converge_delay(
             )
         )
         motion = delay_channel(begun, channel, total)
-        again = _try_causes(inputs, motion, taken).get(pick.name)
+        again = try_causes(inputs, motion, taken).get(pick.name)
         if again is None:
             break
         step, std = again.value, again.std
@@ -209,7 +209,7 @@ def _attribute_delay(
     turned = replace(own, name=_BESIDE[own.name], value=-own.value)
     other = delay_channel(begun, turned.name.partition(":")[2], turned.value)
     # tried whole: noise of the force makes its derivative too large, and a delay too small
-    left, left_other = (_remaining_motion(inputs, each, taken)[0] for each in (motion, other))
+    left, left_other = (remaining_motion(inputs, each, taken)[0] for each in (motion, other))
     apart = left.square_left * left.variance - left_other.square_left * left_other.variance
     apart /= min(left.variance, left_other.variance)
     near = abs(apart) < LIMITS.indistinguishable_gain
@@ -218,7 +218,7 @@ def _attribute_delay(
     return motion, own, (turned.name,) if near else ()
 
 
-def _try_causes(
+def try_causes(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str]
 ) -> dict[str, PickedCause]:
     """Try every cause beside those that were picked."""
@@ -240,13 +240,13 @@ def _build_systems(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str]
 ) -> list[ProjectedEquation]:
     """Both equations without what was taken; the wheels' where it can be listened to."""
-    force, wheels = _remaining_motion(inputs, motion, taken)
+    force, wheels = remaining_motion(inputs, motion, taken)
     # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
     together = wheels is not None and wheels.variance < LIMITS.wheel_noise_ratio
     return [force, wheels] if wheels is not None and together else [force]
 
 
-def _remaining_motion(
+def remaining_motion(
     inputs: FindingInputs, motion: MotionSamples, taken: Sequence[str] = ()
 ) -> tuple[ProjectedEquation, ProjectedEquation | None]:
     """Force and wheels without what was taken."""

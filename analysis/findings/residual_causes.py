@@ -48,13 +48,13 @@ def _spectra(inputs: FindingInputs) -> Spectra | None:
     A = np.column_stack([regressor_acceleration(aligned, machine), values(aligned, "speed_x_m_s")])
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
-    driving = _stretch_powers(left, used & known, 2)
-    standing = _stretch_powers(left, inputs.stands_still & known, 1)
+    driving = stretch_powers(left, used & known, 2)
+    standing = stretch_powers(left, inputs.stands_still & known, 1)
     if min(len(driving), len(standing)) < LIMITS.min_spectra:
         return None
     hz = np.arange(LIMITS.spectrum_samples // 2 + 1) * rate_hz / LIMITS.spectrum_samples
     counts = (len(driving), len(standing))
-    return Spectra(hz, _typical_power(driving), _typical_power(standing), counts)
+    return Spectra(hz, typical_power(driving), typical_power(standing), counts)
 
 
 def _mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
@@ -70,7 +70,7 @@ def _mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
     return inputs.check_inputs.straight.fit.value, 0.0
 
 
-def _stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
+def stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
     """Spectra of the stretches that are used, without their own polynomial."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
     window = np.hanning(LIMITS.spectrum_samples)
@@ -89,7 +89,7 @@ def _stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
     return out
 
 
-def _typical_power(powers: list[Floats]) -> Floats:
+def typical_power(powers: list[Floats]) -> Floats:
     """Their mean, without the largest: a stretch that holds a stop or a knock is no noise."""
     kept = max(round(LIMITS.averaged_spectra_fraction * len(powers)), 1)
     return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)

@@ -5,6 +5,7 @@ import numpy as np
 from analysis.findings.cause import Symptom, strongest_symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
+from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.filters import period_ns
 from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
 from estimators.arrays import Bools, Floats, Ints
@@ -14,7 +15,7 @@ def find_gaps(inputs: FindingInputs) -> list[Symptom]:
     """Steps of a topic longer than `gap_periods` of its own period."""
     found: list[Symptom] = []
     settings = inputs.machine.settings.align
-    topics = _channel_by_topic(inputs)
+    topics = channel_by_topic(inputs)
     others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
     for name, (t, _) in topics.items():
         period = float(period_ns(t))
@@ -51,7 +52,7 @@ def _recorder_pauses(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
 def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """The scatter of a topic's steps, gaps aside, over its period."""
     found: list[Symptom] = []
-    for name, (t, _) in _channel_by_topic(inputs).items():
+    for name, (t, _) in channel_by_topic(inputs).items():
         uneven = uneven_headers(inputs.raw[inputs.machine.channels[name].topic or "table"])
         if uneven is not None:
             found.append(
@@ -189,7 +190,7 @@ def _drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
     return slower if slower == topic else faster
 
 
-def _channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
+def channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """One channel of each topic that the equation needs."""
     topics: dict[str | None, str] = {}
     for name in inputs.needed:
@@ -216,7 +217,7 @@ def _latency_levels(latency_s: Floats) -> tuple[Floats | None, float]:
     parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
     changes = np.abs(np.diff(level))
-    return level, max(float(np.median(changes)) * 1.4826, 1e-5)
+    return level, max(float(np.median(changes)) * STD_OF_MAD, 1e-5)
 
 
 def _largest_step(level: Floats) -> tuple[int, float, float]:

@@ -79,7 +79,7 @@ def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=lambda: refit_from_scratch(
-                inputs, lambda motion: _reverse_channel(motion, names[0]), 0.05
+                inputs, lambda motion: multiply_channel(motion, names[0], -1.0), 0.05
             ),
         )
     ]
@@ -97,7 +97,7 @@ def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
         return []
     together = float(np.corrcoef(left[used], right[used])[0, 1])
     if together > LIMITS.opposing_sides_correlation or any(
-        _is_never_negative(inputs, name) for name in sides
+        is_never_negative(inputs, name) for name in sides
     ):
         return []
     along = inputs.check_inputs.straight.speed
@@ -138,7 +138,7 @@ def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
         np.count_nonzero(straight.braking) >= fewest
         and opposing <= LIMITS.unsigned_opposing_fraction
     )
-    if not _is_never_negative(inputs, name) or not (backwards or brakes):
+    if not is_never_negative(inputs, name) or not (backwards or brakes):
         return []
     high = float(np.quantile(inputs.series[name][1], 0.99))
     return [
@@ -155,7 +155,7 @@ def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _is_never_negative(inputs: FindingInputs, name: str) -> bool:
+def is_never_negative(inputs: FindingInputs, name: str) -> bool:
     """Whether a channel has lost its sign: noise about zero would be below it as well."""
     return float((inputs.series[name][1] < 0.0).mean()) < LIMITS.unsigned_negative_fraction
 
@@ -227,7 +227,7 @@ def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=lambda: refit_from_scratch(
-                inputs, lambda motion: _multiply_channel(motion, ACC, 1.0 / near[0]), 0.05
+                inputs, lambda motion: multiply_channel(motion, ACC, 1.0 / near[0]), 0.05
             ),
         )
     ]
@@ -291,7 +291,7 @@ def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
             setting=setting if told else None,
             value=value if told else None,
             change=lambda: refit_from_scratch(
-                inputs, lambda motion: _multiply_channel(motion, names[0], times), 0.05
+                inputs, lambda motion: multiply_channel(motion, names[0], times), 0.05
             ),
         )
     ]
@@ -326,17 +326,13 @@ def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
             setting=setting,
             value=value,
             change=lambda: refit_from_scratch(
-                inputs, lambda motion: _multiply_channel(motion, names[0], 1.0 / near), 0.05
+                inputs, lambda motion: multiply_channel(motion, names[0], 1.0 / near), 0.05
             ),
         )
     ]
 
 
-def _reverse_channel(motion: MotionSamples, channel: str) -> MotionSamples:
-    return _multiply_channel(motion, channel, -1.0)
-
-
-def _multiply_channel(motion: MotionSamples, channel: str, times: float) -> MotionSamples:
+def multiply_channel(motion: MotionSamples, channel: str, times: float) -> MotionSamples:
     """The motion with a channel multiplied."""
     if channel == ACC:
 

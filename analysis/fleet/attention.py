@@ -5,6 +5,7 @@ from typing import Final
 import polars as pl
 
 from analysis.model.physical_units import NS_PER_S
+from analysis.model.uncertainty_sources import STD_OF_MAD
 
 #: The gate accepts at least this share of a recording that works.
 _LOW: Final = 0.02
@@ -14,7 +15,6 @@ _MANY: Final = 5
 _FEW: Final = 20
 #: A payload is far from the others beyond so many of their deviations.
 _FAR: Final = 6.0
-_MAD: Final = 1.4826
 
 
 def needs_a_look(
@@ -101,7 +101,7 @@ def _of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
     """Payloads far from those of the same machine, by median and median absolute deviation."""
     payload = pl.col("payload_kg")
     apart = (payload - payload.median().over("machine")).abs().alias("apart")
-    spread = (pl.col("apart").median().over("machine") * _MAD).clip(1e-9)
+    spread = (pl.col("apart").median().over("machine") * STD_OF_MAD).clip(1e-9)
     farthest = pl.all().sort_by("apart", "cycle").last()
     return (
         cycles.filter("counted")

@@ -70,7 +70,7 @@ def sums(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
             pl.len().cast(pl.Int64).alias("recordings"),
             pl.col("cycles_counted").sum().alias("loads"),
             pl.col("payload_kg").sum(),
-            _random().alias("payload_u_random_kg"),
+            (pl.col("payload_u_random_kg") ** 2).sum().sqrt().alias("payload_u_random_kg"),
             pl.col("payload_u_common_kg").sum(),
             _without_scale().alias("without_scale"),
         )
@@ -103,7 +103,3 @@ def _without_scale() -> pl.Expr:
     """Recordings with tonnes whose scale nothing tells."""
     unknown = pl.col("scale_unknown").fill_null("") != ""
     return (unknown & (pl.col("cycles_counted") > 0)).sum().cast(pl.Int64)
-
-
-def _random() -> pl.Expr:
-    return (pl.col("payload_u_random_kg") ** 2).sum().sqrt()

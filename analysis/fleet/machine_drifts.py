@@ -1,16 +1,63 @@
-"""Which machines drift: charts of zero, scale and friction between one calibration and the next."""
+"""Which machines drift: charts of zero, scale and friction between one calibration and the next.
+
+A chart of values that come day by day, from the first one on, is a self-starting CUSUM.
+Nobody knows a machine's zero and its scatter in advance, and an estimate of them by the first month
+would make every limit wrong by the error of that estimate. So each value is compared with those
+before it: T = √((n-1)/n) (x_n - mean) / s is Student's t with n-2 degrees of freedom while nothing
+drifts, whatever mean and deviation are, and U = Φ⁻¹(F(T)) is a standard normal one, independent of
+those before (Hawkins, J. Quality Technology 19, 1987). The CUSUM of U (Page, Biometrika 41, 1954)
+has the average run length of one whose baseline is known, which a Markov chain gives (Brook and
+Evans, Biometrika 59, 1972): the limit follows from how often a false alarm may come.
+"""
 
 import datetime as dt
+from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
+from scipy.special import ndtr, ndtri, stdtr
 
-from analysis.fleet.control_chart import ControlChart, control_chart, limit_for
+from estimators.arrays import Floats
 
 #: False alarms that all charts of a machine together may have in a year of daily values.
 _ALARMS_A_YEAR: Final = 0.5
 _DAYS: Final = 365.0
+#: Allowance of the CUSUM, in standard deviations: half of the shift that it finds soonest.
+ALLOWANCE: Final = 0.25
+#: No value counts for more: a day with a broken log is no drift.
+_MOST: Final = 3.0
+#: Fewer values do not tell how days are correlated, which is at most so much.
+_FEW: Final = 20
+_MOST_ALIKE: Final = 0.9
+#: Before so many values there is no deviation to compare with.
+_FIRST: Final = 3
+#: States of the Markov chain; twice as many change a limit by less than a hundredth.
+_STATES: Final = 100
+
+
+class ControlChart(NamedTuple):
+    """A chart of n values.
+
+    Attributes:
+        innovation: (n,) U of each value, standard normal while nothing drifts; 0 of the first.
+        up: (n,) sum towards larger values.
+        down: (n,) sum towards smaller values.
+        limit: of either sum.
+        flagged: the first value beyond the limit; None where there is none.
+        since: the first value of the stretch that was flagged.
+        change: mean from there on less the mean before; NaN where nothing is flagged.
+        change_std: its standard deviation, likewise.
+    """
+
+    innovation: Floats
+    up: Floats
+    down: Floats
+    limit: float
+    flagged: int | None
+    since: int | None
+    change: float
+    change_std: float
 
 
 class Signal(NamedTuple):
@@ -111,3 +158,101 @@ def _chart(part: pl.DataFrame, signal: Signal, limit: float) -> MachineChart:
         tuple(float(value) for value in raw),
         control_chart(values, limit),
     )
+
+
+def control_chart(values: Floats, limit: float) -> ControlChart:
+    """Chart values.
+
+    Args:
+        values: (n,) in time, without NaN.
+        limit: of the sums, from `limit_for`.
+    """
+    innovation = innovations(whiten_series(values))
+    up, down = np.zeros(values.size), np.zeros(values.size)
+    flagged: int | None = None
+    begins = [0, 0]
+    since: int | None = None
+    high = low = 0.0
+    for n, u in enumerate(innovation):
+        begins = [n if high == 0.0 else begins[0], n if low == 0.0 else begins[1]]
+        high, low = max(high + u - ALLOWANCE, 0.0), max(low - u - ALLOWANCE, 0.0)
+        up[n], down[n] = high, low
+        if flagged is None and max(high, low) > limit:
+            flagged, since = n, begins[0 if high > low else 1]
+    change, std = _change(values, since)
+    return ControlChart(innovation, up, down, limit, flagged, since, change, std)
+
+
+def whiten_series(values: Floats) -> Floats:
+    """(n,) of each value what the one before it does not foretell, where days are alike in a row.
+
+    The correlation is that of differences over one and two values, E2 / E1 - 1 of a first-order
+    process, which a drift does not raise as it would that of the values.
+    """
+    if values.size < _FEW:
+        return values
+    one, two = (float(np.mean((values[k:] - values[:-k]) ** 2)) for k in (1, 2))
+    alike = float(np.clip(two / one - 1.0, 0.0, _MOST_ALIKE)) if one > 0.0 else 0.0
+    before = np.concatenate([values[:1], values[:-1]])
+    return values - alike * before
+
+
+def innovations(values: Floats) -> Floats:
+    """(n,) of each value against those before it, standard normal while nothing drifts."""
+    found = np.zeros(values.size)
+    if values.size < _FIRST:
+        return found
+    # about the first value, so that squares keep their digits
+    offset = values - values[0]
+    number = np.arange(values.size, dtype=float)
+    sums, squares = np.cumsum(offset), np.cumsum(offset**2)
+    n = number[_FIRST - 1 :]
+    mean = sums[_FIRST - 2 : -1] / n
+    variance = np.maximum(squares[_FIRST - 2 : -1] - n * mean**2, 0.0) / (n - 1.0)
+    apart = offset[_FIRST - 1 :] - mean
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.sqrt(n / (n + 1.0)) * apart / np.sqrt(variance)
+    t = np.where(np.isnan(t), 0.0, t)
+    # by the nearer tail, which keeps its digits
+    tail = ndtri(stdtr(n - 1.0, -np.abs(t)))
+    found[_FIRST - 1 :] = np.clip(np.where(t > 0, -tail, tail), -_MOST, _MOST)
+    return found
+
+
+def _change(values: Floats, since: int | None) -> tuple[float, float]:
+    if since is None or since < 2 or values.size - since < 2:
+        return float("nan"), float("nan")
+    before, after = values[:since], values[since:]
+    variance = before.var(ddof=1) / before.size + after.var(ddof=1) / after.size
+    return float(after.mean() - before.mean()), float(np.sqrt(variance))
+
+
+@cache
+def limit_for(run_length: float) -> float:
+    """Find the limit at which a false alarm comes once in so many values, on average.
+
+    Args:
+        run_length: average run length of both sums together, without drift.
+    """
+    low, high = 0.5, 40.0
+    # either sum alone has twice the run length
+    while high - low > 1e-3:
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if run_length_of(middle) < 2.0 * run_length else (low, middle)
+    return (low + high) / 2.0
+
+
+def run_length_of(limit: float, shift: float = 0.0) -> float:
+    """Average run length of one sum from 0, of normal values.
+
+    Args:
+        limit: of the sum.
+        shift: mean of the values, in their deviations.
+    """
+    width = 2.0 * limit / (2 * _STATES - 1)
+    middle = np.arange(_STATES) * width
+    # from a state to another by a value less the allowance
+    to = middle[np.newaxis, :] - middle[:, np.newaxis] + ALLOWANCE - shift
+    chance = ndtr(to + width / 2.0) - ndtr(to - width / 2.0)
+    chance[:, 0] = ndtr(to[:, 0] + width / 2.0)
+    return float(np.linalg.solve(np.eye(_STATES) - chance, np.ones(_STATES))[0])

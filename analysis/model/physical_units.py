@@ -8,8 +8,9 @@ from typing import Any, Final
 
 from estimators.errors import MachineError
 
-#: Nanoseconds of a second: stamps are whole ns, durations s.
+#: Nanoseconds of a second, for durations in s, and as a whole number, for stamps.
 NS_PER_S: Final = 1e9
+NS: Final = 10**9
 #: What pint lets through of its tokenizer and its evaluation, for text that is no unit.
 _UNREADABLE = (
     ArithmeticError,

@@ -8,6 +8,9 @@ import numpy as np
 
 from analysis.model.machine import Machine
 
+#: Standard deviation of normal numbers over the median of their distances from the median.
+STD_OF_MAD: Final = 1.4826
+
 
 @dataclass(frozen=True, slots=True)
 class UncertaintySource:

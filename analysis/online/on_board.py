@@ -13,17 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.axes import X
 from analysis.model.methods import METHODS, AxisNoise, Feed, Method
 from analysis.model.settings import Settings
 from analysis.online.gate_state import GateRow, GateState, number, start_gate, step_gate
 from analysis.stages.noise.column_noise import axis_noise
+from estimators.arrays import Floats
 from estimators.estimate import Estimate
 from estimators.methods import incremental
-
-Floats = NDArray[np.float64]
 
 
 class TimedEstimate(NamedTuple):

@@ -186,14 +186,11 @@ def claims(extracts: Extracts) -> Claims:
     buffer = _buffer_rows(pl.concat(extracts.all(OVER_WINDOWS), how="vertical_relaxed"))
     rows = [
         *buffer,
-        *(
-            _claim_row("rms", "trial", row, "rms_left_out_kg")
-            for row in gated.iter_rows(named=True)
-        ),
-        _claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
+        *(claim_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
+        claim_row("rms", "constant", {"found": printed_numbers.CONSTANT_KG}, "found"),
         *(_window_row(row) for row in windows.iter_rows(named=True)),
         *(
-            _claim_row("experiment", "trial", row, "mean_abs_kg")
+            claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
         *_cruise_rows(np.array(extracts.all(CRUISE_ERRORS))),
@@ -240,7 +237,7 @@ def _buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
         samples = round(row[WINDOW])
         held = ls_buffer_bytes(samples) if row["method"] == "ls" else rls_state_bytes()
         of_window = {"window_samples": samples, "buffer_bytes": held}
-        rows.append(_claim_row("buffer", "trial", {**row, **of_window}, "run_left_out_kg"))
+        rows.append(claim_row("buffer", "trial", {**row, **of_window}, "run_left_out_kg"))
     return rows
 
 
@@ -256,7 +253,7 @@ def _buffers(frame: pl.DataFrame) -> Buffers:
     )
 
 
-def _claim_row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
+def claim_row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[str, Any]:
     """A finding whose number and interval stand in `row` under `name`."""
     return {
         "claim": claim,
@@ -277,7 +274,7 @@ def _claim_row(claim: str, of: str, row: Mapping[str, Any], name: str) -> dict[s
 def _window_row(row: Mapping[str, Any]) -> dict[str, Any]:
     half = _NORMAL * row["bias_std_kg"]
     ends = {"bias_kg_low": row["bias_kg"] - half, "bias_kg_high": row["bias_kg"] + half}
-    return _claim_row("simulation", "window", {**row, **ends}, "bias_kg")
+    return claim_row("simulation", "window", {**row, **ends}, "bias_kg")
 
 
 def _cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
@@ -286,7 +283,7 @@ def _cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
     found = [rms_interval(errors, rng) for errors in errors_kg.T]
     ungated_kg = found[0][0]
     return [
-        _claim_row(
+        claim_row(
             "reduction",
             "cruise",
             {
@@ -310,7 +307,7 @@ def _campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
         gated = row["fed"] != "ungated"
         smaller = _smaller(row["rms_left_out_kg"], ungated_kg) if gated else None
         rows.append(
-            _claim_row("reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg")
+            claim_row("reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg")
         )
     return rows
 

@@ -181,15 +181,15 @@ def drive_of(
         machine,
         coefficients,
         np.nan_to_num(of_samples),
-        _reached_value(plane.f[:, 0], used),
-        _reached_value(plane.f[:, 1], turns),
-        _reached_value(motion.speed, used),
-        _reached_value(motion.yaw_rate, turns),
-        _reached_value(motion.specific_force_y, turns),
+        reached_value(plane.f[:, 0], used),
+        reached_value(plane.f[:, 1], turns),
+        reached_value(motion.speed, used),
+        reached_value(motion.yaw_rate, turns),
+        reached_value(motion.specific_force_y, turns),
     )
 
 
-def _reached_value(x: Floats, used: Bools) -> float:
+def reached_value(x: Floats, used: Bools) -> float:
     """What the samples reach without their outliers; a little where they are none or 0."""
     found = float(np.quantile(np.abs(x[used]), _REACHES)) if used.any() else 0.0
     return max(found, 1e-6)

@@ -76,7 +76,7 @@ def _has_unknown_slope(machine: Machine) -> bool:
     return _blind_along(machine) or _blind_sideways(machine)
 
 
-def _unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
+def unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
     """The force of a gravity (along, across) the machine of which no channel tells."""
     x = along if _blind_along(m.drive.machine) else 0.0 * along
     y = across if _blind_sideways(m.drive.machine) else 0.0 * across
@@ -279,7 +279,7 @@ TERMS: Final = (
     ),
     Term(
         "slope_along",
-        lambda m: _unseen_gravity(m, np.cos(m.heading_rad), -np.sin(m.heading_rad)),
+        lambda m: unseen_gravity(m, np.cos(m.heading_rad), -np.sin(m.heading_rad)),
         lambda d, s: s.const_weight_share * d.gravity_m_s2,
         "a slope along where the log begins, of which no channel tells",
         "level ground; an accelerometer, or channels of pitch and roll",
@@ -288,7 +288,7 @@ TERMS: Final = (
     ),
     Term(
         "slope_across",
-        lambda m: _unseen_gravity(m, np.sin(m.heading_rad), np.cos(m.heading_rad)),
+        lambda m: unseen_gravity(m, np.sin(m.heading_rad), np.cos(m.heading_rad)),
         lambda d, s: s.const_weight_share * d.gravity_m_s2,
         "a slope across where the log begins, of which no channel tells",
         "level ground; an accelerometer, or channels of pitch and roll",

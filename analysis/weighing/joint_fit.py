@@ -77,7 +77,7 @@ class JointFitInputs:
         priors: PriorSettings,
         before: JointFit | None = None,
     ) -> Self:
-        """Ask the wheels; how uneven the ground is, a fit of nearly the same motion tells."""
+        """Compare the wheels; take the unevenness of the ground from an earlier fit of the log."""
         noise = CachedNoise(noise)
         uneven_1_s = 0.0 if before is None else before.found.uneven_1_s
         return cls(motion, noise, priors, _wheel_kinematics(motion, noise, priors), uneven_1_s)
@@ -124,7 +124,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     chosen = _fit_whole(of, whole, best)
     transient = rows_in(LIMITS.transient_mean_s, motion.rate_hz)
     if several and chosen.fit.misfit_ratio > LIMITS.max_misfit_ratio and transient > samples:
-        # starts have a shape in common that no term has; over a long mean it adds up to nothing
+        # what all starts have in common and no term describes averages out over a longer mean
         longer = _fit_whole(of, whole, replace(best, mean_samples=transient))
         chosen = min(chosen, longer, key=lambda each: each.fit.misfit_ratio)
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))

@@ -67,23 +67,8 @@ class Moments:
 
     def at(self, rows: Ints) -> "Moments":
         """The same of some of the samples."""
-        return replace(
-            self,
-            acceleration=self.acceleration[rows],
-            wheel_acceleration=self.wheel_acceleration[rows],
-            speed=self.speed[rows],
-            rolling_fraction=self.rolling_fraction[rows],
-            force=self.force[rows],
-            force_rate=self.force_rate[rows],
-            direction=self.direction[rows],
-            progress=self.progress[rows],
-            under_way_s=self.under_way_s[rows],
-            relative_load=self.relative_load[rows],
-            load_contrast=self.load_contrast[rows],
-            place_1=self.place_1[rows],
-            travelled_m=self.travelled_m[rows],
-            route_1=self.route_1[rows],
-        )
+        channels = {n: x[rows] for n, x in vars(self).items() if isinstance(x, np.ndarray)}
+        return replace(self, **channels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,11 +191,11 @@ def weight_const_prior_std(motion: MotionSamples, priors: PriorSettings) -> floa
 
 @dataclass(frozen=True)
 class WarmingShape:
-    """How viscous friction changes over a log: one of the polynomials that have nothing in common.
+    """How viscous friction changes over a log, by one of three orthogonal polynomials of time.
 
     Attributes:
-        degree: of it, and so many manoeuvres do not tell it.
-        share: (n,) of the change at each progress, from -1/2 to 1/2.
+        degree: of the polynomial; more manoeuvres than that are needed to tell it.
+        share: its value at a progress from -1/2 to 1/2, (n,) of (n,).
         meaning: in words.
     """
 
@@ -219,8 +204,8 @@ class WarmingShape:
     meaning: str
 
 
-#: By the term that has it. Oil warms by a law like 1 - exp(-t): without the cube, payloads of five
-#: starts were 5 to 12 % off where friction fell by a quarter.
+#: By the name of the term. Oil warms like 1 - exp(-t): without the cubic, payloads of five starts
+#: were 5 to 12 % off where friction fell by a quarter.
 WARMING: Final[Mapping[str, WarmingShape]] = {
     "viscous_drift": WarmingShape(
         1, lambda x: x, "how much viscous friction changes over the log: oil that warms"

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 RATE_HZ: Final = 50.0
 ROWS: Final = 4000

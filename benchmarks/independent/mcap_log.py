@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
-from benchmarks.independent.sensors import Ints, Readings
+from benchmarks.independent.sensors import Readings
+from estimators.arrays import Ints
 
 Bytes = NDArray[np.uint8]
 

@@ -13,8 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks.independent.machine import GRAVITY_M_S2
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 #: One step of the plant.
 STEP_S: Final = 0.001

@@ -1,13 +1,22 @@
-"""What evidence holds that follows from the campaign and machine files alone."""
+"""What evidence holds that follows from its campaign, machine file and line before alone."""
 
 import hashlib
+import math
 from collections.abc import Container, Mapping
 from typing import Any, Final
+
+import polars as pl
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.reference_masses import references
 from analysis.model.machine import Machine
-from recordings.calibration.evidence_document import FORMAT, Estimator, ReferenceLoad
+from recordings.calibration.evidence_document import (
+    FORMAT,
+    AsFound,
+    Estimator,
+    EvidenceDocument,
+    ReferenceLoad,
+)
 from recordings.signatures.canonical_json import canonical
 
 #: Keys of `[machine]` and stages that no mass depends on, by the format since which they are no
@@ -34,7 +43,7 @@ def estimator_of(
     """
     own = _restore_defaults(machine) if form in _WHOLE_FORMATS else definition(machine)
     if absent:
-        own = _drop_names(own, absent, "machine.")
+        own = drop_names(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
@@ -60,10 +69,10 @@ def _restore_defaults(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def _drop_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
+def drop_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
     """The same without some names, dotted."""
     return {
-        name: _drop_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
+        name: drop_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
         for name, value in values.items()
         if f"{at}{name}" not in names
     }
@@ -79,3 +88,37 @@ def reference_loads(
         for row, v in zip(known.to_dicts(), covariance_kg2.diagonal(), strict=True)
     )
     return loads, tuple(tuple(map(float, row)) for row in covariance_kg2)
+
+
+def check_earlier_line(
+    before: EvidenceDocument | None,
+    of_before: Estimator | None,
+    estimator: Estimator,
+    points: pl.DataFrame,
+) -> AsFound | None:
+    """The line before, and its errors on these points; None where there is no line.
+
+    Args:
+        before: the evidence before.
+        of_before: its estimator; earlier formats digest it otherwise.
+        estimator: of this campaign; a line of another one says nothing of its points.
+        points: of this campaign, a row a run.
+    """
+    if before is None or before.calibration is None:
+        return None
+    line = before.calibration
+    found = AsFound(
+        evidence_id=before.id, alpha_1=line.alpha_1, beta_kg=line.beta_kg, rms_error_kg=None
+    )
+    if of_before != estimator:
+        return found
+    return found.model_copy(update={"rms_error_kg": rms_error_kg(found, points)})
+
+
+def rms_error_kg(line: AsFound, points: pl.DataFrame) -> float | None:
+    """Root mean square of calibrated less reference mass of the points by this line."""
+    errors = [
+        line.alpha_1 * row["mean_kg"] + line.beta_kg - row["reference_kg"]
+        for row in points.drop_nulls("mean_kg").iter_rows(named=True)
+    ]
+    return math.sqrt(sum(e * e for e in errors) / len(errors)) if errors else None

@@ -15,12 +15,11 @@ from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import learnt_terms
 from estimators.errors import CampaignError
-from recordings.calibration.as_found_line import rms_error_kg
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.calibration_report import report_html
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.days import CLOCK_S, find_day_faults, made_at
-from recordings.calibration.derived_values import estimator_of, reference_loads
+from recordings.calibration.derived_values import estimator_of, reference_loads, rms_error_kg
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.evidence_machine import machine_faults
 

@@ -49,7 +49,7 @@ def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, Record
     Returns:
         Of each its digests, or why there are none.
     """
-    said = _read_in_process("recording", folder, sums)
+    said = read_in_process("recording", folder, sums)
     return {
         name: each
         if isinstance(each, str)
@@ -66,11 +66,11 @@ def recording_digests(folder: Path, sums: Mapping[str, str]) -> dict[str, Record
 
 def pdf_words(folder: Path, name: str, sha256: str) -> list[str] | str:
     """The words of a PDF in the order of its pages; or why there are none."""
-    said = _read_in_process("pdf", folder, {name: sha256})[name]
+    said = read_in_process("pdf", folder, {name: sha256})[name]
     return said if isinstance(said, str) else [str(word) for word in said["words"]]
 
 
-def _read_in_process(
+def read_in_process(
     kind: str, folder: Path, sums: Mapping[str, str]
 ) -> dict[str, dict[str, Any] | str]:
     """What a process reads in copies of files, which nobody else can change meanwhile."""

@@ -3,7 +3,7 @@
 The viewer shows one recording at a time, so both are drawn into a third one. It keeps no frames.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -11,8 +11,10 @@ from typing import Final
 import polars as pl
 
 from analysis.compare.run_alignment import difference, in_time_of
+from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
+from recordings.report.number_text import number, plus_minus, table
 from recordings.rrd.blueprint import Page, Panel, laid_out, unix_span_ns
 from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, display_frames, drawn_of
 from recordings.rrd.recording_table import TABS, Kind, View
@@ -24,6 +26,8 @@ _A, _B, _LESS = "A", "B", "B_less_A"
 _CONTEXT: Final = ("Speed",)
 #: Views that differ and are all on the first page.
 _FEW: Final = 3
+#: Changes that are listed; more are counted.
+_MOST: Final = 12
 
 
 @dataclass(frozen=True)
@@ -137,7 +141,7 @@ def _over(view: View, a: _Side, b: _Side) -> Panel | None:
     mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
     if not (mine or theirs):
         return None
-    lone = max(_select_named_lines(mine), _select_named_lines(theirs)) == 1
+    lone = max(select_named_lines(mine), select_named_lines(theirs)) == 1
     alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
     drawn = [*_style_lines(mine, _A, alike, lone=lone), *_style_lines(theirs, _B, alike, lone=lone)]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
@@ -183,7 +187,7 @@ def _moves(numbers: pl.Series) -> bool:
     return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
-def _select_named_lines(drawn: Sequence[DisplayColumn]) -> int:
+def select_named_lines(drawn: Sequence[DisplayColumn]) -> int:
     """Lines with a name of their own: neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 
@@ -213,3 +217,60 @@ def _style_lines(
 def _under(side: str, frame: str) -> str:
     """`display/gate` as `A/gate`, and its lane `display/states/gate` as `A/states/gate`."""
     return f"{side}/{frame.removeprefix(f'{ROOT}/')}"
+
+
+def comparison_text(found: Comparison, a: str, b: str) -> str:
+    """Say what differs, settings first, then what they moved.
+
+    Args:
+        found: the comparison.
+        a: what A is called.
+        b: what B is called.
+    """
+    parts = [
+        "# A and B" if not found.equal else "# A and B are equal",
+        f"- A: {a}\n- B: {b}\n\n"
+        "Times are those of A. What has no panel in any tab does not differ.",
+    ]
+    for title, changes in (
+        ("Settings", found.settings),
+        ("Checks passed", found.checks),
+        ("Losses, notes and stamps", found.provenance),
+    ):
+        if changes:
+            parts.append(f"## {title}\n\n{_values_table(changes)}")
+    for title, moved in (
+        ("Estimates that moved most", found.estimates),
+        ("Manoeuvres that moved most", found.manoeuvres),
+    ):
+        if moved:
+            parts.append(f"## {title}\n\n{_estimates(moved)}")
+    if found.stages:
+        rows = [(stage.name, ", ".join(c.name for c in stage.columns)) for stage in found.stages]
+        parts.append(f"## Columns that differ\n\n{table(('stage', 'columns'), rows)}")
+    return "\n\n".join(parts)
+
+
+def _values_table(changes: Iterable[ValueChange]) -> str:
+    return table(
+        ("", "A", "B"), [(c.name, _format_value(c.a), _format_value(c.b)) for c in changes]
+    )
+
+
+def _format_value(value: object) -> str:
+    return number(value if value is None or isinstance(value, bool | int | float) else str(value))
+
+
+def _estimates(changes: tuple[EstimateChange, ...]) -> str:
+    rows = [
+        (
+            each.about,
+            each.quantity,
+            plus_minus(each.a, each.a_std),
+            plus_minus(each.b, each.b_std),
+            number(each.change),
+            number(each.stds),
+        )
+        for each in changes[:_MOST]
+    ]
+    return table(("", "quantity", "A", "B", "B − A", "in deviations"), rows)

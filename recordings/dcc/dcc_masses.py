@@ -182,7 +182,9 @@ def weights_of_list(
     """
     count = value_count(quantity, what)
     assert count is not None
-    scope = [(each, names) for each, names in items if _is_value_of_item(each, named_by)]
+    scope = [
+        (each, names) for each, names in items if named_by is None or each.get("id") in named_by
+    ]
     by_name: list[_Element] | None = None
     for texts in _name_lists(quantity, what):
         found = _named_items(texts, scope, count, what)
@@ -203,10 +205,6 @@ def weights_of_list(
             f"the items, so which mass is whose is not said; {_REMEDY}"
         )
     return [each for each, _ in scope]
-
-
-def _is_value_of_item(item: "_Element", named_by: Sequence[str] | None) -> bool:
-    return named_by is None or item.get("id") in named_by
 
 
 def _name_lists(quantity: "_Element", what: str) -> Iterator[list[str]]:

@@ -84,17 +84,17 @@ def _add_text(parent: "_Element", name: str, text: str, **attributes: str) -> "_
     return made
 
 
-def _decimal_text(value: float) -> str:
+def decimal_text(value: float) -> str:
     """A number as D-SI has it, every digit kept."""
     return repr(float(value))
 
 
-def _factor_text(value: float) -> str:
+def factor_text(value: float) -> str:
     """A coverage factor or probability, which D-SI has without an exponent."""
     return f"{value:.12f}".rstrip("0").ljust(3, "0")
 
 
-def _add_real(
+def add_real(
     parent: "_Element",
     value: float,
     unit: str,
@@ -110,21 +110,21 @@ def _add_real(
         return made
 
     real = add(parent, "real")
-    add(real, "value", _decimal_text(value))
+    add(real, "value", decimal_text(value))
     add(real, "unit", unit)
     if expanded is not None:
         u, k, p = expanded
         said = add(real, "expandedUnc")
-        add(said, "uncertainty", _decimal_text(u))
-        add(said, "coverageFactor", _factor_text(k))
-        add(said, "coverageProbability", _factor_text(p))
+        add(said, "uncertainty", decimal_text(u))
+        add(said, "coverageFactor", factor_text(k))
+        add(said, "coverageProbability", factor_text(p))
     if interval is not None:
         u, low, high, p = interval
         said = add(real, "coverageInterval")
-        add(said, "standardUnc", _decimal_text(u))
-        add(said, "intervalMin", _decimal_text(low))
-        add(said, "intervalMax", _decimal_text(high))
-        add(said, "coverageProbability", _factor_text(p))
+        add(said, "standardUnc", decimal_text(u))
+        add(said, "intervalMin", decimal_text(low))
+        add(said, "intervalMax", decimal_text(high))
+        add(said, "coverageProbability", factor_text(p))
 
 
 def _add_identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:
@@ -295,19 +295,19 @@ def _add_results(parent: "_Element", document: EvidenceDocument) -> None:
         _add_text(quantity, "name", name)
         low, high = interval
         if low is None or high is None or not low < value < high:
-            _add_real(quantity, value, unit)
+            add_real(quantity, value, unit)
         else:
             # D-SI wants a standard uncertainty beside the interval: that of the same half width
             u = (high - low) / 2.0 / fitted.coverage_k_1
-            _add_real(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
+            add_real(quantity, value, unit, interval=(u, low, high, fitted.confidence_1))
     at_kg, readings = fitted.budget_at
     quantity = _add(data, "quantity", refType="basic_measuredValue")
     _add_text(quantity, "name", f"Later mass, mean of {readings} readings")
-    _add_mass(quantity, document, at_kg)
+    add_mass(quantity, document, at_kg)
     _add_errors(_add(found, "result", refType="basic_measurementError"), document)
 
 
-def _add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
+def add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) -> None:
     """A mass with its expanded uncertainty."""
     fitted = document.calibration
     assert fitted is not None
@@ -316,7 +316,7 @@ def _add_mass(quantity: "_Element", document: EvidenceDocument, mass_kg: float) 
     u_kg = fitted.u_kg if mass_kg == at_kg else fitted.inversion.u_kg(mass_kg, readings)
     if not (math.isfinite(u_kg) and k >= 1.0):
         raise EvidenceError(f"{document.id}: at {mass_kg:g} kg there is no uncertainty to certify")
-    _add_real(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
+    add_real(quantity, mass_kg, r"\kilogram", expanded=(k * u_kg, k, fitted.confidence_1))
 
 
 def _add_errors(result: "_Element", document: EvidenceDocument) -> None:
@@ -333,16 +333,16 @@ def _add_errors(result: "_Element", document: EvidenceDocument) -> None:
         row = _add(data, "list")
         _add_text(row, "name", f"{point.run_id}: {point.load_id}")
         quantity = _add(row, "quantity", refType="basic_referenceValue")
-        _add_real(
+        add_real(
             quantity,
             reference.reference_kg,
             r"\kilogram",
             expanded=(2.0 * reference.u_kg, 2.0, 0.954),
         )
         quantity = _add(row, "quantity", refType="basic_measuredValue")
-        _add_mass(quantity, document, reference.reference_kg + point.error_kg)
+        add_mass(quantity, document, reference.reference_kg + point.error_kg)
         quantity = _add(row, "quantity", refType="basic_measurementError")
-        _add_real(quantity, point.error_kg, r"\kilogram")
+        add_real(quantity, point.error_kg, r"\kilogram")
 
 
 def _add_equipment(parent: "_Element", document: EvidenceDocument) -> None:
@@ -391,7 +391,7 @@ def _add_known_mass(equipment: "_Element", name: str, value_kg: float, u_kg: flo
         refType="basic_referenceValue",
     )
     _add_text(quantity, "name", name)
-    _add_real(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
+    add_real(quantity, value_kg, r"\kilogram", expanded=(2.0 * u_kg, 2.0, 0.954))
 
 
 def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
@@ -404,6 +404,6 @@ def _add_conditions(parent: "_Element", document: EvidenceDocument) -> None:
             data = _add(made, "data")
             if unit:
                 quantity = _add(data, "quantity", refType="basic_measuredValue")
-                _add_real(quantity, value, unit)
+                add_real(quantity, value, unit)
             else:
                 _add_text(data, "text", value)

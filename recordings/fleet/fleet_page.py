@@ -94,7 +94,10 @@ def fleet_html(page: FleetPage) -> str:
         drift_pictures=[drift(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
         friction=list(page.friction),
         undrawn=max(len(flagged) - _MOST_FIGURES, 0),
-        looks=[_look(n, row) for n, row in enumerate(_first_looks(page), start=1)],
+        looks=[
+            {**row, "number": n, "at": f"{row['at_s']:,.0f}"}
+            for n, row in enumerate(page.looks.head(MOST_LOOKS).to_dicts(), start=1)
+        ],
         more_looks=max(page.looks.height - MOST_LOOKS, 0),
         calibrations=_calibrations(page),
         changes=[_line_change(each) for each in page.changes],
@@ -185,23 +188,23 @@ def _machine(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, Any]:
     ends = max((c.expires for c in page.calibrations if c.machine == name), default=None)
     looks = page.looks.filter(pl.col("machine") == name).height
     cells = [
-        _cell(row["recordings"], ",.0f"),
-        _cell(row["loads"], ",.0f"),
-        _cell(row["payload_kg"] / 1e3, ",.1f"),
-        _cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
+        cell(row["recordings"], ",.0f"),
+        cell(row["loads"], ",.0f"),
+        cell(row["payload_kg"] / 1e3, ",.1f"),
+        cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
         ("not known", "1") if row["without_scale"] else ("known", "0"),
-        _cell(float(mine["hours"].sum()), ",.0f"),
+        cell(float(mine["hours"].sum()), ",.0f"),
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
         flagged = chart is not None and chart.chart.flagged is not None
-        cells.append(_cell(chart.change if chart is not None and flagged else None, "+,.1f"))
+        cells.append(cell(chart.change if chart is not None and flagged else None, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
-    cells.append(_cell(looks, ",.0f"))
+    cells.append(cell(looks, ",.0f"))
     return {"name": name, "cells": cells}
 
 
-def _cell(value: float | None, form: str) -> tuple[str, str]:
+def cell(value: float | None, form: str) -> tuple[str, str]:
     """As shown, and as sorted."""
     if value is None or not math.isfinite(value):
         return "–", ""
@@ -229,14 +232,6 @@ def _drift(chart: MachineChart) -> tuple[str, ...]:
         str(chart.days[found.flagged]),
         chart.signal.means,
     )
-
-
-def _first_looks(page: FleetPage) -> list[dict[str, Any]]:
-    return page.looks.head(MOST_LOOKS).to_dicts()
-
-
-def _look(number: int, row: Mapping[str, Any]) -> Mapping[str, Any]:
-    return {**row, "number": number, "at": f"{row['at_s']:,.0f}"}
 
 
 def _calibrations(page: FleetPage) -> list[tuple[str, ...]]:
@@ -278,7 +273,7 @@ def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
     table = weeks.sort("week", "machine").pivot("week", index="machine", values="payload_kg")
     names = sorted(table.columns[1:])
     rows = [
-        (row["machine"], [_cell(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names])
+        (row["machine"], [cell(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names])
         for row in table.sort("machine").iter_rows(named=True)
     ]
     return {"heads": names, "rows": rows}

@@ -1,41 +1,67 @@
 """What is followed, recorded as it goes: a second at a time, each on disc when it is told.
 
 A part of a second is one append, whose last chunk is that of the excitation: where that is there,
-all of the second is.
+all of the second is. A recording that was cut goes on behind its last whole second.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+import mmap
+import tempfile
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
+from analysis.model.methods import METHODS, Feed
+from analysis.model.run_record import Provenance, Run
 from analysis.model.settings import Settings
 from analysis.online.follower import FollowedRow
 from analysis.online.online_report import LARGEST_U_1
-from recordings.follow.growing_file import append_part
-from recordings.follow.growing_layout import (
-    ANSWER,
-    ESTIMATES,
-    EXCITATION,
-    GATE,
-    STATES,
-    growing_layout,
-)
+from estimators.errors import RecordingError
+from recordings.follow.growing_file import HEAD_BYTES, append_part, find_messages
 from recordings.report.appended_file import AppendedFile
-from recordings.rrd.blueprint import text_entity
+from recordings.rrd.blueprint import Page, laid_out, tab_panels, text_entity
+from recordings.rrd.display_frames import LANES, ROOT, display_frames
 from recordings.rrd.drawn_rows import drawn_rows
-from recordings.rrd.recording_table import SINCE_START, STATE, TIME
+from recordings.rrd.recording_table import SINCE_START, STATE, TABS, TIME
 from recordings.rrd.writer import APPLICATION
 
 if TYPE_CHECKING:
     from rerun import RecordingStream
+    from rerun.blueprint import Blueprint
+    from rerun.chunk import Chunk
 
 #: The property that says what log is followed.
 PROPERTY: Final = "followed"
 #: A recording of so many periods of the grid without an estimate breaks its line.
 _BREAK_PERIODS: Final = 1.5
+#: Columns that are written row by row, by frame; squares are variances.
+EXCITATION: Final = ("force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s", "speed_rate_x_m_s2")
+GATE: Final = ("mi_x_nat", "corr_x_1", "noise_share_x_1", "predicted_std_x")
+ESTIMATES: Final = (
+    "mass_kg",
+    "friction_x_N_s_m",
+    "mass_std_kg_squared",
+    "friction_x_std_N_s_m_squared",
+)
+#: Lanes of states: the gate's reason and the phase of motion.
+STATES: Final = (f"{LANES}/gate", f"{LANES}/phase")
+#: The text beside the first page, which changes with every report.
+ANSWER: Final = "answer"
+#: Tabs that are of use while a log grows.
+_TABS: Final = ("Overview", "Motion", "Gate", "Estimates")
+#: Rows of the frames that stand for those to come, and how far apart: a line needs neighbours, a
+#: manoeuvre has none.
+_ROWS: Final = 3
+_APART_NS: Final = 10**9
+#: Messages from the first on among which the description is, and what is said of the stores.
+_FIRST: Final = 16
+#: Messages of a second at most, from the last back: a chunk a frame and method, twice.
+_SECOND: Final = 64
+_LAST_OF_PART: Final = "/display/excitation"
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,3 +235,102 @@ class GrowingRecording:
 
 def _numbers(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
     return pl.DataFrame(rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})
+
+
+def growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
+    """Lay out what will come.
+
+    Args:
+        settings: methods and thresholds.
+
+    Returns:
+        The levels of thresholds, by the frame that draws them; and the blueprint.
+    """
+    run = _rows_to_come(settings)
+    shown = display_frames(run)
+    pages = [
+        Page(tab.name, tab_panels(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ())
+        for tab in TABS
+        if tab.name in _TABS
+    ]
+    levels = {
+        name: float(frame["threshold"][0])
+        for name, frame in shown.items()
+        if name.startswith(f"{ROOT}/threshold/")
+    }
+    return levels, laid_out(pages, None, grows=True)
+
+
+def _rows_to_come(settings: Settings) -> Run:
+    """A run of a few rows without numbers, which tells the views what they will draw."""
+    period_ns = round(1e9 / settings.align.rate_hz)
+    frames = {
+        "excitation": _empty_rows(EXCITATION, period_ns).with_columns(phase=pl.lit("standstill")),
+        "gate": _empty_rows(GATE, period_ns).with_columns(reason_x=pl.lit("accepted")),
+    }
+    for name in settings.trace.methods:
+        alone = METHODS[name].feed is Feed.SEGMENTS
+        columns = [each.removesuffix("_squared") for each in ESTIMATES]
+        frames[f"estimates/{name}"] = _empty_rows(columns, _APART_NS if alone else period_ns)
+    return Run(frames, Provenance(settings=settings))
+
+
+def _empty_rows(columns: "tuple[str, ...] | list[str]", apart_ns: int) -> pl.DataFrame:
+    times = {"t_ns": [row * apart_ns for row in range(_ROWS)]}
+    return pl.DataFrame({**times, **{name: [float("nan")] * _ROWS for name in columns}})
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingEnd:
+    """The end of a recording that grew.
+
+    Attributes:
+        about: what it is of.
+        until_ns: `t_ns` of its last row.
+        size: bytes up to there.
+    """
+
+    about: FollowedLog
+    until_ns: int
+    size: int
+
+
+def read_end(path: Path) -> RecordingEnd | None:
+    """Read how far a recording came; None where it has not come to its first row.
+
+    Raises:
+        RecordingError: it is none that `follow` wrote.
+    """
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        messages = list(find_messages(data))
+        if not messages:
+            return None
+        head = data[: messages[:_FIRST][-1].end]
+        found: dict[str, Any] = {}
+        for chunk in _chunks(head):
+            if chunk.entity_path == f"/__properties/{PROPERTY}":
+                batch = chunk.to_record_batch()
+                found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
+        if not found:
+            raise RecordingError(f"{path}: not a recording that `payscope follow` was writing")
+        about = FollowedLog(found["identity"], int(found["t0_unix_ns"]), found["recording_id"])
+        parts = [data[begin:end] for begin, end, of_store in messages[:_FIRST] if of_store]
+        store = b"".join([data[:HEAD_BYTES], *parts])
+        for begin, end, _ in reversed(messages[-_SECOND:]):
+            for chunk in _chunks(store + data[begin:end]):
+                if chunk.entity_path == _LAST_OF_PART:
+                    times = chunk.to_record_batch().column(SINCE_START)
+                    return RecordingEnd(about, max(t.value for t in times), end)
+    return None
+
+
+def _chunks(data: bytes) -> "Iterator[Chunk]":
+    """The chunks of whole messages."""
+    import rerun as rr
+    from rerun.error_utils import RerunWarning
+
+    with tempfile.NamedTemporaryFile(suffix=".rrd") as part, warnings.catch_warnings():
+        warnings.simplefilter("ignore", RerunWarning)  # of the end that is not there
+        part.write(data)
+        part.flush()
+        yield from rr.chunk.RrdReader(part.name).stream()

@@ -26,9 +26,9 @@ class RenderedItem:
 def table_1(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by window length, and the same over the bound."""
     errors = _beside_the_paper(
-        frame, "window_s", "window, s", lambda row: _interval(row, "rmse_kg"), "bound_kg"
+        frame, "window_s", "window, s", lambda row: interval_text(row, "rmse_kg"), "bound_kg"
     )
-    ratios = _by_method(
+    ratios = rows_by_method(
         frame, "window_s", "window, s", lambda row: _number_text(row["over_bound_1"], 2)
     )
     trials = frame["trials"].max()
@@ -53,8 +53,8 @@ def table_2(frame: pl.DataFrame) -> list[RenderedItem]:
             ideal, front = of["ideal", method], of["front_axle", method]
             cells += [
                 _number_text(ideal[f"paper_{name}"], digits),
-                _interval(ideal, name, digits),
-                _interval(front, name, digits),
+                interval_text(ideal, name, digits),
+                interval_text(front, name, digits),
             ]
         rows.append(cells)
     campaigns = frame["trials"].max()
@@ -81,9 +81,11 @@ def table_4(frame: pl.DataFrame) -> list[RenderedItem]:
 def _swept(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedItem]:
     campaigns = frame["trials"].max()
     within = _beside_the_paper(
-        frame, setting, title, lambda row: _interval(row, "run_kg"), "bound_kg"
+        frame, setting, title, lambda row: interval_text(row, "run_kg"), "bound_kg"
     )
-    without = _by_method(frame, setting, title, lambda row: _interval(row, "run_left_out_kg"))
+    without = rows_by_method(
+        frame, setting, title, lambda row: interval_text(row, "run_left_out_kg")
+    )
     return [
         RenderedItem(
             f"RMS error of a run in kg, every load in the fit: mean over {campaigns} campaigns "
@@ -96,7 +98,7 @@ def _swept(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedItem]:
 
 def figure_8(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by load, in the fit and left out."""
-    header, rows = _by_method(
+    header, rows = rows_by_method(
         frame,
         "load_kg",
         "load, kg",
@@ -112,7 +114,7 @@ def claims(frame: pl.DataFrame) -> list[RenderedItem]:
             row["claim"],
             row["case"],
             row["paper"],
-            _interval(row, "found_kg", 2),
+            interval_text(row, "found_kg", 2),
             f"{row['of_mass_percent']:.2f} %",
             f"{row['of_load_range_percent']:.1f} %",
             "–" if row["smaller_percent"] is None else f"{row['smaller_percent']:.1f} %",
@@ -124,7 +126,7 @@ def claims(frame: pl.DataFrame) -> list[RenderedItem]:
     return [RenderedItem("Each claim as we find it", header, rows, texts=3)]
 
 
-def _by_method(
+def rows_by_method(
     frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str]
 ) -> tuple[list[str], list[list[str]]]:
     """Header and rows: a row a value of `key`, a column a method."""
@@ -170,7 +172,7 @@ def _number_text(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:,.{digits}f}"
 
 
-def _interval(row: _Row, name: str, digits: int = 1) -> str:
+def interval_text(row: _Row, name: str, digits: int = 1) -> str:
     """A number with its interval, as far as there is one."""
     value, low, high = (row[name + end] for end in ("", "_low", "_high"))
     text = _number_text(value, digits)

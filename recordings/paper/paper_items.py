@@ -14,10 +14,9 @@ from analysis.paper import table1 as window_table
 from analysis.paper.simulated_sources import Extract, Extracts
 from recordings.paper import (
     claims_sentences,
-    figure_sentences,
+    item_sentences,
     item_tables,
     paper_pictures,
-    table_sentences,
 )
 from recordings.paper.item_tables import RenderedItem
 from recordings.paper.paper_pictures import Picture
@@ -96,7 +95,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 1: error of the mass by window length, in simulation",
         (*window_table.AT_LENGTH.values(), window_table.RAW_UNITS),
         window_table.table_1,
-        table_sentences.table_1,
+        item_sentences.table_1,
         tables=item_tables.table_1,
     ),
     Item(
@@ -104,7 +103,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 2: the calibration (19)",
         (campaign_tables.IDEAL_LINES, campaign_tables.CHAINED_LINES),
         campaign_tables.table_2,
-        table_sentences.table_2,
+        item_sentences.table_2,
         tables=item_tables.table_2,
     ),
     Item(
@@ -112,7 +111,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 3: error of the calibrated mass by threshold of the index (11)",
         (campaign_tables.OVER_THRESHOLDS,),
         campaign_tables.table_3,
-        table_sentences.table_3,
+        item_sentences.table_3,
         tables=item_tables.table_3,
     ),
     Item(
@@ -120,7 +119,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Table 4: error of the calibrated mass by window length",
         (campaign_tables.OVER_WINDOWS,),
         campaign_tables.table_4,
-        table_sentences.table_4,
+        item_sentences.table_4,
         tables=item_tables.table_4,
     ),
     Item(
@@ -128,7 +127,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 2: force, acceleration and speed under the triangular force",
         (excitation_figures.FIGURE_2,),
         _of(excitation_figures.FIGURE_2),
-        figure_sentences.figure_2,
+        item_sentences.figure_2,
         picture=paper_pictures.FIGURE_2,
     ),
     Item(
@@ -136,7 +135,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 3: mass and friction in a linear motion, window of 10 s",
         (excitation_figures.FIGURE_3,),
         _of(excitation_figures.FIGURE_3),
-        figure_sentences.figure_3,
+        item_sentences.figure_3,
         picture=paper_pictures.FIGURE_3,
     ),
     Item(
@@ -144,7 +143,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 4: yaw inertia and friction in a rotational motion, window of 10 s",
         (excitation_figures.FIGURE_4,),
         _of(excitation_figures.FIGURE_4),
-        figure_sentences.figure_4,
+        item_sentences.figure_4,
         picture=paper_pictures.FIGURE_4,
     ),
     Item(
@@ -152,7 +151,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 5: force, acceleration, speed and index of a start and stop",
         (campaign_figures.FIGURE_5,),
         _of(campaign_figures.FIGURE_5),
-        figure_sentences.figure_5,
+        item_sentences.figure_5,
         picture=paper_pictures.FIGURE_5,
     ),
     Item(
@@ -160,7 +159,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 6: masses before calibration",
         (campaign_figures.LOADS,),
         campaign_figures.figure_6,
-        figure_sentences.figure_6,
+        item_sentences.figure_6,
         picture=paper_pictures.FIGURE_6,
     ),
     Item(
@@ -168,7 +167,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 7: masses after calibration by (19)",
         (campaign_figures.LOADS,),
         campaign_figures.figure_7,
-        figure_sentences.figure_7,
+        item_sentences.figure_7,
         picture=paper_pictures.FIGURE_7,
     ),
     Item(
@@ -176,7 +175,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 8: error of the calibrated mass by load",
         (campaign_figures.LOADS,),
         campaign_figures.figure_8,
-        figure_sentences.figure_8,
+        item_sentences.figure_8,
         tables=item_tables.figure_8,
         picture=paper_pictures.FIGURE_8,
     ),

@@ -44,7 +44,9 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     for method in _RECURSIVE if len(starts) <= _LOADS else ():
         frame = run.frames.get(f"estimates/{method}")
         if frame is not None and frame.height and "mass_kg" in frame.columns:
-            bounds += _draw_recursion(axes, frame, method, starts, _period_ns(run))
+            bounds += _draw_recursion(
+                axes, frame, method, starts, NS_PER_S / run.provenance.settings.align.rate_hz
+            )
     means = _draw_running_means(axes, run)
     answers = _draw_answers(axes, run)
     bounds += means + answers
@@ -78,10 +80,6 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
 def _load_starts(run: Run) -> list[int]:
     loads = run.frames.get("loads")
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
-
-
-def _period_ns(run: Run) -> float:
-    return NS_PER_S / run.provenance.settings.align.rate_hz
 
 
 def _draw_recursion(

@@ -5,10 +5,9 @@ from datetime import UTC, datetime
 from typing import Final
 from zoneinfo import ZoneInfo
 
+from analysis.model.physical_units import NS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 #: Seconds of a minute, and of an hour.
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
@@ -76,11 +75,11 @@ class ShiftClock:
 
     def at_unix_ns(self, unix_ns: int) -> str:
         """The same of a unix time."""
-        return self.at((unix_ns - self.t0_unix_ns) / _NS)
+        return self.at((unix_ns - self.t0_unix_ns) / NS)
 
     def local(self, s: float) -> datetime:
         """A time in s since the first sample in the machine's zone, to the second."""
-        unix_s = (self.t0_unix_ns + round(s * _NS)) // _NS
+        unix_s = (self.t0_unix_ns + round(s * NS)) // NS
         return datetime.fromtimestamp(unix_s, UTC).astimezone(ZoneInfo(self.zone))
 
     def ticks(self, low_s: float, high_s: float) -> list[tuple[float, str]]:
@@ -94,7 +93,7 @@ class ShiftClock:
         if self.is_dated:
             first = self.local(0.0)
             midnight_s = first.hour * _HOUR_S + first.minute * _MINUTE_S + first.second
-            shift_s = midnight_s + (self.t0_unix_ns % _NS) / _NS
+            shift_s = midnight_s + (self.t0_unix_ns % NS) / NS
         begin = int(-(-(low_s + shift_s) // step_s))
         end = int((high_s + shift_s) // step_s)
         places = [k * step_s - shift_s for k in range(begin, end + 1)]

@@ -85,7 +85,7 @@ def planar(run: Run) -> str:
     parts = ["# Centre of mass", table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
     parts += [f"- {line}" for line in _unknown(rows)]
-    parts += [f"**{_OF[row['kind']].capitalize()}**: {_list_determined(row)}" for row in whole]
+    parts += [f"**{_OF[row['kind']].capitalize()}**: {list_determined(row)}" for row in whole]
     if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
         sources = run.frames["planar_budget"].to_dicts()
         lines: dict[str, list[str]] = {}
@@ -113,7 +113,7 @@ def _line(row: Mapping[str, Any]) -> str:
     if row["withheld"]:
         return f"centre of mass from {of}: withheld"
     if row["com_x_m"] is None:
-        return f"centre of mass from {of}: none; {_list_determined(row)}"
+        return f"centre of mass from {of}: none; {list_determined(row)}"
     along = f"{_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
     if row["com_y_m"] is None:
         return f"centre of mass from {of}: {along}"
@@ -125,7 +125,7 @@ def _distance(row: Mapping[str, Any], axis: str) -> str:
     return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 
-def _list_determined(row: Mapping[str, Any]) -> str:
+def list_determined(row: Mapping[str, Any]) -> str:
     """Which numbers the motion determines, with those that may be told."""
     told = [
         f"{name} {plus_minus(row[value], row[std])} {unit}"

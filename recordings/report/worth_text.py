@@ -44,7 +44,7 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
             _payload(load),
-            *(_calibrated_interval(load) if _is_calibrated(said) else ()),
+            *(calibrated_interval(load) if _is_calibrated(said) else ()),
             _remark(load),
         )
         for load in said.loads
@@ -57,7 +57,7 @@ def load_sentences(said: Answer, most: int) -> list[str]:
     rows = zip(load_rows(said)[:most], said.loads, strict=False)
     for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
         carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
-        told = ", ".join(filter(None, (f"{mass} kg", carried, _calibrated_line(row), remark)))
+        told = ", ".join(filter(None, (f"{mass} kg", carried, calibrated_line(row), remark)))
         lines.append(f"load {load}: {begin} to {end} s, {manoeuvres} manoeuvres, {told}")
     if len(said.loads) > most:
         lines.append(f"and {len(said.loads) - most} more")
@@ -97,7 +97,7 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
         f"{number(low)} to {number(high)} kg, from {load['manoeuvres']} "
         f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
-    lines += filter(None, [_calibrated_line(load)])
+    lines += filter(None, [calibrated_line(load)])
     if load["payload_kg"] is not None:
         lines.append(f"payload {_payload(load)} kg")
     if not brief:
@@ -215,19 +215,19 @@ def _payload(load: Mapping[str, Any]) -> str:
     return plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
-def _calibrated_interval(load: Mapping[str, Any]) -> tuple[str, ...]:
+def calibrated_interval(load: Mapping[str, Any]) -> tuple[str, ...]:
     """Calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
     return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
 
 
-def _calibrated_line(load: Mapping[str, Any]) -> str:
+def calibrated_line(load: Mapping[str, Any]) -> str:
     """The same in words; nothing where no calibration was given."""
     if "calibrated_kg" not in load:
         return ""
     if load["calibrated_kg"] is None:
         return f"not calibrated: {load['calibrated_reason']}"
-    mass, low, high = _calibrated_interval(load)
+    mass, low, high = calibrated_interval(load)
     unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
     # less is lost in the rounding of the whole
     tells = unlike_kg > _TELLS * load["calibrated_u_kg"]

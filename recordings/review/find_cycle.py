@@ -7,10 +7,10 @@ from zoneinfo import ZoneInfo
 
 import polars as pl
 
+from analysis.model.physical_units import NS
 from estimators.errors import ReviewError, counted
 from recordings.report.clock_text import ShiftClock
 
-_NS: Final = 10**9
 #: A dump so long before or after the time that is asked for, in s, is meant.
 _NEAR_S: Final = 5.0
 _TIME: Final = re.compile(
@@ -70,7 +70,7 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
         raise ReviewError(f"'{text}' is no time ({error})") from None
     if match is None:
         raise ReviewError(f"'{text}' is no time; write it like 14:32 or 2023-11-14 14:32:10")
-    begin_s = clock.t0_unix_ns / _NS
+    begin_s = clock.t0_unix_ns / NS
     within_shift = [each for each in found if 0.0 <= each - begin_s <= clock.duration_s]
     # of a shift over midnight the other day's hour is hours before it begins
     found = within_shift or found
@@ -87,15 +87,15 @@ def _at(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int
     found: set[int] = set()
     for unix_s in _instants(match, clock):
         dumped = {
-            k: abs(end / _NS - unix_s)
+            k: abs(end / NS - unix_s)
             for k, end in enumerate(ends)
-            if unix_s - (0.0 if room_s else _NEAR_S) <= end / _NS < unix_s + (room_s or _NEAR_S)
+            if unix_s - (0.0 if room_s else _NEAR_S) <= end / NS < unix_s + (room_s or _NEAR_S)
         }
         if dumped:
             found |= set(dumped) if room_s else {min(dumped, key=dumped.__getitem__)}
             continue
         spans = enumerate(zip(starts, ends, strict=True))
-        found |= {k for k, (s, e) in spans if s / _NS <= unix_s <= e / _NS}
+        found |= {k for k, (s, e) in spans if s / NS <= unix_s <= e / NS}
     return sorted(found)
 
 
@@ -103,7 +103,7 @@ def _instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
     """The unix times at which the clock at the machine shows this, in s."""
     hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
     if not clock.is_dated:
-        return [clock.t0_unix_ns / _NS + 3600 * hour + 60 * minute + second]
+        return [clock.t0_unix_ns / NS + 3600 * hour + 60 * minute + second]
     zone = _offset(match["offset"]) if match["offset"] else ZoneInfo(clock.zone)
     first, last = (clock.local(s).astimezone(zone).date() for s in (0.0, clock.duration_s))
     days = [first + dt.timedelta(days=k) for k in range((last - first).days + 1)]

@@ -6,13 +6,12 @@ from typing import Final
 import polars as pl
 
 from analysis.cycles.shift_totals import sum_cycles
+from analysis.model.physical_units import NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K, tonnes
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_ledger import cycles_of
 
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 #: Seconds of an hour.
 _HOUR_S: Final = 3600.0
 #: A rate of less recorded time than this, in s, says nothing.
@@ -32,7 +31,7 @@ def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]
         state: of the review.
     """
     clock, t0_ns = state.clock, state.t0_unix_ns
-    hours = [clock.hour((ends_ns - t0_ns) / _NS) for ends_ns in ledger["end_unix_ns"]]
+    hours = [clock.hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
     named = ledger.with_columns(pl.Series("hour", hours, dtype=pl.String))
     recorded = dict(_recorded_hours(clock, state.gaps_s))
     return [

@@ -9,18 +9,16 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 import xlsxwriter
 
+from analysis.model.physical_units import NS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
 from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
 from recordings.review.reviewer_verdicts import LABELS
-from recordings.review.safe_cell import safe_cell
-from recordings.review.shift_ledger import remark
+from recordings.review.shift_ledger import remark, safe_cell
 
 XLSX: Final = "ledger.xlsx"
 TABLE_CSV: Final = "ledger_table.csv"
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 #: Kilometres an hour of a metre a second.
 _KM_H: Final = 3.6
 #: Width of a column of the workbook, in characters: a date with its time.
@@ -50,13 +48,13 @@ def _as_it_is(name: str) -> Callable[[Row, ShiftClock], Cell]:
 def _utc(row: Row, _: ShiftClock) -> Cell:
     if row["end_unix_ns"] < FIRST_DATE_NS:
         return None
-    return dt.datetime.fromtimestamp(row["end_unix_ns"] // _NS, dt.UTC).replace(tzinfo=None)
+    return dt.datetime.fromtimestamp(row["end_unix_ns"] // NS, dt.UTC).replace(tzinfo=None)
 
 
 def _local(row: Row, clock: ShiftClock) -> dt.datetime | None:
     if not clock.is_dated:
         return None
-    return clock.local((row["end_unix_ns"] - clock.t0_unix_ns) / _NS)
+    return clock.local((row["end_unix_ns"] - clock.t0_unix_ns) / NS)
 
 
 def _wall(row: Row, clock: ShiftClock) -> Cell:

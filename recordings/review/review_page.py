@@ -6,8 +6,8 @@ from typing import Any, Final, NamedTuple
 
 import polars as pl
 
-from analysis.cycles.label_totals import LabelTotal
 from analysis.cycles.payload_target import TargetCheck
+from analysis.cycles.shift_totals import LabelTotal
 from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
 from recordings.report.clock_text import duration_text

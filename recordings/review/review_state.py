@@ -8,15 +8,16 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from analysis.cycles.cycle_energy import NO_ENERGY, ShiftEnergy
-from analysis.cycles.cycle_motion import (
+from analysis.cycles.cycle_parts import (
     CycleMotion,
     DriveSummary,
     idle_stands,
     summarise_cycle_motion,
     summarise_shift_motion,
 )
+from analysis.cycles.cycles_without_mass import holes
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
-from analysis.cycles.lost_cycles import holes
+from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
 from analysis.model.verdict import Verdict
 from estimators.errors import counted
@@ -29,7 +30,6 @@ STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
 FORMAT: Final = 9
-_NS: Final = 10**9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
 
@@ -176,7 +176,7 @@ def state_of(
         losses=tuple(map(str, about.losses)),
         notes=about.notes,
         gate_shares={name: share for name, share in shares.iter_rows() if name is not None},
-        gaps_s=tuple((start / _NS, end / _NS) for start, end in gaps),
+        gaps_s=tuple((start / NS, end / NS) for start, end in gaps),
         sampling=tuple(
             _sampling(name.removeprefix("raw/"), frame)
             for name, frame in frames.items()
@@ -195,7 +195,7 @@ def state_of(
         duration_s=duration_s,
         motions=tuple(summarise_cycle_motion(frames["cycles"], frames["excitation"], gaps)),
         motion=summarise_shift_motion(frames["excitation"], gaps),
-        idle_s=tuple((s / _NS, e / _NS) for s, e in idle_stands(frames["excitation"])),
+        idle_s=tuple((s / NS, e / NS) for s, e in idle_stands(frames["excitation"])),
         torn=torn,
         energy=energy,
     )
@@ -249,7 +249,7 @@ def _no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
 
 
 def _sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
-    steps = np.diff(frame["log_time_ns"].to_numpy()) / _NS
+    steps = np.diff(frame["log_time_ns"].to_numpy()) / NS
     middle = float(np.median(steps)) if steps.size else 0.0
     known = middle > 0.0
     return TopicSampling(

@@ -101,14 +101,14 @@ class VerdictFile(BaseModel):
     @property
     def shift_labels(self) -> Labels:
         """What is said of all cycles, whenever they are dumped."""
-        return _merge_labels(each for each in self.shift if each.begin is None and each.end is None)
+        return merge_labels(each for each in self.shift if each.begin is None and each.end is None)
 
     def labels_at(self, unix_s: float) -> Labels:
         """What is said of cycles that are dumped at a time."""
-        return _merge_labels(each for each in self.shift if each.holds_at(unix_s))
+        return merge_labels(each for each in self.shift if each.holds_at(unix_s))
 
 
-def _merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
+def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
     """What verdicts say together."""
     said: dict[str, str] = {}
     for verdict in verdicts:

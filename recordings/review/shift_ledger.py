@@ -1,6 +1,7 @@
 """The ledger of a shift: frame `cycles` with times that people read, and what reviewers say."""
 
 import datetime as dt
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -8,13 +9,13 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.cycle_doubts import cycle_doubts
+from analysis.model.physical_units import NS
 from analysis.model.schema import FRAMES, QUALITY, conform
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import duration_text
 from recordings.review.energy_columns import with_energy
 from recordings.review.review_state import ReviewState
 from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, Labels
-from recordings.review.safe_cell import FORMULA
 
 PARQUET: Final = "ledger.parquet"
 CSV: Final = "ledger.csv"
@@ -23,8 +24,9 @@ CHECK: Final = "check"
 #: A cycle with a longer hole in it, in s, says so, and is left out of the mean times.
 HOLE_S: Final = 5.0
 NO_LABELS: Final = Labels()
-_NS: Final = 10**9
 _QUALITY: Final = ("quality", "withheld_for", "counted")
+#: How a text begins that a spreadsheet computes.
+FORMULA: Final = r"^[=+\-@\t\r]"
 
 
 def identities(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
@@ -51,7 +53,7 @@ def ledger(
         labels_at: labels of cycles that end at a unix time in s; those of its verdict go first.
     """
     rows = [verdicts.get(row) for row in range(cycles.height)]
-    shared = [labels_at((t0_unix_ns + t_ns) / _NS) for t_ns in cycles["end_t_ns"]]
+    shared = [labels_at((t0_unix_ns + t_ns) / NS) for t_ns in cycles["end_t_ns"]]
 
     def verdict_column(name: str, defaults: Sequence[str]) -> pl.Series:
         pairs = zip(rows, defaults, strict=True)
@@ -71,7 +73,7 @@ def ledger(
         "cycle",
         identities(cycles, t0_unix_ns),
         *times,
-        (pl.col("start_t_ns") / _NS).alias("at_s"),
+        (pl.col("start_t_ns") / NS).alias("at_s"),
         pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", *_QUALITY),
         pl.when((doubts != "") & (pl.col("quality") == "good"))
         .then(pl.lit(CHECK))
@@ -160,9 +162,14 @@ def write_ledger(frame: pl.DataFrame, folder: Path) -> None:
 
 def _identity(unix_ns: int) -> str:
     if unix_ns < FIRST_DATE_NS:
-        return f"{unix_ns / _NS:.0f}s"
-    return _iso(dt.datetime.fromtimestamp(unix_ns // _NS, dt.UTC))
+        return f"{unix_ns / NS:.0f}s"
+    return _iso(dt.datetime.fromtimestamp(unix_ns // NS, dt.UTC))
 
 
 def _iso(time: dt.datetime) -> str:
     return f"{time.astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
+
+
+def safe_cell(text: str) -> str:
+    """The text, behind an apostrophe where a spreadsheet would compute it."""
+    return f"'{text}" if re.match(FORMULA, text) else text

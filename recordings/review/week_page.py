@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from analysis.cycles.friction_limit import FrictionDay, FrictionTrend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend
 from estimators.errors import OutputError, counted
 from recordings.report.atomic_output import atomic_file
 from recordings.report.number_text import SCALE_NOT_KNOWN, plus_minus

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from analysis.cycles.friction_limit import FrictionDay, FrictionTrend, friction_trend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
+from analysis.model.physical_units import NS
 from recordings.report.shift_text import K
 from recordings.review.review_state import ReviewState, read_state
 from recordings.review.shift_facts import long_gaps, other_losses, torn_sentences, two_machines
@@ -14,8 +15,6 @@ from recordings.review.week_totals import name_machine
 
 #: Seconds of a day.
 _DAY_S: Final = 86_400.0
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 
 
 class WeekShift(NamedTuple):
@@ -61,7 +60,7 @@ def _friction(state: ReviewState) -> FrictionDay | None:
     value, std = state.friction
     if value is None or not std or not state.clock.is_dated:
         return None
-    middle_s = state.t0_unix_ns / _NS + state.duration_s / 2.0
+    middle_s = state.t0_unix_ns / NS + state.duration_s / 2.0
     return FrictionDay(middle_s / _DAY_S, value, std)
 
 

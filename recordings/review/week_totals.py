@@ -9,13 +9,13 @@ from typing import Final, NamedTuple
 import polars as pl
 
 from analysis.cycles.shift_totals import sum_cycles
+from analysis.model.physical_units import NS
 from estimators.errors import ReviewError
 from recordings.review.review_state import ReviewState, read_state
 from recordings.review.reviewer_verdicts import matched, read_verdicts
 from recordings.review.shift_ledger import PARQUET, cycles_of
 
 #: Of a second, in ns.
-_NS: Final = 10**9
 NO_DATE: Final = "no date"
 GROUPS: Final = ("day", "machine", "product")
 #: Group of the loads of one folder.
@@ -135,9 +135,9 @@ def _sum_parts(
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
     for row, ends_ns in enumerate(rows["end_unix_ns"]):
         own = by_row[row].product if row in by_row else ""
-        local = clock.local((ends_ns - state.t0_unix_ns) / _NS) if clock.is_dated else None
+        local = clock.local((ends_ns - state.t0_unix_ns) / NS) if clock.is_dated else None
         day = NO_DATE if local is None else f"{local:%Y-%m-%d}"
-        groups[day, own or verdicts.labels_at(ends_ns / _NS).product].append(row)
+        groups[day, own or verdicts.labels_at(ends_ns / NS).product].append(row)
     parts: list[WeekPart] = []
     for (day, product), members in groups.items():
         sums = sum_cycles(cycles[members], rejected)

@@ -12,16 +12,15 @@ from typing import Final
 
 import polars as pl
 
+from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.rrd.recording_table import STATE, TABS, Kind, Series, View, entity_parts, frames_of
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 #: A log longer than this is drawn decimated, in bins of 1 to 10 s.
-LONG_NS: Final = 600 * _NS
+LONG_NS: Final = 600 * NS
 #: Bins of a long log on the screen: more than it has pixels.
 _BINS: Final = 3000
 _ENDS: Final = ("min", "max")
@@ -135,7 +134,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame in _HELD:
                 frames[_is_displayed(name)] = _hold_rows(
-                    _drawn_numbers(name, frame), frame["end_t_ns"]
+                    drawn_numbers(name, frame), frame["end_t_ns"]
                 )
             else:
                 asked.setdefault(name, {}).update(_of_bin(view.kind, series))
@@ -146,7 +145,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
         if decimate and is_long(run):
             frames[_is_displayed(name)] = _decimate(run, name, list(wanted.values()))
         else:
-            numbers = _drawn_numbers(name, run.frames[name])
+            numbers = drawn_numbers(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
             frames[_is_displayed(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
     return frames
@@ -213,10 +212,10 @@ def stands_alone(numbers: pl.Series) -> bool:
 
 def _period_ns(run: Run) -> int:
     """The period of the grid."""
-    return round(_NS / run.provenance.settings.align.rate_hz)
+    return round(NS / run.provenance.settings.align.rate_hz)
 
 
-def _drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+def drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """The numbers of a frame that some view draws, by time or start time, with variances."""
     family = entity_parts(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
@@ -300,7 +299,7 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
 def _decimate(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     span = span_ns(run)
     assert span is not None
-    width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS
+    width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
     # narrower than the grid's step most bins were empty, and no line would be drawn
     width_ns = max(width_ns, _period_ns(run))
     return bin_rows(run.frames[name], wanted, span, width_ns)

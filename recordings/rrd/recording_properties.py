@@ -10,6 +10,7 @@ from typing import Any, Final
 from zoneinfo import ZoneInfo
 
 from analysis.model.answer import answer
+from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -17,8 +18,6 @@ from recordings.report.finding_text import finding_line, findings_of
 from recordings.report.worth_text import COVERAGE
 
 ANSWER: Final = "answer"
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 Value = str | float | int | bool
 
 
@@ -81,4 +80,4 @@ def _day(about: Provenance) -> str:
     if about.t0_unix_ns < FIRST_DATE_NS:
         return ""
     zone = ZoneInfo(str(about.machine.get("machine", {}).get("timezone", "UTC")))
-    return f"{datetime.fromtimestamp(about.t0_unix_ns // _NS, UTC).astimezone(zone):%Y-%m-%d}"
+    return f"{datetime.fromtimestamp(about.t0_unix_ns // NS, UTC).astimezone(zone):%Y-%m-%d}"

@@ -7,6 +7,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.model.answer import Answer, AnswerRow, answer
+from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -25,8 +26,6 @@ from recordings.report.worth_text import (
 )
 from recordings.rrd.display_frames import span_ns
 
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
 _MARK: Final = "="
 _MASS: Final = ("mass_kg", "mass_std_kg")
@@ -82,7 +81,7 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     """A time since the start as the people at the machine read it; no date where there is none."""
     stamp_ns = about.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
-        return f"{stamp_ns / _NS:.3f} s of the log's own clock"
+        return f"{stamp_ns / NS:.3f} s of the log's own clock"
     clock = ShiftClock(_timezone(about), stamp_ns, 0.0)
     return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
 
@@ -93,7 +92,7 @@ def headline(said: Answer) -> str:
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(said.loads) > 1:
-        return shift_sentence(said.shift) if _is_shift(said) else _several_loads_text(said)
+        return shift_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
@@ -109,7 +108,7 @@ def headline(said: Answer) -> str:
     return "No window of this log was accepted: there is no mass."
 
 
-def _is_shift(said: Answer) -> bool:
+def is_shift(said: Answer) -> bool:
     """Whether the log's cycles add up to tonnes."""
     return bool(said.shift.get("cycles_counted"))
 
@@ -158,13 +157,13 @@ def answer_text(run: Run) -> str:
     if "points" in run.frames:
         return ""  # of evidence, which is about many logs
     about, span, said = run.provenance, span_ns(run), answer(run)
-    duration = f", {(span[1] - span[0]) / _NS:,.1f} s" if span else ""
+    duration = f", {(span[1] - span[0]) / NS:,.1f} s" if span else ""
     parts = [
         f"# {headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
     ]
     parts.append(_AXES if about.t0_unix_ns >= FIRST_DATE_NS else _AXES_WITHOUT_DATE)
-    if _is_shift(said):
+    if is_shift(said):
         parts.append("As weighed; what reviewers say is on the page of the review.")
     if failed := said.verdict.failed("mass"):
         parts.append("**The mass is withheld**, because:")
@@ -180,7 +179,7 @@ def answer_text(run: Run) -> str:
         parts.append(
             "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
-    parts += _worth_lines(said, _cycle_lines(run) if _is_shift(said) else [])
+    parts += _worth_lines(said, _cycle_lines(run) if is_shift(said) else [])
     if len(said.loads) > 1:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
@@ -284,7 +283,10 @@ def provenance(run: Run) -> str:
             "# Stamps",
             table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
-            table(("source", "topic", "what"), [tuple(each) for each in _loss_rows(about)]),
+            table(
+                ("source", "topic", "what"),
+                [(each.source, each.topic, each.what) for each in about.losses],
+            ),
             "# Notes",
             "\n".join(f"- {note}" for note in about.notes) or "none",
             "# Versions",
@@ -313,10 +315,6 @@ def machine_body(about: Provenance) -> dict[str, Any]:
 
 def _timezone(about: Provenance) -> str:
     return str(machine_body(about).get("timezone", "UTC"))
-
-
-def _loss_rows(about: Provenance) -> list[tuple[str, str, str]]:
-    return [(each.source, each.topic, each.what) for each in about.losses]
 
 
 def _value_text(row: AnswerRow, method: str, value: str, std: str | None) -> str:
@@ -379,12 +377,12 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
 def _cycle_lines(run: Run) -> list[str]:
     """The cycles of a shift with the local time of each dump."""
     about, span = run.provenance, span_ns(run)
-    duration_s = 0.0 if span is None else (span[1] - span[0]) / _NS
+    duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
     clock = ShiftClock(_timezone(about), about.t0_unix_ns, duration_s)
     rows = [
         (
             str(row["cycle"]),
-            clock.at(row["end_t_ns"] / _NS),
+            clock.at(row["end_t_ns"] / NS),
             plus_minus(row["payload_kg"], row["payload_u_kg"]),
             row["quality"],
         )

@@ -6,12 +6,11 @@ from typing import Final
 
 import polars as pl
 
+from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from estimators.errors import RecordingError
 from recordings.rrd.reader import opened, read_recording, with_missing_rows
 
-#: Nanoseconds of a second.
-_NS: Final = 1_000_000_000
 #: Later than any recording, and still whole nanoseconds.
 LATEST_S: Final = 1e9
 
@@ -39,7 +38,7 @@ def read_window(
     check_stretch(path, from_s, to_s)
     stretch = _words(from_s, to_s)
     begin, end = (
-        None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * _NS)
+        None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * NS)
         for each in (from_s, to_s)
     )
     frames: dict[str, pl.DataFrame] = {}
@@ -84,7 +83,7 @@ def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) ->
 def _span_text(aligned: pl.DataFrame) -> str:
     if aligned.is_empty():
         return "no samples"
-    first, last = (round(float(aligned["t_ns"][place]) / _NS, 1) for place in (0, -1))
+    first, last = (round(float(aligned["t_ns"][place]) / NS, 1) for place in (0, -1))
     return f"{first:g} to {last:g} s"
 
 

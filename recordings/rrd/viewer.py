@@ -54,8 +54,8 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
     """
     t0_ns = read_provenance(path).t0_unix_ns
     with tempfile.TemporaryFile() as log:
-        process, port = _start_viewer_process(Path(path), log)
-        client = _wait_until_connected(
+        process, port = start_viewer_process(Path(path), log)
+        client = wait_until_connected(
             process, port, log, "a screen; without one, use `payscope plot`"
         )
     if at_s is not None:
@@ -73,8 +73,8 @@ def start_viewer() -> str:
         RecordingError: no viewer starts.
     """
     with tempfile.TemporaryFile() as log:
-        process, port = _start_viewer_process(None, log)
-        _wait_until_connected(
+        process, port = start_viewer_process(None, log)
+        wait_until_connected(
             process, port, log, "a screen; leave out --live without one", waiting=True
         )
     return _address(port)
@@ -244,19 +244,19 @@ def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
     """A viewer without a screen, with a recording or waiting for one: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:
-        process, port = _start_viewer_process(
+        process, port = start_viewer_process(
             path, log, "--headless", "--window-size", _WINDOW, CI="1"
         )
         needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
-            client = _wait_until_connected(process, port, log, needs, waiting=path is None)
+            client = wait_until_connected(process, port, log, needs, waiting=path is None)
             yield client, _address(port)
         finally:
             process.terminate()
             process.wait()
 
 
-def _start_viewer_process(
+def start_viewer_process(
     path: Path | None, log: IO[bytes], *options: str, **environment: str
 ) -> tuple[subprocess.Popen[bytes], int]:
     """Start the viewer with a recording or empty, listening on this machine only."""
@@ -291,7 +291,7 @@ def executable() -> Path:
     return bundled if bundled.exists() else folder / ("rerun.exe" if os.name == "nt" else "rerun")
 
 
-def _wait_until_connected(
+def wait_until_connected(
     process: subprocess.Popen[bytes],
     port: int,
     log: IO[bytes],

@@ -1,6 +1,5 @@
 """The command `calibrate`: a campaign file in, a bundle of evidence out."""
 
-import datetime as dt
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,13 +21,11 @@ from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
-from recordings.calibration.as_found_line import check_earlier_line
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.days import find_day_faults
-from recordings.calibration.derived_values import estimator_of, reference_loads
+from recordings.calibration.derived_values import check_earlier_line, estimator_of, reference_loads
 from recordings.calibration.evidence_document import (
     FORMAT,
     NOTICE,
@@ -39,11 +36,8 @@ from recordings.calibration.evidence_document import (
     Link,
     Signer,
 )
-from recordings.calibration.evidence_machine import machine_faults
-from recordings.calibration.notary_stretch import find_unaccounted_logs, stretch_bytes
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
 from recordings.calibration.write_bundle import tables_of, write_bundle
-from recordings.notary.notary_check import check_list
 from recordings.report.atomic_output import atomic_file, atomic_files, check_folder, check_output
 from recordings.signatures.canonical_json import canonical
 from recordings.signatures.keyring import load_keyring
@@ -51,6 +45,12 @@ from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.campaign_runs import CampaignReplay, new_id, now, replay_runs, software
 from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
+from replay.calibration.refuse_campaign import (
+    load_stretch,
+    refuse_days,
+    refuse_machine,
+    refuse_unaccounted,
+)
 
 #: How far a replay elsewhere may be off, in kg: other processors have other last bits.
 TOLERANCE_KG: Final = 1e-6
@@ -223,104 +223,6 @@ def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
     query = timestamp_request((folder / STATEMENT).read_bytes())
     with atomic_file(file, force=force) as partial:
         partial.write_bytes(query)
-
-
-def refuse_days(
-    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
-) -> None:
-    """Refuse days of runs that their logs contradict.
-
-    Args:
-        source: what gives the days, for the error.
-        campaign: its runs.
-        replayed: their logs.
-        machine: of them; its zone is that of the days.
-
-    Raises:
-        CampaignError: a run is of another day than its log.
-    """
-    faults = find_day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
-    fault = next(faults, None)
-    if fault is not None:
-        raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
-
-
-def refuse_machine(
-    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
-) -> None:
-    """Refuse logs and a machine file that name another machine than the campaign.
-
-    Raises:
-        CampaignError: they do.
-    """
-    fault = next(machine_faults(campaign.machine.id, machine, replayed.logs), None)
-    if fault is not None:
-        raise CampaignError(f"{source}: {fault}; name logs and machine file of one machine")
-
-
-def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
-    """The stretch of the recorder's list that a campaign names, checked; None where it names none.
-
-    Args:
-        source: the campaign file; the list is named from its folder.
-        campaign: the campaign.
-
-    Raises:
-        CampaignError: the list cannot be read, is not whole, or does not reach so far.
-    """
-    stretch = campaign.notary
-    if stretch is None:
-        return None
-    path = source.parent / stretch.list
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
-    # a notary may be writing it: what is behind the last whole line is none of the stretch
-    kept = check_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
-    last = kept.entries[-1].counter if kept.entries else 0
-    faults = [
-        each.what
-        for each in kept.faults
-        if each.forged
-        or (stretch.first <= each.counter <= stretch.last and each.counter not in stretch.reasons)
-    ]
-    if faults:
-        raise CampaignError(
-            f"{path}: {faults[0]}; `payscope verify {path}` lists all, and a log is left out with "
-            "a reason in notary.left_out"
-        )
-    if last < stretch.last:
-        raise CampaignError(
-            f"{source}: notary.last is {stretch.last}, and {path} ends with number {last}; "
-            "`payscope notarise` goes on with it"
-        )
-    wanted = campaign.machine.id
-    if kept.head is not None and kept.head.machine_id not in ("", wanted):
-        raise CampaignError(
-            f"{path}: is the list of machine '{kept.head.machine_id}', and the campaign is of "
-            f"'{wanted}'; name the list of that machine's recorder"
-        )
-    return stretch_bytes(data, stretch)
-
-
-def refuse_unaccounted(
-    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, stretch: bytes | None
-) -> None:
-    """Refuse a campaign that leaves a log of its stretch out without a reason.
-
-    Raises:
-        CampaignError: it does, or a log of it is not in the list.
-    """
-    if campaign.notary is None or stretch is None:
-        return
-    kept = check_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
-    fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
-    if fault is not None:
-        raise CampaignError(
-            f"{source}: notary: {fault}; add a run of it, or leave it out with a reason in "
-            "notary.left_out"
-        )
 
 
 def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) -> CheckedBundle:

@@ -23,10 +23,9 @@ from replay.calibration.calibrate_campaign import (
     EvidenceParts,
     before_of,
     finish_evidence,
-    refuse_days,
-    refuse_machine,
 )
 from replay.calibration.campaign_runs import replay_runs
+from replay.calibration.refuse_campaign import refuse_days, refuse_machine
 from replay.logs import open_log
 from replay.machines.machine_file import time_axis
 

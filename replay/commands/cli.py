@@ -114,7 +114,7 @@ def main() -> None:
         _close_stdout()
         status = 0
     except (UnpicklingError, EOFError) as error:
-        status = _fail(_compiled_anew(error))
+        status = _fail(compiled_anew(error))
     except OSError as error:
         _close_stdout()
         # a file that was being closed when the signal came may have been closed twice
@@ -181,7 +181,7 @@ def _close_stdout() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _compiled_anew(error: Exception) -> str:
+def compiled_anew(error: Exception) -> str:
     """Remove compiled code that cannot be read; any other error of that kind is raised again.
 
     Two processes may have written it at once, or the disk was full.

@@ -73,11 +73,10 @@ def command(
     from recordings import read_recording
     from recordings.rrd.viewer_server import viewer_server
     from replay.commands.follow_panel import FollowPanel
-    from replay.follow.agreement import FollowedDigests
+    from replay.follow.agreement import FollowedDigests, record_followed
     from replay.follow.follow_logs import Following, follow_logs
     from replay.follow.followed_outputs import FollowedOutputs
-    from replay.follow.record_followed import record_followed
-    from replay.follow.report_text import mass_text, time_text
+    from replay.follow.report_file import mass_text, time_text
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 

@@ -13,7 +13,7 @@ from rich.text import Text
 from analysis.model.methods import METHODS
 from analysis.online.online_report import OnlineReport
 from replay.follow.follow_logs import Following
-from replay.follow.report_text import mass_text, progress_text, time_text
+from replay.follow.report_file import mass_text, progress_text, time_text
 
 #: Manoeuvres that are shown.
 _SHOWN: Final = 5

@@ -1,20 +1,39 @@
-"""`payscope run`: the main job."""
+"""`payscope run`: the main job; a dozen lines of answer, more with -v, every check with -vv."""
 
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from replay.commands import print_tables
 from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
+from replay.commands.print_tables import plain_table, print_line, print_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
+
+    from rich.console import Console
+    from rich.table import Table
 
     from analysis.compare.run_comparison import ValueChange
-    from analysis.model.answer import Answer
+    from analysis.model.answer import Answer, AnswerRow
+    from analysis.model.verdict import Check, Verdict
     from replay.runs.run_logs import RecordTo
+
+#: Findings, losses and notes that are printed without -v; the others are counted.
+_MOST_LINES: Final = 3
+_OF_MASS: Final = {
+    "mass kg": ("mass_kg", "mass_std_kg"),
+    "payload kg": ("payload_kg", None),
+    "friction N·s/m": ("friction_x_N_s_m", "friction_x_std_N_s_m"),
+    "Coulomb N": ("coulomb_x_N", "coulomb_x_std_N"),
+}
+_OF_INERTIA: Final = {
+    "yaw inertia kg·m²": ("inertia_z_kg_m2", "inertia_z_std_kg_m2"),
+    "turning N·m·s": ("friction_z_N_m_s", "friction_z_std_N_m_s"),
+}
 
 
 def command(
@@ -66,7 +85,6 @@ def command(
     --watch each change of the machine file is replayed, into the open viewer with --live; a fault
     in the file is one line, and ctrl-C ends with status 0.
     """
-    from replay.commands.answer_text import print_answer
     from replay.commands.print_tables import print_json
     from replay.commands.progress_bar import Stages
     from replay.runs.run_logs import STEPS, RecordTo, replay_logs
@@ -151,3 +169,185 @@ def _empty_span_settings(span: str | None) -> list[str]:
             param_hint="--empty",
         )
     return [f"settings.loads.empty_from_s={first!r}", f"settings.loads.empty_to_s={last!r}"]
+
+
+def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) -> None:
+    """Print the answer on stdout.
+
+    Args:
+        answer: of a run.
+        goal: a standard uncertainty in kg; how many more starts would reach it is printed.
+        verbose: 1 adds budget, methods and what was left out above; 2 every check.
+    """
+    screen = print_tables.console()
+    if answer.verdict.can_weigh:
+        _print_worth(screen, answer, verbose)
+    else:
+        _print_verdict(screen, answer, verbose)
+    for line in _more_lines(answer, goal, verbose):
+        print_line(screen, line)
+    if verbose:
+        _print_budget(screen, answer)
+        _print_methods(screen, answer)
+    if answer.verdict.can_weigh:
+        _print_verdict(screen, answer, verbose)
+    if verbose and answer.fingerprint:
+        print_line(screen, f"fingerprint: {answer.fingerprint}")
+    if answer.recording:
+        print_line(screen, f"recording: {answer.recording}")
+        print_line(screen, f"payscope explain {answer.recording} says why")
+    if not verbose:
+        screen.print("-v: budget and methods; -vv: every check")
+
+
+def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
+    """Print masses and payloads, and the largest part of their uncertainty."""
+    from recordings.report.worth_text import advice, load_heads, load_rows, worth_lines
+
+    for line in worth_lines(answer, brief=not verbose):
+        print_line(screen, line)
+    if len(answer.loads) > 1:
+        heads = load_heads(answer)
+        loads = plain_table(*heads[:-1])
+        loads.add_column(heads[-1], overflow="fold")
+        for load in load_rows(answer):
+            loads.add_row(*load)
+        print_table(screen, loads)
+    most = advice(answer)
+    if most:
+        print_line(screen, most)
+
+
+def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
+    """What else bears on the answer, the most important first."""
+    from recordings.report.planar_text import planar_lines
+    from recordings.report.worth_text import goal_lines, shift_lines
+
+    if goal is not None:
+        yield from goal_lines(answer, goal)
+    if answer.verdict.tells_inertia and not verbose:
+        yield from _inertia_lines(answer)
+    yield from shift_lines(answer)
+    yield from planar_lines(answer.planar, answer.planar_budget)
+    most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
+    yield from _first_lines(
+        [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
+    )
+    yield from _first_lines([f"note: {note}" for note in answer.notes], most_lines, "note", "notes")
+    yield from _finding_lines(answer, verbose)
+
+
+def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
+    from recordings.report.finding_text import affects_mass, finding_line, findings_from
+
+    found = findings_from(answer.findings)
+    shown = found if verbose else [each for each in found if affects_mass(each)][:_MOST_LINES]
+    yield from (f"finding: {finding_line(each)}" for each in shown)
+    left = len(found) - len(shown)
+    if left:
+        yield f"{left} {'other finding' if left == 1 else 'other findings'} (-v)"
+
+
+def _first_lines(lines: "Sequence[str]", most: int, one: str, several: str) -> "Iterator[str]":
+    """The first lines, and the number of the others."""
+    yield from lines[:most]
+    left = len(lines) - most
+    if left > 0:
+        yield f"{left} more {one if left == 1 else several} (-v)"
+
+
+def _inertia_lines(answer: "Answer") -> "Iterator[str]":
+    """Yaw inertia in a line: of the joint fit, else of the first method that has one."""
+    from recordings.report.number_text import plus_minus
+
+    for row in answer.rows:
+        for method in row.methods:
+            value = row.value("inertia_z_kg_m2", method)
+            if value is not None:
+                text = plus_minus(value, row.value("inertia_z_std_kg_m2", method))
+                yield f"yaw inertia {text} kg·m² ({method})"
+                break
+
+
+def _print_budget(screen: "Console", answer: "Answer") -> None:
+    """Print a row for each source of uncertainty."""
+    from recordings.report.worth_text import budget_rows, main_load
+
+    rows = budget_rows(answer) if answer.verdict.can_weigh else []
+    if rows:
+        of = f" (mass of load {main_load(answer)})" if len(answer.loads) > 1 else ""
+        table = plain_table(f"uncertainty from{of}", "kind", "u kg")
+        table.add_column("fraction of the variance")
+        table.add_column("to reduce", overflow="fold")
+        for row in rows:
+            table.add_row(*row)
+        print_table(screen, table)
+
+
+def _print_methods(screen: "Console", answer: "Answer") -> None:
+    """Print what each method makes of the whole log."""
+    verdict = answer.verdict
+    if len(answer.loads) > 1 and not verdict.tells_inertia:
+        screen.print("Other methods: not shown, since they give one mass per log")
+    elif verdict.can_weigh or verdict.tells_inertia:
+        screen.print("Other methods (statistical ± only; –: withheld)")
+        for row in answer.rows:
+            print_table(screen, _mass_table(row, verdict))
+
+
+def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
+    """Print whether the log can weigh: failed and near checks in full, the others counted."""
+    verdict = answer.verdict
+    failed = (*verdict.failed("mass"), *verdict.failed("inertia"))
+    passed = sum(check.passed is True for check in verdict.checks)
+    if verdict.can_weigh:
+        share = f"{answer.accepted_share:.0%}"
+        of = "checks of the mass" if failed else "checks"
+        screen.print(f"Log usable: {passed} {of} passed; {share} of the samples used.")
+    else:
+        screen.print("Log not usable for weighing: the mass is withheld. Failed checks:")
+    near = verdict.near if verdict.can_weigh else ()
+    shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
+    if shown or verbose > 1:
+        print_table(screen, _check_table(verdict.checks if verbose > 1 else shown))
+    for check in failed:
+        if check.remedy and check.value is not None:
+            print_line(screen, f"{check.check}: {check.remedy}")
+    if verdict.judges_spins and not verdict.tells_inertia:
+        screen.print(
+            "No inertia estimate: the checks of the spins, or of the force's sign, failed."
+        )
+
+
+def _mass_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
+    columns = {
+        **(_OF_MASS if verdict.can_weigh else {}),
+        **(_OF_INERTIA if verdict.tells_inertia else {}),
+    }
+    shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
+    table = plain_table("method", *shown)
+    for method in row.methods:
+        table.add_row(method, *(_value_text(row, method, *names) for names in shown.values()))
+    return table
+
+
+def _value_text(row: "AnswerRow", method: str, name: str, std_name: str | None) -> str:
+    value, std = row.value(name, method), row.value(std_name, method) if std_name else None
+    if value is None:
+        return "–"
+    return f"{value:,.2f}" + ("" if std is None else f" ± {std:.2f}")
+
+
+def _check_table(checks: "Sequence[Check]") -> "Table":
+    """A row a check: its number, its limit, what it led to."""
+    from recordings.report.number_text import outcome
+
+    table = plain_table("check", "value", "limit")
+    table.add_column("")
+    table.add_column("meaning", overflow="fold")
+    for check in checks:
+        value = "–" if check.value is None else f"{check.value:.3g}"
+        passed = "near" if check.is_near else "ok"
+        state = outcome(check, passed=passed, failed="[red]failed[/]", absent="n/a")
+        table.add_row(check.check, value, check.limit, state, check.meaning)
+    return table

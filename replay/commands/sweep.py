@@ -152,14 +152,14 @@ def _print_sweep(
             on_stage=stages.begin,
         )
     if output is None and output_format == "table":
-        console().print(_render_tables(rows))
+        console().print(render_tables(rows))
     else:
         print_frame(
             _result_frame(rows),
             output_format,
             output,
             force=force,
-            table=lambda: _render_text(_render_tables(rows)),
+            table=lambda: _render_text(render_tables(rows)),
             records=[_nest_row(row) for row in rows],
         )
     if figure is not None:
@@ -176,7 +176,7 @@ def _swept_row(row: Row) -> SweptRow:
     """A row as its figure has it."""
     from recordings.plots.sweep_figure import SweptRow
 
-    names = _short_names(row.over)
+    names = short_names(row.over)
     known = [load for load in row.answer.loads if load["payload_kg"] is not None]
     several = len(row.answer.loads) > 1 and known
     most = max(known, key=lambda load: load["payload_kg"]) if several else None
@@ -201,7 +201,7 @@ def _nest_row(row: Row) -> dict[str, Any]:
 
 def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     """A row a combination, a column a method and quantity; what was varied is a number or text."""
-    names = _short_names(rows[0].over)
+    names = short_names(rows[0].over)
     flat = [
         {
             **{
@@ -213,7 +213,7 @@ def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
                 for name in ("mass_kg", "mass_std_kg", *row.errors)
                 for method, value in (row.errors.get(name) or _by_method(row, name)).items()
             },
-            **_calibrated_mass(row),
+            **calibrated_mass(row),
             "accepted_share_1": row.answer.accepted_share,
             "can_weigh": row.answer.verdict.can_weigh,
             "failed": " ".join(_failed_checks(row)),
@@ -226,7 +226,7 @@ def _result_frame(rows: Sequence[Row]) -> pl.DataFrame:
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
-def _calibrated_mass(row: Row) -> dict[str, float | str | None]:
+def calibrated_mass(row: Row) -> dict[str, float | str | None]:
     """The calibrated mass of a log of one load, where a calibration was given."""
     loads = row.answer.loads
     if not loads or "calibrated_kg" not in loads[0]:
@@ -235,25 +235,25 @@ def _calibrated_mass(row: Row) -> dict[str, float | str | None]:
     return {name: loads[0][name] if len(loads) == 1 else None for name in names}
 
 
-def _render_tables(rows: Sequence[Row]) -> RenderableType:
+def render_tables(rows: Sequence[Row]) -> RenderableType:
     """Masses and verdict a combination; below, where a truth is known, how wrong they are."""
     from rich.console import Group
 
     from replay.commands.print_tables import kg_text
 
-    masses = _method_table(rows, _mass_text, ("used", "weighs"), _verdict_cells)
+    masses = method_table(rows, _mass_text, ("used", "weighs"), _verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
-    if _calibrated_mass(rows[0]):
+    if calibrated_mass(rows[0]):
         parts += ["", "Calibrated mass and its interval, kg", _of_calibration(rows)]
     for name in rows[0].errors:
-        errors = _method_table(
+        errors = method_table(
             rows, lambda row, method, of=name: kg_text(row.errors[of].get(method))
         )
         parts += ["", _TITLES[name], errors]
     return Group(*parts)
 
 
-def _method_table(
+def method_table(
     rows: Sequence[Row],
     cell: Callable[[Row, str], str],
     more: Sequence[str] = (),
@@ -263,7 +263,7 @@ def _method_table(
     from replay.commands.print_tables import plain_table
 
     methods = list(dict.fromkeys(method for row in rows for method in _by_method(row, "mass_kg")))
-    table = plain_table(*_short_names(rows[0].over).values(), *methods, *more)
+    table = plain_table(*short_names(rows[0].over).values(), *methods, *more)
     if more:
         # the last is words
         table.columns[-1].justify = "left"
@@ -276,10 +276,10 @@ def _of_calibration(rows: Sequence[Row]) -> Table:
     """A row a combination: the calibrated mass, or why there is none."""
     from replay.commands.print_tables import kg_text, plain_table
 
-    table = plain_table(*_short_names(rows[0].over).values(), "calibrated", "from", "to")
+    table = plain_table(*short_names(rows[0].over).values(), "calibrated", "from", "to")
     table.add_column("", overflow="fold")
     for row in rows:
-        mass, low, high, reason = _calibrated_mass(row).values()
+        mass, low, high, reason = calibrated_mass(row).values()
         numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
         why = reason if reason is not None else "several loads: --json has each"
         table.add_row(*row.over.values(), *map(kg_text, numbers), str(why))
@@ -325,7 +325,7 @@ def _cell_value(value: Any, written: str) -> Any:
     return written if isinstance(value, list | dict) else value
 
 
-def _short_names(keys: Iterable[str]) -> dict[str, str]:
+def short_names(keys: Iterable[str]) -> dict[str, str]:
     """What a table calls each dotted key: its last part, or all of it where two share that."""
     last = {key: key.rpartition(".")[2] for key in keys}
     shared = Counter(last.values())

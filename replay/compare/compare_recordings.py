@@ -121,8 +121,7 @@ def compare_recordings(
             )
         found = compare(mine, theirs, rtol=rtol, rows=not other_logs)
         if output.path is not None:
-            from recordings.compare.comparison_text import comparison_text
-            from recordings.compare.overlay_recording import write_overlay
+            from recordings.compare.overlay_recording import comparison_text, write_overlay
 
             write_overlay(
                 mine.drawn(),

@@ -16,10 +16,11 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError, OutputError, nearest
 from recordings.report.atomic_output import check_folder, refuse_input_as_output
-from replay.convert.part_writer import PartWriter, arrow_schema
 from replay.convert.unfinished_folder import (
     ConversionPlan,
+    PartWriter,
     UnfinishedFolder,
+    arrow_schema,
     unfinished_folder,
     write_whole,
 )

@@ -23,8 +23,6 @@ from replay.machines.machine_file import load_machine, time_axis
 if TYPE_CHECKING:
     from replay.explain.try_proposals import MendedMachine
 
-#: Frames of which a picture shows more than an explanation looks at.
-_PICTURED: Final = ("excitation", "gate")
 _SETTLING: Final = ("t_ns", "mass_kg", "mass_std_kg")
 _RECURSIVE: Final = ("estimates/rls", "estimates/rtls")
 
@@ -121,12 +119,12 @@ def _run(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames that are explained: as recorded, or of a replay."""
     if asked.machine_file is None:
         with opened(asked.path) as held:
-            return _read_explained_frames(held, pictured=asked.picture is not None)
+            return read_explained_frames(held, pictured=asked.picture is not None)
     machine = load_machine(asked.machine_file, asked.overrides)
     if asked.path.suffix == SUFFIX and asked.path.is_file():
         with opened(asked.path) as held:
             if "findings" in held.stages and not _differs(held, machine):
-                return _read_explained_frames(held, pictured=asked.picture is not None)
+                return read_explained_frames(held, pictured=asked.picture is not None)
     # a recording is explained without what replays a log
     from replay.pipeline import run
 
@@ -143,7 +141,7 @@ def _differs(held: OpenRecording, machine: Machine) -> bool:
     return bool(changed_settings(recorded, machine))
 
 
-def _read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
+def read_explained_frames(held: OpenRecording, *, pictured: bool) -> Run:
     """What an explanation looks at, and a picture shows: a shift is much more."""
     held.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}

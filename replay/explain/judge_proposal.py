@@ -57,7 +57,7 @@ class ProposalTrial:
         open_before = was.verdict.can_weigh
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
-        still = _matching_finding(self.finding, self.after)
+        still = matching_finding(self.finding, self.after)
         claimed = _as_claimed(was, now, self.finding)
         if still is not None and not _less(still, self.finding, as_claimed=claimed):
             return "the log still shows it"
@@ -66,7 +66,7 @@ class ProposalTrial:
             return by_mass
         if not open_before:
             return ""
-        worse = sorted(_failed_checks(now) - _failed_checks(was))
+        worse = sorted(failed_checks(now) - failed_checks(was))
         if worse:
             return f"the log would fail {', '.join(worse)}"
         if self.finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
@@ -116,18 +116,18 @@ def held_out_objection(
         return "the log is too short to try it on stretches that it was not fitted to"
     first, second = (None, middle_ns), (middle_ns + 1, None)
     try:
-        fitted = _matching_finding(finding, replay((), first))
+        fitted = matching_finding(finding, replay((), first))
         if fitted is None:
             return "the first half of the log does not show it"
         unchanged = replay((), second)
-        seen = _matching_finding(finding, unchanged)
+        seen = matching_finding(finding, unchanged)
         if seen is None:
             return "the second half of the log does not show it"
         changed = replay(proposals(fitted), second)
     except (DataError, MachineError):
         return "a half of the log is too short to try it on"
     was, now = answer(unchanged), answer(changed)
-    left = _matching_finding(finding, changed)
+    left = matching_finding(finding, changed)
     claimed = _as_claimed(was, now, seen)
     if left is not None and not _less(left, seen, as_claimed=claimed):
         return "found in the first half of the log, it does not mend the second"
@@ -136,7 +136,7 @@ def held_out_objection(
     return ""
 
 
-def _matching_finding(finding: Finding, run: Run) -> Finding | None:
+def matching_finding(finding: Finding, run: Run) -> Finding | None:
     """The finding of a cause with a proposal for the same keys."""
     keys = finding.setting
     shown = (each for each in findings_of(run) if each.cause == finding.cause)
@@ -156,7 +156,7 @@ def _middle_ns(run: Run, begin_ns: int, end_ns: int) -> int | None:
     return begin_ns + round(middle * (end_ns - begin_ns))
 
 
-def _failed_checks(said: Answer) -> set[str]:
+def failed_checks(said: Answer) -> set[str]:
     """The checks of the mass that failed and cost something."""
     costs = ("withhold", "widen")
     return {

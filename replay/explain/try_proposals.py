@@ -25,9 +25,8 @@ from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import findings_of, name_of
 from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection
 from replay.explain.mended_file import Proposal, proposals, write_proposals
-from replay.inputs.cached_log import CachedLog
+from replay.inputs.cached_log import CachedLog, PartOfLog
 from replay.inputs.channel_inputs import channel_fields
-from replay.inputs.part_of_log import PartOfLog
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
@@ -201,12 +200,12 @@ def improve(before: Run, replays: Replays) -> Progress:
         if finding is None:
             break
         _try(tried, finding, replays)
-    behind = _list_masked(tried)
+    behind = list_masked(tried)
     tried.taken_back += [
         RejectedProposal(
             proposals(each)[0], f"{name_of(behind[each.cause])} explains it, and stays"
         )
-        for each in _list_untried(tried)
+        for each in list_untried(tried)
         if each.cause in behind
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
@@ -248,17 +247,17 @@ def _read_text(file: Path) -> str:
 def _next_proposal(tried: Progress) -> Finding | None:
     """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
     return next(
-        (each for each in _list_untried(tried) if each.cause not in _list_masked(tried)), None
+        (each for each in list_untried(tried) if each.cause not in list_masked(tried)), None
     )
 
 
-def _list_untried(tried: Progress) -> list[Finding]:
+def list_untried(tried: Progress) -> list[Finding]:
     """Findings with a proposal that was not tried."""
     shown = findings_of(tried.run)
     return [each for each in shown if _finding_key(each) not in tried.seen and proposals(each)]
 
 
-def _list_masked(tried: Progress) -> dict[str, str]:
+def list_masked(tried: Progress) -> dict[str, str]:
     """Causes that may be seen where another one is that stays, and that one.
 
     Those under which no mass is worth anything are not among them: nothing is lost by a trial.
@@ -267,7 +266,7 @@ def _list_masked(tried: Progress) -> dict[str, str]:
     from analysis.findings import CAUSES
 
     shown = findings_of(tried.run)
-    untried = {_finding_key(each) for each in _list_untried(tried)}
+    untried = {_finding_key(each) for each in list_untried(tried)}
     stays = {each.cause for each in shown if _finding_key(each) not in untried}
     ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}

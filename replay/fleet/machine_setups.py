@@ -96,7 +96,7 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
                 raise
             continue
         calibrations.append((by, weighing))
-    calibrations.sort(key=lambda each: _last_day(each[0]), reverse=True)
+    calibrations.sort(key=lambda each: last_day(each[0]), reverse=True)
     calibrated = [_setup(name, files, weighing, by) for by, weighing in calibrations]
     return (*calibrated, _setup(name, files, machine, None))
 
@@ -119,11 +119,11 @@ def _setup(
         "versions": package_versions(),
     }
     basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
-    first = dt.date.min if by is None else _last_day(by)
+    first = dt.date.min if by is None else last_day(by)
     return MachineSetup(name, files, machine, by, first, basis)
 
 
-def _last_day(by: MachineCalibration) -> dt.date:
+def last_day(by: MachineCalibration) -> dt.date:
     """The last day of the campaign: from then on its line is the latest."""
     return max(run.day for run in by.document.campaign.runs)
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.friction_limit import FrictionDay, FrictionTrend, friction_trend
+from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
 from analysis.fleet.attention import needs_a_look
 from analysis.fleet.calibration_steps import line_changes
 from analysis.fleet.daily_figures import UNDATED, daily, sum_machines, sums, weekly

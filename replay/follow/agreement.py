@@ -1,19 +1,25 @@
 """Whether what was followed is what the replay of the finished log has, bit for bit.
 
-Digests by the minute are kept, not the rows, so that memory does not grow with the shift.
+Digests by the minute are kept, not the rows, so that memory does not grow with the shift. The
+recording of a log that was followed is that of its causal replay.
 """
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.model.answer import Answer
 from analysis.model.schema import REASON
 from analysis.online.follower import FollowedRow
+from recordings import read_recording
+from replay.logs import ACTIVE
+from replay.runs.run_logs import RecordTo, replay_logs
 
 GATE: Final = "gate"
 _MINUTE_NS: Final = 60 * 10**9
@@ -21,6 +27,7 @@ _MINUTE_NS: Final = 60 * 10**9
 _ROUNDING_1: Final = 1e-9
 _THETA: Final = ("mass_kg", "friction_x_N_s_m", "coulomb_x_N")
 _REASONS: Final = {name: number for number, name in enumerate(REASON.categories)}
+CAUSAL: Final = "settings.filter.causal=true"
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,3 +140,34 @@ def _digest_rows(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _Minutes:
     for t, row in zip(t_ns.to_list(), np.ascontiguousarray(numbers), strict=True):
         minutes.add(t, row)
     return minutes
+
+
+def record_followed(
+    paths: Sequence[Path],
+    machine_file: Path,
+    output: RecordTo,
+    overrides: Sequence[str],
+    followed: FollowedDigests,
+) -> tuple[Answer, list[Agreement]]:
+    """Replay what was followed and record it.
+
+    Args:
+        paths: of the log; a `.bag.active` that its recorder has renamed since is found.
+        machine_file: as `replay_logs` takes it.
+        output: the recording.
+        overrides: of the machine file.
+        followed: the decisions and estimates so far.
+
+    Raises:
+        PayscopeError: as `replay_logs`.
+    """
+    assert output.path is not None
+    closed = [_closed_name(path) for path in paths]
+    found = replay_logs(closed, machine_file, output, [*overrides, CAUSAL])
+    return found, followed.compare(read_recording(output.path).frames)
+
+
+def _closed_name(path: Path) -> Path:
+    """The name that a recorder gives a bag when it closes it."""
+    inner = path.with_suffix("")
+    return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path

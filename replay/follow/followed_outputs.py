@@ -1,6 +1,8 @@
-"""Where goes what is followed: a recording that grows, and reports; nothing twice."""
+"""Where goes what is followed: a recording that grows, or goes on, and reports; nothing twice."""
 
+import hashlib
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
@@ -8,14 +10,37 @@ import polars as pl
 
 from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow
+from analysis.online.growing_log import causal_machine
 from analysis.online.online_report import OnlineReport
 from estimators.errors import OutputError
-from recordings.follow.growing_recording import FollowedLog, GrowingRecording
+from recordings import check_recording, read_frame, read_provenance
+from recordings.follow.growing_file import is_unfinished
+from recordings.follow.growing_recording import (
+    FollowedLog,
+    GrowingRecording,
+    RecordingEnd,
+    read_end,
+)
 from recordings.report.appended_file import AppendedFile
-from replay.follow.continued_recording import find_continuation, identify
+from recordings.report.atomic_output import refuse_input_as_output
 from replay.follow.follow_logs import Following
-from replay.follow.report_file import ReportFile
-from replay.follow.report_text import page_text, time_text
+from replay.follow.report_file import ReportFile, page_text, time_text
+from replay.inputs.channel_inputs import resolve_machine
+from replay.logs import ACTIVE
+
+
+@dataclass(frozen=True, slots=True)
+class Continuation:
+    """How far a recording came.
+
+    Attributes:
+        until_unix_ns: of its last row.
+        end: of one that was cut, which is appended to; None of one whose log had not ended, which
+            is replaced when the log was followed as far again.
+    """
+
+    until_unix_ns: int
+    end: RecordingEnd | None
 
 
 class FollowedOutputs:
@@ -158,3 +183,60 @@ class FollowedOutputs:
 
 def _give_up_text(error: OSError) -> str:
     return f"written no further ({error.strerror}); it is whole up to here, and following goes on"
+
+
+def identify(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
+    """Tell what is followed: names of logs, and a digest of the machine file and the noise."""
+    digest = hashlib.sha256(causal_machine(machine).model_dump_json().encode())
+    digest.update(b"" if noise is None else noise.write_json().encode())
+    return f"{', '.join(map(_log_name, paths))}; {digest.hexdigest()}"
+
+
+def find_continuation(
+    output: Path, paths: Sequence[Path], identity: str, machine: Machine, *, force: bool
+) -> Continuation | None:
+    """Find where a recording goes on; None where it begins.
+
+    Raises:
+        OutputError: there is a recording of another log or machine file, or a whole one of a log
+            that has not grown, and no `force`.
+    """
+    refuse_input_as_output(output, (path for path in paths if path.exists()))
+    if force or not output.is_file() or output.stat().st_size == 0:
+        check_recording(output, force=force or output.is_file())
+        return None
+    if is_unfinished(output):
+        end = read_end(output)
+        if end is None:
+            return None
+        if end.about.identity != identity:
+            raise OutputError(
+                f"{output}: follows {end.about.identity.partition(';')[0]} with the machine file, "
+                "settings and noise of then; name another output, or give --force"
+            )
+        return Continuation(end.about.t0_unix_ns + end.until_ns, end)
+    if not _has_grown(output, paths, machine):
+        check_recording(output, force=False)
+    last_ns = read_frame(output, "excitation", ["t_ns"])["t_ns"].max()
+    assert isinstance(last_ns, int)
+    return Continuation(read_provenance(output).t0_unix_ns + last_ns, None)
+
+
+def _has_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool:
+    """Whether a recording is the causal replay of these logs when they were smaller."""
+    about = read_provenance(output)
+    inner = [
+        each for path in paths for each in (sorted(path.iterdir()) if path.is_dir() else [path])
+    ]
+    sizes = {_log_name(path): path.stat().st_size for path in inner if path.exists()}
+    then = {each.name.removesuffix(ACTIVE): each.size_bytes for each in about.inputs}
+    return (
+        about.settings.filter.causal
+        and about.machine == resolve_machine(machine)
+        and all(size <= sizes.get(name, 0) for name, size in then.items())
+        and sum(sizes.values()) > sum(then.values())
+    )
+
+
+def _log_name(path: Path) -> str:
+    return path.name.removesuffix(ACTIVE)

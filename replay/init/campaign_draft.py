@@ -1,7 +1,6 @@
 """A first campaign file from a folder of logs: what `payscope init --campaign` writes."""
 
 import datetime as dt
-import json
 import os
 from collections.abc import Iterator
 from itertools import pairwise
@@ -15,6 +14,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, PayscopeError
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, time_axis
+from replay.machines.toml_file import toml_value
 from replay.pipeline import run
 
 _HEAD = """\
@@ -138,9 +138,9 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
     count = f"{len(blocks)} run{'' if len(blocks) == 1 else 's'}"
     head = _HEAD.format(
         count=count,
-        name=json.dumps(output.name)[1:-1],
-        machine=json.dumps(file, ensure_ascii=False),
-        id=json.dumps(ids or "machine-1"),
+        name=toml_value(output.name)[1:-1],
+        machine=toml_value(file),
+        id=toml_value(ids or "machine-1"),
     )
     return "\n".join([head, *blocks]), said
 
@@ -159,7 +159,7 @@ def _run_blocks(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
     for stretch, said in _find_stretches(log, machine):
         lines = [
             "[[runs]]",
-            f"log = {json.dumps(name, ensure_ascii=False)}",
+            f"log = {toml_value(name)}",
             *stretch,
             f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
             f"day = {day}",

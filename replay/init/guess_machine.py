@@ -4,17 +4,22 @@ A guess is made only where a message type or a column's name leaves little doubt
 that is numeric is listed as a comment to choose from.
 """
 
-import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from typing import Final
 
+import numpy as np
 import polars as pl
 
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.stages.signals.derive import unit_of
-from replay.init.guess_mounting import mounting_lines
+from analysis.stages.signals.mounting_guess import MountingGuess, guess_mounting
+from analysis.stages.signals.timestamps import assign_timestamps
+from estimators.arrays import Floats, Ints
+from estimators.errors import LogError
 from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
+from replay.machines.toml_file import toml_value
 from replay.recognise.joints import recognise_joints
 from replay.recognise.profile import FieldProfile, profiles
 from replay.recognise.proposals import ChannelProposal, Recognition
@@ -59,6 +64,14 @@ _TO_ANSWER = (
 _JOINT_UNIT = (
     'are the joints\' velocities in m/s? where they are in rad/s, scale = "wheel_radius_m"'
 )
+#: The topic (None in a table) and the field of a column.
+Source = tuple[str | None, str]
+
+_AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
+_SIDES: Final = ("speed_left_m_s", "speed_right_m_s")
+#: So much of a log is looked at.
+_LOOK_NS: Final = 600 * 10**9
+_LARGEST: Final = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +118,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
-        f"name = {_quote(log.path.stem)}",
-        *(f"id = {_quote(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
+        f"name = {toml_value(log.path.stem)}",
+        *(f"id = {toml_value(each)}" for each in log.machine_ids()[:1] if is_serial_number(each)),
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
         "# track_width_m = 1.5          # for the yaw torque (18)",
@@ -124,14 +137,18 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f"topic = {_quote(guess.topic)}")
+            lines.append(f"topic = {toml_value(guess.topic)}")
         unit = unit_of(guess.column).replace("*", "·")
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
         why = f"; {guess.reason}" if guess.reason else ""
         if guess.unit is not None:
-            lines += [f"field = {_quote(guess.field)}", f'unit = "{guess.unit}"  # {why[2:]}', ""]
+            lines += [
+                f"field = {toml_value(guess.field)}",
+                f'unit = "{guess.unit}"  # {why[2:]}',
+                "",
+            ]
             continue
-        lines += [f"field = {_quote(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
+        lines += [f"field = {toml_value(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
     for proposal in told.channels:
         lines += _comment_lines(proposal) if proposal.is_comment else []
     has_speed = "speed_x_m_s" in found
@@ -155,7 +172,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
 def _log_lines(time: TimeAxis) -> list[str]:
     """The keys of `[log]` that were given."""
     keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
-    return [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
+    return [f"{key} = {toml_value(value)}" for key, value in keys.items() if value is not None]
 
 
 def _recognise_columns(told: Recognition) -> list[Guess]:
@@ -170,9 +187,9 @@ def _comment_lines(proposal: ChannelProposal) -> list[str]:
     """A channel that needs what no column tells, to be completed."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:
-        lines.append(f"topic = {_quote(proposal.topic)}")
+        lines.append(f"topic = {toml_value(proposal.topic)}")
     if proposal.field:
-        lines.append(f"field = {_quote(proposal.field)}")
+        lines.append(f"field = {toml_value(proposal.field)}")
     if proposal.unit:
         lines.append(f'unit = "{proposal.unit}"')
     if proposal.derive:
@@ -293,10 +310,79 @@ def _lists_and_problems(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[
             yield _one_line(f"#   {row['topic']} ({row['type']}): {', '.join(rest)}")
 
 
-def _quote(text: str) -> str:
-    """A TOML string: JSON's escapes are TOML's."""
-    return json.dumps(text, ensure_ascii=False)
-
-
 def _one_line(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
+    """Propose how the IMU sits: a table where gravity is sure, a comment where it is not.
+
+    Args:
+        log: an opened log.
+        sources: where the columns that were recognised come from.
+
+    Returns:
+        Lines of a machine file; none where the log has no accelerometer, or a level one.
+    """
+    if not set(_AXES) <= set(sources):
+        return []
+    try:
+        t_ns, force = read_fields(log, [sources[name] for name in _AXES])
+        speed = _read_speed(log, sources)
+    except LogError:
+        return []
+    guess = guess_mounting(t_ns, force, speed) if t_ns.size else None
+    return [] if guess is None else _mounting_lines(guess)
+
+
+def _mounting_lines(guess: MountingGuess) -> list[str]:
+    """Every angle with what it rests on; as comments where a slope may explain them."""
+    where = "at standstill" if guess.stood else "on average over the drive"
+    found = f"# gravity lies {guess.tilt_deg:.0f}° off the IMU's z axis {where}"
+    if guess.is_level and guess.yaw_deg is not None:
+        return []
+    if guess.is_level and not guess.tilt_is_sure:
+        return [f"{found}: level. Its yaw is not told by", "# the log.", ""]
+    sure = guess.tilt_is_sure and guess.stood
+    lines = [
+        found + (": it is mounted so" if sure else ": check this, it may be the ground"),
+        "[machine.imu]",
+        f"roll_deg = {guess.roll_deg:g}",
+        f"pitch_deg = {guess.pitch_deg:g}",
+    ]
+    if guess.yaw_deg is None:
+        lines.append("# yaw_deg = 0                  # the log does not tell it: look at the IMU")
+    else:
+        std = f"± {guess.yaw_std_deg:.1g}°, from the direction of its starts"
+        lines.append(f"yaw_deg = {guess.yaw_deg:g}{' ' * 15}# {std}")
+    if not sure:
+        lines = [line if line.startswith("#") else f"# {line}" for line in lines]
+    return [*lines, ""]
+
+
+def _read_speed(log: Log, sources: Mapping[str, Source]) -> tuple[Ints, Floats] | None:
+    """The machine's speed, or the mean of its sides'; None where there is neither."""
+    names = ("speed_x_m_s",) if "speed_x_m_s" in sources else _SIDES
+    if not set(names) <= set(sources) or len({sources[name][0] for name in names}) > 1:
+        return None
+    t_ns, v = read_fields(log, [sources[name] for name in names])
+    return (t_ns, v.mean(axis=1)) if t_ns.size > 1 else None
+
+
+def read_fields(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
+    """Stamps (n,) and fields (n, fields) of one topic, finite, one row a stamp.
+
+    Raises:
+        LogError: they cannot be read.
+    """
+    topic = sources[0][0] or "table"
+    fields = [field for _, field in sources]
+    start_ns = log.topics().filter(pl.col("topic") == topic)["start_ns"][0]
+    read = log.read(topic, fields, end_ns=start_ns + _LOOK_NS)
+    placed = assign_timestamps({topic: read})[0][topic].unique(
+        "unix_ns", keep="last", maintain_order=True
+    )
+    x = np.stack([placed[field].cast(pl.Float64).to_numpy() for field in fields], axis=1)
+    # not finite, or no reading of a machine in any unit
+    finite = (np.abs(x) < _LARGEST).all(axis=1)
+    return placed["unix_ns"].to_numpy()[finite], x[finite]

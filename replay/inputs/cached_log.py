@@ -1,4 +1,4 @@
-"""A log whose topics are decoded once, however often it is replayed."""
+"""Logs made of another one: decoded once however often they are replayed, or a stretch of it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,24 +9,52 @@ from analysis.model.loss import Loss
 from replay.logs import Log, LogCheck
 
 
-class CachedLog(Log):
-    """Another log, with what was read of it kept; leaving this one leaves that one open."""
+class LogOfLog(Log):
+    """Another log, read through; leaving this one leaves that one open."""
 
     def __init__(self, log: Log) -> None:
+        """Take a log that is open."""
         super().__init__(log.path, log.format)
         self._log = log
-        self._topics: pl.DataFrame | None = None
-        self._kept: dict[tuple[str, tuple[str, ...], int | None, int | None], pl.DataFrame] = {}
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Not hashed: a cached log is not evidence."""
+        """Not hashed: what is made of a log is not evidence."""
         return ()
 
     def topics(self) -> pl.DataFrame:
         """The log's topics."""
+        return self._log.topics()
+
+    def check(self) -> LogCheck:
+        """Check the log."""
+        return self._log.check()
+
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of the log."""
+        return self._log.notes()
+
+    def units(self, topic: str) -> Mapping[str, str]:
+        """The units that the log states."""
+        return self._log.units(topic)
+
+    def losses(self) -> tuple[Loss, ...]:
+        """The log's losses."""
+        return self._log.losses()
+
+
+class CachedLog(LogOfLog):
+    """Another log, with what was read of it kept."""
+
+    def __init__(self, log: Log) -> None:
+        super().__init__(log)
+        self._topics: pl.DataFrame | None = None
+        self._kept: dict[tuple[str, tuple[str, ...], int | None, int | None], pl.DataFrame] = {}
+
+    def topics(self) -> pl.DataFrame:
+        """The log's topics, listed once."""
         if self._topics is None:
-            self._topics = self._log.topics()
+            self._topics = super().topics()
         return self._topics
 
     def _read_many(
@@ -43,23 +71,34 @@ class CachedLog(Log):
         """What the log says of whose it is."""
         return self._log.machine_ids()
 
-    def check(self) -> LogCheck:
-        """Check the log."""
-        return self._log.check()
-
-    def notes(self) -> tuple[str, ...]:
-        """What was recognised of the log."""
-        return self._log.notes()
-
     def expect(self, fields: Mapping[str, Sequence[str]]) -> None:
         """What will be read is read of the log, where it is not kept."""
         if not self._kept:
             self._log.expect(fields)
 
-    def units(self, topic: str) -> Mapping[str, str]:
-        """The units that the log states."""
-        return self._log.units(topic)
 
-    def losses(self) -> tuple[Loss, ...]:
-        """The log's losses."""
-        return self._log.losses()
+class PartOfLog(LogOfLog):
+    """What another log recorded from one log time to another."""
+
+    def __init__(self, log: Log, start_ns: int | None, end_ns: int | None) -> None:
+        """Take a stretch of a log.
+
+        Args:
+            log: the whole, open.
+            start_ns: first log time, inclusive; None: its beginning.
+            end_ns: last log time, inclusive; None: its end.
+        """
+        super().__init__(log)
+        self._span = start_ns, end_ns
+
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        """Cut from what is read of the whole, which may be at hand."""
+        first, last = self._span
+        bounds = [
+            *(pl.col("log_time_ns") >= each for each in (first, start_ns) if each is not None),
+            *(pl.col("log_time_ns") <= each for each in (last, end_ns) if each is not None),
+        ]
+        whole = self._log.read_many(fields)
+        return {topic: frame.filter(*bounds) for topic, frame in whole.items()}

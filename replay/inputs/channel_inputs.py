@@ -54,7 +54,7 @@ def read_channels(
     losses: list[Loss] = []
     has = {log: set(log.topic_names()) for log in logs}
     # what no estimate needs must not stop one
-    hints = {topic for topic in wanted if HINTS.issuperset(_filled_by(topic, machine))}
+    hints = {topic for topic in wanted if HINTS.issuperset(channels_of_topic(topic, machine))}
     for topic in list(wanted):
         if not any(topic in topics for topics in has.values()):
             fault = _unknown_topic(topic, has, machine)
@@ -137,7 +137,7 @@ def channel_fields(machine: Machine) -> dict[str, list[str]]:
     return wanted
 
 
-def _filled_by(topic: str, machine: Machine) -> list[str]:
+def channels_of_topic(topic: str, machine: Machine) -> list[str]:
     """The channels that a topic fills."""
     return [
         name
@@ -151,7 +151,7 @@ def _unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) ->
     meant = nearest(topic, set().union(*has.values()))
     return (
         f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
-        f"Set channels.{_filled_by(topic, machine)[0]}.topic in the machine file."
+        f"Set channels.{channels_of_topic(topic, machine)[0]}.topic in the machine file."
     )
 
 

@@ -40,7 +40,10 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
     tables = {log: table.filter(pl.col("messages") > 0) for log, table in tables.items()}
     if any(table.is_empty() for table in tables.values()):
         return none
-    if any(not 0 <= _first_ns(table) < _FROM_ZERO_NS for table in tables.values()):
+    if any(
+        not 0 <= int(table["start_ns"].to_numpy().min()) < _FROM_ZERO_NS
+        for table in tables.values()
+    ):
         return none
     # one log given twice counts once
     if len({log.digests for log in logs}) < len(logs):
@@ -104,10 +107,6 @@ def note(offsets: Mapping[Log, int]) -> list[str]:
     return [
         f"the logs' times begin at 0 each: they are taken to follow one another as given ({names})"
     ]
-
-
-def _first_ns(table: pl.DataFrame) -> int:
-    return int(table["start_ns"].to_numpy().min())
 
 
 def _fields_by_topic(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:

@@ -76,7 +76,7 @@ class _Schema:
         if set(properties) in _STAMPS:
             return Scalar("stamp")
         fields = (
-            (_valid_text(name), self.field(inner, depth + 1)) for name, inner in properties.items()
+            (valid_text(name), self.field(inner, depth + 1)) for name, inner in properties.items()
         )
         return RecordType(
             str(schema.get("title", "object")),
@@ -108,7 +108,7 @@ def _kind(schema: dict[str, Any]) -> str | None:
     return kinds.pop() if len(kinds) == 1 else None
 
 
-def _valid_text(value: Any) -> str:
+def valid_text(value: Any) -> str:
     """A string: JSON can spell half of a character, which no column and no name of one holds."""
     text = str(value)
     try:
@@ -137,7 +137,7 @@ def _require_list(values: Any) -> Sequence[Any]:
 
 def _convert(value: Any, kind: str) -> Any:
     if kind == "string":
-        return _valid_text(value)
+        return valid_text(value)
     try:
         number = CONVERT.get(kind, int)(value)
     except (TypeError, ValueError, OverflowError) as error:

@@ -173,7 +173,7 @@ def _rename_in_lines(lines: list[str], old: str, new: str) -> None:
     for table in tables:
         for at in range(table.first, table.last):
             key, equals, value = lines[at].partition("=")
-            if not equals or f"{table.prefix}{_unquote_key(key)}" != old:
+            if not equals or f"{table.prefix}{unquote_key(key)}" != old:
                 continue
             home = max((t for t in tables if new.startswith(t.prefix)), key=lambda t: len(t.prefix))
             lines[at] = f"{key.replace(key.strip(), new.removeprefix(home.prefix))}={value}"
@@ -208,7 +208,7 @@ def _find_tables(lines: list[str]) -> Iterator[_TableLines]:
     yield _TableLines("", 0, heads[0] if heads else len(lines))
     for at, end in pairwise([*heads, len(lines)]):
         name = lines[at].partition("]")[0].strip().strip("[")
-        yield _TableLines(f"{_unquote_key(name)}.", at + 1, end)
+        yield _TableLines(f"{unquote_key(name)}.", at + 1, end)
 
 
 def _is_header(line: str) -> bool:
@@ -230,6 +230,6 @@ def _end_of_value(lines: list[str], at: int, last: int) -> int:
     return at + 1
 
 
-def _unquote_key(key: str) -> str:
+def unquote_key(key: str) -> str:
     """A dotted key without quotes and blanks."""
     return ".".join(part.strip().strip("\"'") for part in key.split("."))

@@ -1,5 +1,6 @@
 """TOML files into models, with errors of one line that name the key and the nearest known one."""
 
+import json
 import reprlib
 import tomllib
 import warnings
@@ -62,6 +63,14 @@ def read_value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except ValueError:  # a TOMLDecodeError, or a number of thousands of digits
         return text.strip()
+
+
+def toml_value(value: object) -> str:
+    """Write a value as TOML does; numbers, texts and lists of them look alike in JSON."""
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{key} = {toml_value(each)}" for key, each in value.items())
+        return f"{{ {inside} }}"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]) -> None:

@@ -126,7 +126,7 @@ def notarise(
         known = {e.log: e for line in held.lines if isinstance(e := line.content, NotaryEntry)}
         added: list[NotaryEntry] = []
         waiting: list[str] = []
-        for log in _by_time(found_logs(folder, path)):
+        for log in sorted(found_logs(folder, path), key=lambda log: (log.written_s, log.name)):
             before = known.get(log.name)
             if before is not None and _is_same(before, log):
                 continue
@@ -207,10 +207,6 @@ def _about(path: Path) -> tuple[int, int] | None:
     except OSError:
         return None
     return (held.st_size, held.st_mtime_ns // _US) if stat.S_ISREG(held.st_mode) else None
-
-
-def _by_time(logs: Iterator[FoundLog]) -> list[FoundLog]:
-    return sorted(logs, key=lambda log: (log.written_s, log.name))
 
 
 def _is_same(entry: NotaryEntry, log: FoundLog) -> bool:

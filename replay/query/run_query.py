@@ -161,7 +161,7 @@ def opening(row: dict[str, Any], recordings: Sequence[Path], fleet: str | None) 
     at = next((row[n] for n in (AT_S, "from_s", LOG_TIME, "from") if row.get(n) is not None), None)
     if at is None:
         return None
-    second = _iso(at) if isinstance(at, datetime) else f"{at:.3f}"
+    second = f"{at:%Y-%m-%dT%H:%M:%S.%f}Z" if isinstance(at, datetime) else f"{at:.3f}"
     if fleet is not None and row.get(_KEY):
         return f"payscope fleet open {shlex.quote(fleet)} {row[_KEY][:_KEY_DIGITS]} --at {second}"
     named = [str(each) for each in recordings]
@@ -169,7 +169,3 @@ def opening(row: dict[str, Any], recordings: Sequence[Path], fleet: str | None) 
     if recording not in named:
         return None
     return f"payscope view {shlex.quote(str(recording))} --at {second}"
-
-
-def _iso(time: datetime) -> str:
-    return f"{time:%Y-%m-%dT%H:%M:%S.%f}Z"

@@ -60,7 +60,7 @@ _NOISE: Final = 0.05
 _OF_SIDES: Final = ("speed_{}_m_s", "wheel_{}_rpm")
 
 
-def _accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
+def accelerometer_axes(columns: Sequence[LogColumn]) -> list[LogColumn]:
     """The three axes of the one accelerometer; none where there are several, or axes missing."""
     found = [c for c in columns if c.said.quantity == "acceleration" and c.said.axis]
     axes = sorted(c.said.axis for c in found if c.said.axis)
@@ -74,7 +74,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
         log: an opened table.
         columns: of it.
     """
-    axes = [column for column in _accelerometer_axes(columns) if column.unit is None]
+    axes = [column for column in accelerometer_axes(columns) if column.unit is None]
     for column in axes if len(axes) == len(_AXES) else ():
         middle = abs(_median_reading(log, column))
         for unit, (low, high) in (("m/s**2", _GRAVITY_M_S2), ("standard_gravity", _GRAVITY_G)):
@@ -86,7 +86,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
 
 def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     """Fields of an accelerometer of which no axis shows gravity: a program took it off."""
-    axes = [column for column in _accelerometer_axes(columns) if column.unit is not None]
+    axes = [column for column in accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
         return set()
     total = 0.0
@@ -101,7 +101,7 @@ def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
 def show_the_same(log: Log, one: LogColumn, other: LogColumn) -> bool:
     """Whether two columns are readings of one and the same: their difference is small."""
     try:
-        (t, x), (at, y) = (_read_series(log, c.topic, c.field) for c in (one, other))
+        (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (one, other))
     except (LogError, pl.exceptions.PolarsError):
         return False
     if min(t.size, at.size) < _FEWEST or one.unit is None or other.unit is None:
@@ -112,7 +112,7 @@ def show_the_same(log: Log, one: LogColumn, other: LogColumn) -> bool:
 
 def _median_reading(log: Log, column: LogColumn) -> float:
     try:
-        _, x = _read_series(log, column.topic, column.field)
+        _, x = read_series(log, column.topic, column.field)
     except (LogError, pl.exceptions.PolarsError):
         return 0.0
     return float(np.median(x)) if x.size else 0.0
@@ -138,7 +138,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
-            goes = _correlation(log, each, speed)
+            goes = slope_correlation(log, each, speed)
             if goes is not None:
                 reason += f"; goes with the change of {speed.field}, {goes:.2f}"
                 if goes < -_CLEAR:
@@ -146,7 +146,7 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
             if is_force:
                 _ask_without_sign(log, each, speed, found)
         if each is speed and place is not None:
-            goes = _correlation(log, each, place)
+            goes = slope_correlation(log, each, place)
             if goes is not None and goes < -_CLEAR:
                 found.ask("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
             if goes is not None and abs(goes) > _CLEAR:
@@ -165,7 +165,7 @@ def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Rec
         left, right = (by_name.get(name.format(side)) for side in ("left", "right"))
         if left is None or right is None:
             continue
-        (t, x), (at, y) = _try_series(log, left), _try_series(log, right)
+        (t, x), (at, y) = try_series(log, left), try_series(log, right)
         goes = _correlate(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
         if goes is not None and goes < -_CLEAR:
             found.ask("sign", _MIRRORED.format(left.field, right.field, goes))
@@ -173,7 +173,7 @@ def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Rec
 
 def _ask_wrapped(log: Log, each: ChannelProposal, found: Recognition) -> None:
     """Ask which are negative, where integers jump from one end of their bits to the other."""
-    x = _try_series(log, each)[1]
+    x = try_series(log, each)[1]
     if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
         return
     largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
@@ -187,7 +187,7 @@ def _ask_without_sign(
     log: Log, each: ChannelProposal, speed: ChannelProposal, found: Recognition
 ) -> None:
     """Ask for the sign of a force that is never negative, though the machine brakes with it."""
-    (t, x), (at, y) = _try_series(log, each), _try_series(log, speed)
+    (t, x), (at, y) = try_series(log, each), try_series(log, speed)
     if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
         return
     slope = _slope(t, at, y)
@@ -196,12 +196,12 @@ def _ask_without_sign(
         found.ask("sign", _WITHOUT_SIGN.format(each.field))
 
 
-def _try_series(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
+def try_series(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
     """Seconds and readings of a proposal; empty where it has none."""
     if each.field is None:
         return np.empty(0), np.empty(0)
     try:
-        return _read_series(log, each.topic, each.field)
+        return read_series(log, each.topic, each.field)
     except (LogError, pl.exceptions.PolarsError):
         return np.empty(0), np.empty(0)
 
@@ -212,9 +212,9 @@ def _slope(t: Floats, at: Floats, y: Floats) -> Floats:
     return np.interp(t + half, at, y) - np.interp(t - half, at, y)
 
 
-def _correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
+def slope_correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
     """Correlation of a column with the slope of another; None where there is none."""
-    (t, x), (at, y) = _try_series(log, one), _try_series(log, other)
+    (t, x), (at, y) = try_series(log, one), try_series(log, other)
     return _correlate(x, _slope(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
 
 
@@ -226,7 +226,7 @@ def _correlate(x: Floats, y: Floats) -> float | None:
     return float(np.corrcoef(x, y)[0, 1])
 
 
-def _read_series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
+def read_series(log: Log, topic: str | None, name: str) -> tuple[Floats, Floats]:
     """Seconds from the first row, and the readings, where they are numbers."""
     frame = log.read(topic or TABLE, [name]).head(_ROWS)
     x = frame[name].cast(pl.Float64).to_numpy()

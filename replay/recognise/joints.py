@@ -28,23 +28,23 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
         found: what is added to.
     """
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = list(dict.fromkeys(str(n) for n in _first_values(log, topic, places, start_ns) if n))
+    names = list(dict.fromkeys(str(n) for n in first_values(log, topic, places, start_ns) if n))
     wheels, turns = _find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
             _fill_side(log, topic, start_ns, side, joints, found, turns=turns)
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
-            for field in _filled_fields(log, topic, array, names, start_ns):
+            for field in filled_fields(log, topic, array, names, start_ns):
                 _propose_field(found, column, topic, field)
 
 
 def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
     """The readings of each joint that the first message has, as fields: `effort[left]`."""
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
-    names = list(dict.fromkeys(str(n) for n in _first_values(log, topic, places, start_ns) if n))
+    names = list(dict.fromkeys(str(n) for n in first_values(log, topic, places, start_ns) if n))
     arrays = ("position", "velocity", "effort")
-    return [each for array in arrays for each in _filled_fields(log, topic, array, names, start_ns)]
+    return [each for array in arrays for each in filled_fields(log, topic, array, names, start_ns)]
 
 
 def _find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
@@ -70,20 +70,20 @@ def _fill_side(
     *,
     turns: bool,
 ) -> None:
-    efforts = _filled_fields(log, topic, "effort", joints, start_ns)
+    efforts = filled_fields(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
     if torque not in found.taken:
-        parts = _fill_parts(found, topic, efforts, torque)
+        parts = fill_parts(found, topic, efforts, torque)
         if len(parts) > 1:
             _propose_formula(found, torque, " + ".join(parts), f"the {side} wheels' torques")
-    velocities = _filled_fields(log, topic, "velocity", joints, start_ns)
+    velocities = filled_fields(log, topic, "velocity", joints, start_ns)
     if speed in found.taken or not velocities:
         return
     if not turns:
         _propose_field(found, speed, topic, velocities[0])
         return
     source = f"wheel_{side}_rad_s"
-    parts = _fill_parts(found, topic, velocities, source)
+    parts = fill_parts(found, topic, velocities, source)
     mean = parts[0] if len(parts) == 1 else f"mean({', '.join(parts)})"
     _propose_formula(found, speed, f"{mean} * wheel_radius_m", "a wheel's turns; needs its radius")
     found.ask("radius", "machine.wheel_radius_m, which turns wheels' torques and turns into drive")
@@ -94,7 +94,7 @@ def _fill_side(
     )
 
 
-def _fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str) -> list[str]:
+def fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str) -> list[str]:
     """Fill a channel with one field, or one a field, numbered before the side."""
     quantity, _, behind = whole.partition("_")
     many = len(fields) > 1
@@ -113,16 +113,16 @@ def _propose_formula(found: Recognition, column: str, formula: str, reason: str)
     found.channels.append(ChannelProposal(column, None, None, None, reason, formula))
 
 
-def _filled_fields(
+def filled_fields(
     log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int
 ) -> list[str]:
     """The fields of an array that the first message fills."""
     fields = [f"{array}[{joint}]" for joint in joints]
-    values = _first_values(log, topic, fields, start_ns)
+    values = first_values(log, topic, fields, start_ns)
     return [field for field, value in zip(fields, values, strict=False) if value is not None]
 
 
-def _first_values(log: Log, topic: str, fields: Sequence[str], start_ns: int) -> tuple[Any, ...]:
+def first_values(log: Log, topic: str, fields: Sequence[str], start_ns: int) -> tuple[Any, ...]:
     """Fields of a topic's first message, in this order; none where there are none to read."""
     if not fields:
         return ()

@@ -28,8 +28,7 @@ from recordings.review.reviewer_verdicts import (
 )
 from recordings.review.shift_ledger import PARQUET, cycles_of
 from replay.review.review_folder import locked
-from replay.review.track_points import track_of
-from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, write_review
+from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, track_of, write_review
 
 _MODEL_KEYS: Final = {"id", "author", "time"}
 

@@ -15,10 +15,11 @@ from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradiction
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
-from analysis.cycles.lost_cycles import holes
-from analysis.cycles.mixed_machines import find_mixed_machine
+from analysis.cycles.cycles_without_mass import holes
+from analysis.cycles.empty_machine import find_mixed_machine
 from analysis.model.machine import Machine
-from analysis.model.run_record import Run
+from analysis.model.physical_units import NS_PER_S
+from analysis.model.run_record import Provenance, Run
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
@@ -33,6 +34,7 @@ from recordings.review.review_state import (
     state_of,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
+from recordings.review.torn_logs import TornLog
 from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
 from replay.inputs.channel_inputs import (
     channel_fields,
@@ -46,10 +48,8 @@ from replay.inputs.time_line import begins_ns
 from replay.logs import Log, logs_in, open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
-from replay.review.find_torn_logs import torn_logs
 from replay.review.review_folder import locked
-from replay.review.track_points import track_of
-from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, write_review
+from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, track_of, write_review
 
 #: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
 _THINNED: Final = 10
@@ -59,6 +59,8 @@ _WHOLE: Final = (
     *("digging", "segments", "loads", "manoeuvres", "cycles", "shift", "findings"),
     *("nuisances", "responses", "learnt_errors", "budget", "masses", "verdict"),
 )
+#: What readers say of a file that ends before it was closed.
+_TORN: Final = ("breaks off", "bytes at the end are lost", "row is torn", "last row (line")
 
 
 @dataclass(frozen=True)
@@ -289,3 +291,40 @@ def _changes(before: ReviewState, state: ReviewState) -> list[tuple[str, str, st
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
     return [*logs, *changed(before, state.resolved)]
+
+
+def torn_logs(
+    logs: Sequence[Log], wanted: Mapping[str, Sequence[str]], about: Provenance
+) -> tuple[TornLog, ...]:
+    """Those that break off, in time.
+
+    Args:
+        logs: of the shift.
+        wanted: the fields that the channels name, by topic.
+        about: the replay: its losses, and where its times begin.
+    """
+    begins = begins_ns(logs, wanted, about.t0_unix_ns)
+    ordered = list(begins)
+    found: list[TornLog] = []
+    for number, log in enumerate(ordered, 1):
+        losses = [
+            str(loss)
+            for loss in about.losses
+            if any(words in loss.what for words in _TORN)
+            and (loss.source == log.path.name or (log.path / loss.source).exists())
+        ]
+        topics = log.topics().filter(pl.col("topic").is_in(list(wanted)))
+        first, last = topics["start_ns"].min(), topics["end_ns"].max()
+        if losses and isinstance(first, int) and isinstance(last, int):
+            following = ordered[number : number + 1]
+            found.append(
+                TornLog(
+                    name=log.path.name,
+                    number=number,
+                    logs=len(ordered),
+                    ends_s=(begins[log] + last - first) / NS_PER_S,
+                    next_s=begins[following[0]] / NS_PER_S if following else None,
+                    losses=tuple(losses),
+                )
+            )
+    return tuple(found)

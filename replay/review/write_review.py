@@ -7,9 +7,8 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.cycles.label_totals import LabelTotal, label_totals
 from analysis.cycles.payload_target import TargetCheck, check_target
-from analysis.cycles.shift_totals import recount_shift
+from analysis.cycles.shift_totals import LabelTotal, label_totals, recount_shift
 from recordings.review.energy_columns import energy_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
@@ -27,6 +26,8 @@ from recordings.review.shift_ledger import (
 
 #: What a review writes besides its recording.
 OUTPUTS: Final = (PARQUET, CSV, XLSX, TABLE_CSV, PAGE, STATE)
+#: Points of the track.
+_TRACK_POINTS: Final = 400
 
 
 @dataclass(frozen=True)
@@ -162,3 +163,12 @@ def write_review(page: ReviewPage, folder: Path) -> None:
     write_table_csv(page.ledger, clock, folder / TABLE_CSV, decimal_comma=comma)
     (folder / PAGE).write_text(review_html(page), encoding="utf-8")
     (folder / STATE).write_text(page.state.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+def track_of(aligned: pl.DataFrame) -> pl.DataFrame | None:
+    """Some positions of the frame `aligned`, None where it has none."""
+    names = ("latitude_deg", "longitude_deg")
+    if not set(names) <= set(aligned.columns):
+        return None
+    known = aligned.select(names).drop_nulls()
+    return known.gather_every(max(known.height // _TRACK_POINTS, 1))

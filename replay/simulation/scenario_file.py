@@ -1,6 +1,5 @@
 """Read and write scenario files."""
 
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ from analysis.simulation import Scenario
 from analysis.simulation.logs.shift_limits import check_shift
 from analysis.simulation.trials.trial_limits import check_limits
 from estimators.errors import ScenarioError
-from replay.machines.toml_file import read_toml, set_value, validate
+from replay.machines.toml_file import read_toml, set_value, toml_value, validate
 
 
 def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Scenario:
@@ -56,13 +55,5 @@ def scenario_text(scenario: Scenario) -> str:
 
 def _block(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
-        [f"{title}\n", *(f"{key} = {_toml_value(value)}\n" for key, value in values.items())]
+        [f"{title}\n", *(f"{key} = {toml_value(value)}\n" for key, value in values.items())]
     )
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, dict):
-        inside = ", ".join(f"{key} = {_toml_value(each)}" for key, each in value.items())
-        return f"{{ {inside} }}"
-    # numbers, texts and lists of them are written alike in JSON and TOML
-    return json.dumps(value)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.simulation.scenario.other_machines import OTHER_MACHINES, bus, electric_car
 from tests.analysis.other_machine_logs import replayed
+from tests.trials.other_machines import OTHER_MACHINES, bus, electric_car
 
 #: Masses on board, in kg, a file each.
 SEVEN_KG = (0.0, 700.0, 1400.0, 2100.0, 2800.0, 3500.0, 4200.0)

@@ -27,8 +27,7 @@ from replay.logs.messages.message_fields import resolve
 from replay.logs.messages.message_types import RecordType, Scalar
 from replay.logs.messages.raw_batch import RawBatch
 from replay.logs.sqlite.database_pages import LEAF, RowFilter, page_layout
-from replay.logs.sqlite.leaf_pages import _children
-from replay.logs.sqlite.leaf_scan import Tables, scan_leaves
+from replay.logs.sqlite.leaf_pages import Tables, child_pages, scan_leaves
 from replay.logs.storage.file_bytes import FileBytes
 from tests.replay.guarded import Guarded
 from tests.replay.logs.decoding.random_types import Sample, Types, types
@@ -196,7 +195,7 @@ def sqlite_pages() -> None:
         data = GUARDED.at_end(page)
         found = (np.empty(shape, np.int64) for shape in ((5, 60), (5, 9), (2, 3)))
         scan_leaves(data, slots, layout, wanted, 512, 2**20, np.zeros(7, np.int64), Tables(*found))
-        _children(data, slots, layout.usable_bytes, np.empty(86, np.uint32))
+        child_pages(data, slots, layout.usable_bytes, np.empty(86, np.uint32))
 
 
 CASES = {

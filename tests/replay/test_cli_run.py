@@ -15,7 +15,7 @@ from analysis.model.answer import Answer, AnswerRow
 from analysis.model.verdict import Check, Verdict
 from recordings import read_recording
 from replay.commands import print_tables
-from replay.commands.answer_text import print_answer
+from replay.commands.run import print_answer
 from replay.runs.run_logs import STEPS
 from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
 from tests.replay.sledge import Payscope, one_line, sledge

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.calibration.bundle_checks import check_files
+from recordings.calibration.bundle_checks import check_files, check_signature
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
     POINTS,
@@ -23,7 +23,6 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.check_outcomes import BundleOutcome, worst
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import document_of
-from recordings.calibration.signature_check import check_signature
 from recordings.signatures.keyring import Keyring
 from recordings.signatures.signing import public_key
 from tests.replay.made_evidence import Made

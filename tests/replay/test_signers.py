@@ -23,8 +23,7 @@ from estimators.errors import EvidenceError
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.signatures.canonical_json import canonical
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import PublicKey, public_key, signing_key
-from recordings.signatures.weak_keys import weakness
+from recordings.signatures.signing import PublicKey, public_key, signing_key, weakness
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
 from replay.calibration.calibrate_campaign import before_of
 from replay.calibration.verify_bundle import verify

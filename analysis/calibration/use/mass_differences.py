@@ -70,7 +70,7 @@ def difference_on_line(
         payload_kg: (n,) by the log alone; NaN where there is none.
     """
     absolute = calibration.method == "joint_payload"
-    gain = _line_gain(calibration) if absolute else _gain(calibration, unlike)
+    gain = line_gain(calibration) if absolute else _gain(calibration, unlike)
     slope, size = gain.slope_1, abs(gain.slope_1)
     level_kg = calibration.c0_kg if absolute else 0.0
     mass_kg = (payload_kg - level_kg) / slope
@@ -123,7 +123,7 @@ class _Gain:
     by_level_1: float
 
 
-def _line_gain(calibration: Calibration) -> _Gain:
+def line_gain(calibration: Calibration) -> _Gain:
     """The slope of the line alone."""
     return _Gain(calibration.c1_1, calibration.covariance[2], 0.0)
 
@@ -131,7 +131,7 @@ def _line_gain(calibration: Calibration) -> _Gain:
 def _gain(calibration: Calibration, unlike: Unlike | None) -> _Gain:
     """The gain by slope and by level of the line, combined by their uncertainties."""
     if unlike is None or not calibration.responses:
-        return _line_gain(calibration)
+        return line_gain(calibration)
     at_kg, slope = calibration.centre_kg, calibration.c1_1
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
@@ -140,7 +140,7 @@ def _gain(calibration: Calibration, unlike: Unlike | None) -> _Gain:
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
     variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
     if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):
-        return _line_gain(calibration)
+        return line_gain(calibration)
     share = float(variances[1] / variances.sum())
     variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])
     return _Gain(share * by_level + (1.0 - share) * slope, variance, share)

@@ -13,10 +13,9 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.simulation.motion.solved_motion import Channels
-from analysis.simulation.motion.timeline import Timeline
+from analysis.simulation.motion.timeline import Hints, Timeline
 from analysis.simulation.scenario.sampling import TopicName
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.hint_sensors import boom, gnss, odometry
 from analysis.simulation.sensors.random_streams import Streams
 from analysis.simulation.sensors.recorder import instants_ns, phase_s, rate_hz, record, topics_of
 from estimators.arrays import Floats
@@ -25,6 +24,8 @@ from estimators.arrays import Floats
 _STEP_S: Final = 0.001
 _STEPS_A_LAG: Final = 10
 _SIDES: Final = (("left", -1.0), ("right", 1.0))
+#: Mean radius of the earth (IUGG).
+_EARTH_M: Final = 6_371_008.8
 
 
 def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str, pl.DataFrame]:
@@ -254,17 +255,6 @@ def _frozen(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64
     return np.where(stuck, before, np.arange(since_ns.size))
 
 
-_Reader = Callable[[Scenario, Timeline, NDArray[np.int64], Streams], dict[str, Floats]]
-_READERS: Final[Mapping[TopicName, _Reader]] = {
-    "imu": _imu,
-    "torque": _torque,
-    "speed": _speed,
-    "boom": boom,
-    "odometry": odometry,
-    "gnss": gnss,
-}
-
-
 def low_pass(
     signals: Callable[[NDArray[np.int64]], Mapping[str, Floats]],
     at_ns: NDArray[np.int64],
@@ -294,3 +284,67 @@ def low_pass(
         filtered = lfilter(taken, [1.0, -keeps], values, zi=[(1.0 - taken[0]) * first])[0]
         made[name] = np.interp(since_s, grid_s, filtered)
     return made
+
+
+def boom(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    """Angles of boom and bucket, positive up, in rad."""
+    hints, noise = _hints(timeline, at_ns), _shift_noise(scenario)
+    return {
+        "boom_rad": hints.boom_rad + streams.normal("boom_rad", noise),
+        "bucket_rad": hints.bucket_rad + streams.normal("bucket_rad", noise),
+    }
+
+
+def odometry(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    """Place along the way and heading as they are; speed and yaw rate with the sensors' noise."""
+    motion, sensors = timeline.sample(at_ns), scenario.sensors
+    speed = motion.wheel_speed_x_m_s + streams.normal("odometry_speed", sensors.speed_noise_m_s)
+    rate = motion.yaw_rate_rad_s + streams.normal("odometry_yaw", sensors.gyro_noise_rad_s)
+    return {
+        "position_x_m": _hints(timeline, at_ns).position_m,
+        "heading_rad": motion.heading_rad,
+        "speed_x_m_s": speed,
+        "yaw_rate_rad_s": rate,
+    }
+
+
+def gnss(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    """Latitude and longitude in degrees, on a sphere."""
+    shift = scenario.shift
+    assert shift is not None
+    bearing = math.radians(shift.bearing_deg)
+    along = _hints(timeline, at_ns).position_m
+    north = along * math.cos(bearing) + streams.normal("gnss_north", shift.gnss_noise_m)
+    east = along * math.sin(bearing) + streams.normal("gnss_east", shift.gnss_noise_m)
+    parallel_m = _EARTH_M * math.cos(math.radians(shift.latitude_deg))
+    return {
+        "latitude_deg": shift.latitude_deg + np.degrees(north / _EARTH_M),
+        "longitude_deg": shift.longitude_deg + np.degrees(east / parallel_m),
+    }
+
+
+def _hints(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
+    assert timeline.hints is not None
+    return timeline.hints(at_ns)
+
+
+def _shift_noise(scenario: Scenario) -> float:
+    assert scenario.shift is not None
+    return scenario.shift.boom_noise_rad
+
+
+_Reader = Callable[[Scenario, Timeline, NDArray[np.int64], Streams], dict[str, Floats]]
+_READERS: Final[Mapping[TopicName, _Reader]] = {
+    "imu": _imu,
+    "torque": _torque,
+    "speed": _speed,
+    "boom": boom,
+    "odometry": odometry,
+    "gnss": gnss,
+}

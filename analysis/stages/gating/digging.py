@@ -145,9 +145,7 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
             least_N = max(_GROWS * largest_N, SURELY * std_N)
             if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
-                stops = _first_after(ends[way], int(rows[-1])) <= _first_after(
-                    goes_on, int(rows[-1])
-                )
+                stops = first_after(ends[way], int(rows[-1])) <= first_after(goes_on, int(rows[-1]))
                 stops &= float(np.abs(speed[rows]).max()) <= _FASTEST_M_S
                 found.append(_PileContact(row, way, stops))
     return found
@@ -165,7 +163,7 @@ def _piles(met: list[_PileContact]) -> list[_PileContact]:
     return piles if against < _CONTRADICTS * len(piles) else []
 
 
-def _first_after(rows: Ints, after: int) -> float:
+def first_after(rows: Ints, after: int) -> float:
     """The first of these rows after one; infinite where there is none."""
     place = int(np.searchsorted(rows, after, "right"))
     return float(rows[place]) if place < rows.size else np.inf

@@ -19,8 +19,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
 from analysis.model.settings import NoiseSettings
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
-from analysis.stages.noise.column_response import ColumnResponse, responses
-from analysis.stages.noise.grid_noise import is_hidden_by_grid, own_noise
+from analysis.stages.noise.grid_noise import ColumnResponse, is_hidden_by_grid, own_noise, responses
 from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, bound
 from analysis.stages.noise.noise_spectra import (
     LAGS,

@@ -234,11 +234,11 @@ def quantum(x: Floats, of: Bools) -> float | None:
     """
     held = of.copy()
     held[1:] &= x[1:] == x[:-1]
-    step = _quantisation_step(x[held], int(of.sum()))
-    return _quantisation_step(x[of], int(of.sum())) if step is None else step
+    step = quantisation_step(x[held], int(of.sum()))
+    return quantisation_step(x[of], int(of.sum())) if step is None else step
 
 
-def _quantisation_step(taken: Floats, of: int) -> float | None:
+def quantisation_step(taken: Floats, of: int) -> float | None:
     """What readings are multiples of that occur again and again among so many."""
     every = max(taken.size // _LOOKED_AT, 1)
     taken, of = taken[::every], of // every

@@ -47,9 +47,9 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
         DataError: the channels share no time, or their grid would not fit into memory.
     """
     raw, series = _series(channels, machine)
-    start, end = _common(_required_series(series))
-    origin = Origin(start, _latency_ns(series, machine) if machine.settings.filter.causal else 0)
-    grid = _grid(_required_series(series), start, end, 1e9 / machine.settings.align.rate_hz)
+    start, end = _common(required_series(series))
+    origin = Origin(start, latency_ns(series, machine) if machine.settings.filter.causal else 0)
+    grid = _grid(required_series(series), start, end, 1e9 / machine.settings.align.rate_hz)
     return _rows(raw, series, grid, origin, machine), start + origin.late_ns
 
 
@@ -72,7 +72,7 @@ def find_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origi
         DataError: the channels share no time yet.
     """
     _, series = _series(channels, machine)
-    return Origin(_common(_required_series(series))[0], _latency_ns(series, machine))
+    return Origin(_common(required_series(series))[0], latency_ns(series, machine))
 
 
 def align_on(
@@ -97,7 +97,7 @@ def align_on(
         `aligned`, rows from `after_ns` on.
     """
     raw, series = _series(channels, machine)
-    needed = _required_series(series)
+    needed = required_series(series)
     if is_whole:
         end = min(int(each.t_ns[-1]) for each in needed.values())
     else:
@@ -120,7 +120,7 @@ def _series(
     return raw, _reduce_channels(raw, machine)
 
 
-def _required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
+def required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSeries]:
     """Those that the grid has to have."""
     return {name: each for name, each in series.items() if name not in HINTS}
 
@@ -155,7 +155,7 @@ def notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     raw = {n: rates.series_of(n, frame, machine.settings.align) for n, frame in channels.items()}
     said = [str(each) for each in rates.find_reduced_regressors(raw, machine)]
     if machine.settings.filter.causal:
-        late_s = _latency_ns(_reduce_channels(raw, machine), machine) / 1e9
+        late_s = latency_ns(_reduce_channels(raw, machine), machine) / 1e9
         said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
     return said
 
@@ -179,7 +179,7 @@ def _common(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
     return start, end
 
 
-def _latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
+def latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
     """The setting's, or as long as the next sample of the regressor's slowest channel takes."""
     given = machine.settings.align.latency_s
     if given is not None:

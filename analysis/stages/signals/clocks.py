@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.model.uncertainty_sources import STD_OF_MAD
 from estimators.arrays import Floats
 
 #: Parts of a log, each of which gives the line one point.
@@ -103,14 +104,14 @@ def _line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None
     members = [each for each in members if each.size >= _FEWEST_IN_PART]
     if len(members) < _FEWEST_PARTS:
         return None
-    slope = _median_slope(*_points(time_s, latency_s, members, 0.5, 0.0))
+    slope = median_slope(*_points(time_s, latency_s, members, 0.5, 0.0))
     # anew without the slope: within a part it would choose the early or the late ones
     t, y = _points(time_s, latency_s, members, _QUANTILE, slope)
-    slope = _median_slope(t, y)
+    slope = median_slope(t, y)
     residual = y - slope * t
     residual -= np.median(residual)
     # the normal distribution's ratio, and two parameters fitted
-    scatter_s = 1.4826 * float(np.median(np.abs(residual))) * np.sqrt(t.size / (t.size - 2))
+    scatter_s = STD_OF_MAD * float(np.median(np.abs(residual))) * np.sqrt(t.size / (t.size - 2))
     # the median of slopes is less precise than least squares by π/3 in variance
     std = scatter_s / float(np.sqrt(np.sum((t - t.mean()) ** 2))) * np.sqrt(np.pi / 3)
     return slope, max(float(std), _RESOLUTION_S / span_s)
@@ -125,7 +126,7 @@ def _points(
     return t, np.array([np.quantile(off[each], q) for each in members]) + slope * t
 
 
-def _median_slope(t: Floats, y: Floats) -> float:
+def median_slope(t: Floats, y: Floats) -> float:
     """The median of the slopes between all pairs of points (Theil and Sen)."""
     i, j = np.triu_indices(t.size, 1)
     return float(np.median((y[j] - y[i]) / (t[j] - t[i])))

@@ -282,16 +282,16 @@ def _usable(
     t, x = t[told][last], x[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - round(channel.delay_s * 1e9), _flush_unresolved(x)
+    return t - round(channel.delay_s * 1e9), flush_unresolved(x)
 
 
 def _fill_gaps(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
     if t.size == 0:
         raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
-    return t, _flush_unresolved(x)
+    return t, flush_unresolved(x)
 
 
-def _flush_unresolved(x: filters.Floats) -> filters.Floats:
+def flush_unresolved(x: filters.Floats) -> filters.Floats:
     """The same with 0 for what no sensor resolves: a filter rings out down to the last number."""
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 

@@ -92,14 +92,14 @@ def guess_mounting(
     upright = np.hypot(y, z) < np.sin(np.deg2rad(_TILT_STEP_DEG / 2))
     roll_deg = 0.0 if upright else float(np.degrees(np.arctan2(y, z)))
     pitch_deg = float(np.degrees(np.arctan2(-x, z if upright else np.hypot(y, z))))
-    roll_deg, pitch_deg = (_round_angle(angle, _TILT_STEP_DEG) for angle in (roll_deg, pitch_deg))
+    roll_deg, pitch_deg = (round_angle(angle, _TILT_STEP_DEG) for angle in (roll_deg, pitch_deg))
     levelled = specific_force @ rotation(ImuMounting(roll_deg=roll_deg, pitch_deg=pitch_deg)).T
     yaw_deg, std_deg = _yaw(t_ns, levelled, speed) if speed is not None else (np.nan, np.nan)
     step_deg = next((step for step in _YAW_STEPS_DEG if 2 * std_deg <= step), None)
     return MountingGuess(
         roll_deg=roll_deg,
         pitch_deg=pitch_deg,
-        yaw_deg=None if step_deg is None else _round_angle(yaw_deg, step_deg),
+        yaw_deg=None if step_deg is None else round_angle(yaw_deg, step_deg),
         tilt_deg=tilt_deg,
         yaw_std_deg=std_deg,
         stood=stood,
@@ -141,7 +141,7 @@ def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
     return float(np.degrees(np.arccos(np.clip(mean[2] / np.linalg.norm(mean), -1.0, 1.0))))
 
 
-def _round_angle(angle_deg: float, step_deg: float) -> float:
+def round_angle(angle_deg: float, step_deg: float) -> float:
     """To a multiple of a step, in (-180°, 180°], and no -0."""
     angle = round(angle_deg / step_deg) * step_deg
     return angle + 360.0 if angle <= -180.0 else angle + 0.0

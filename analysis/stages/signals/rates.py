@@ -70,7 +70,7 @@ def series_of(name: str, frame: pl.DataFrame, settings: AlignSettings) -> Channe
     known_ns = frame["known_ns"].to_numpy() if "known_ns" in frame.columns else t_ns
     step_ns = 1e9 / settings.rate_hz
     longest_ns = filters.longest_step_ns(t_ns, settings)
-    period_ns = _mean_step_ns(t_ns, longest_ns, step_ns)
+    period_ns = mean_step_ns(t_ns, longest_ns, step_ns)
     faster = period_ns * filters.OTHER_RATE < step_ns
     return ChannelSeries(t_ns, x, known_ns, longest_ns, period_ns, round(step_ns) if faster else 0)
 
@@ -79,10 +79,10 @@ def mean_period_ns(t_ns: Ints, step_ns: float) -> float:
     """The mean step of a channel that is no gap on a grid of `step_ns`."""
     gap_periods: float = AlignSettings.model_fields["gap_periods"].default
     longest_ns = gap_periods * float(np.fmax(filters.period_ns(t_ns), step_ns))
-    return _mean_step_ns(t_ns, longest_ns, step_ns)
+    return mean_step_ns(t_ns, longest_ns, step_ns)
 
 
-def _mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
+def mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
     """The mean of the steps up to the longest; the grid's where there are none."""
     steps = np.diff(t_ns)
     steps = steps[steps <= longest_ns]

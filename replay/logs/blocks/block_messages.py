@@ -104,7 +104,7 @@ class BlockStore:
 
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
         """Add a block whose messages are known: their log times (as 64 bits) by connection."""
-        described, usable = _describe_block(block, times)
+        described, usable = describe_block(block, times)
         self._blocks.append(described)
         self._counts.update(described.counts)
         for key, values in usable.items():
@@ -119,7 +119,7 @@ class BlockStore:
 
     def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
         """Note that a block, whose messages are known, cannot be read."""
-        described, _ = _describe_block(block, times)
+        described, _ = describe_block(block, times)
         self.damage.lose(described, why)
 
     def survey(self, blocks: Iterable[Block]) -> None:
@@ -269,7 +269,7 @@ class BlockStore:
             )
 
 
-def _describe_block(
+def describe_block(
     block: Block, times: Mapping[int, NDArray[np.int64]]
 ) -> tuple[Block, Mapping[int, NDArray[np.int64]]]:
     """A block with what it holds, and the log times of its messages that can be used.

@@ -52,13 +52,13 @@ class BlockDamage(Damage):
             yield (
                 f"{len(damaged):,} chunks ({sum(b.stored_bytes for b in blocks):,} bytes) are "
                 f"damaged and not read, the first at byte {blocks[0].record_offset}: "
-                f"{damaged[0][1]}; {_content_text(blocks, topics)}"
+                f"{damaged[0][1]}; {content_text(blocks, topics)}"
             )
             return
         for block, why in damaged:
             yield (
                 f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
-                f"damaged and not read: {why}; {_content_text([block], topics)}"
+                f"damaged and not read: {why}; {content_text([block], topics)}"
             )
 
     def _of_gaps(self) -> Iterable[str]:
@@ -95,7 +95,7 @@ def torn_end(size: int, messages: int) -> str:
     return f"; {size:,} bytes at the end are lost or of a torn record" if size else ""
 
 
-def _content_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
+def content_text(blocks: list[Block], topics: Mapping[int, str]) -> str:
     """What damaged blocks held, as far as an index tells."""
     counts: dict[str, int] = {}
     for block in blocks:

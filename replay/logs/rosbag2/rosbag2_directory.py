@@ -1,6 +1,10 @@
-"""The container of a rosbag2 directory: its storage files in the order of metadata.yaml."""
+"""The container of a rosbag2 directory: its storage files in the order of metadata.yaml.
+
+They, or each message by itself, may be compressed by zstd. No size is believed.
+"""
 
 import re
+import shutil
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
@@ -10,16 +14,18 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
+import zstandard
 from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError
 from replay.logs.mcap import McapFile
+from replay.logs.messages.raw_batch import BATCH_BYTES, RawBatch, join_messages
 from replay.logs.rosbag2.rosbag2_metadata import METADATA, Metadata, MetadataError, read_metadata
-from replay.logs.rosbag2.rosbag2_zstd import unpack_file, unpack_messages
 from replay.logs.sqlite import Db3File
 from replay.logs.storage import (
     END_NS,
+    LARGEST_BYTES,
     UNKNOWN_NS,
     Connection,
     Container,
@@ -32,6 +38,13 @@ from replay.logs.storage import (
 #: Parts of a split recording may reach into each other by as much.
 _OVERLAP_NS: Final = 1_000_000_000
 _STORAGE: Final[dict[str, Callable[[Path], Container]]] = {".mcap": McapFile, ".db3": Db3File}
+#: What a compressed file or message may grow to, in multiples of its size.
+_MOST_GROWTH: Final = 200
+#: So large may a message be in any case: a black image is packed into next to nothing.
+_ANY_MESSAGE: Final = 64 * 2**20
+#: of a frame; zstd packs at most 128 KiB into 4 bytes
+_FEW_BYTES: Final = 256
+_STEP: Final = 2**20
 
 
 class Rosbag2Directory:
@@ -258,3 +271,67 @@ def storage_files(folder: Path) -> list[Path]:
 def _by_number(name: str) -> list[tuple[int, str]]:
     """Put shift_10 after shift_9."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
+
+
+def unpack_file(packed: Path, target: Path) -> str | None:
+    """Unpack a file, and say why not all of it where it is damaged; what came before stays."""
+    import pyarrow as pa  # slow to import, and most logs are not compressed so
+
+    # half of what is free is left to others
+    free = shutil.disk_usage(target.parent).free // 2
+    room = min(_MOST_GROWTH * packed.stat().st_size + _STEP, free)
+    try:
+        with pa.input_stream(packed, compression="zstd") as source, target.open("wb") as out:
+            while step := source.read(_STEP):
+                room -= len(step)
+                if room < 0:
+                    return f"it grows beyond {out.tell():,} bytes"
+                out.write(step)
+    except (OSError, pa.ArrowException) as error:
+        return " ".join(str(error).split())
+    return None
+
+
+def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
+    """A batch with its messages unpacked, in parts of bounded size; with each, how many failed."""
+    unpacker = zstandard.ZstdDecompressor()
+    messages: list[bytes] = []
+    times: list[int] = []
+    failed = size = 0
+    for time, packed in zip(batch.log_times.tolist(), batch.messages(), strict=True):
+        try:
+            message = _unpack(unpacker, packed)
+        except (zstandard.ZstdError, MemoryError):
+            failed += 1
+            continue
+        messages.append(message)
+        times.append(time)
+        size += len(message)
+        if size >= BATCH_BYTES:
+            yield join_messages(batch.connection_id, times, messages), failed
+            messages, times, failed, size = [], [], 0, 0
+    yield join_messages(batch.connection_id, times, messages), failed
+
+
+def _unpack(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> bytes:
+    room = min(_MOST_GROWTH * len(packed) + _ANY_MESSAGE, LARGEST_BYTES)
+    declared = zstandard.frame_content_size(packed)
+    if declared > room:
+        raise zstandard.ZstdError("larger than is believed")
+    if declared >= 0:
+        return unpacker.decompress(packed, max_output_size=room)
+    return _unpack_stepwise(unpacker, packed, room)
+
+
+def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, room: int) -> bytes:
+    """Unpack a frame that does not tell its size, so much at once as a few bytes of it can hold."""
+    stream = unpacker.decompressobj()
+    parts: list[bytes] = []
+    for at in range(0, len(packed), _FEW_BYTES):
+        parts.append(stream.decompress(packed[at : at + _FEW_BYTES]))
+        room -= len(parts[-1])
+        if room < 0:
+            raise zstandard.ZstdError("larger than is believed")
+        if stream.eof:
+            return b"".join(parts)
+    raise zstandard.ZstdError("it breaks off")

@@ -70,7 +70,7 @@ def custom_data(data: bytes) -> Mapping[str, str]:
     if len(data) > _LARGEST_BYTES:
         return {}
     try:
-        content = _parse_yaml(data.decode())
+        content = parse_yaml(data.decode())
         # the copy in an MCAP file has no heading
         information = content.get(_HEADING, content) if isinstance(content, dict) else None
         custom = _require_value(information, "custom_data")
@@ -92,10 +92,10 @@ def _load(path: Path) -> Any:
         raise BrokenBytesError("it is no UTF-8 text") from error
     except OSError as error:
         raise BrokenBytesError(error.strerror or error) from error
-    return _parse_yaml(text)
+    return parse_yaml(text)
 
 
-def _parse_yaml(text: str) -> Any:
+def parse_yaml(text: str) -> Any:
     """What a text of YAML holds.
 
     Raises:
@@ -122,13 +122,13 @@ def _parse(content: Any, folder: Path) -> Metadata:
     if not isinstance(information, dict):
         raise _other_layout()
     messages = information.get("message_count")
-    mode = _require_text(information.get("compression_mode") or "none").lower()
-    fmt = _require_text(information.get("compression_format") or "zstd")
+    mode = require_text(information.get("compression_mode") or "none").lower()
+    fmt = require_text(information.get("compression_format") or "zstd")
     if mode != "none" and fmt != "zstd":
         raise LogError(f"{folder}: compressed with {fmt}; only zstd can be read")
     return Metadata(
         tuple(
-            _inside(_require_text(name), folder)
+            _inside(require_text(name), folder)
             for name in _list(_require_value(information, "relative_file_paths"))
         ),
         mode == "message",
@@ -136,17 +136,17 @@ def _parse(content: Any, folder: Path) -> Metadata:
             _announced_count(entry)
             for entry in _list(_require_value(information, "topics_with_message_count"))
         ),
-        None if messages is None else _count(messages),
+        None if messages is None else message_count(messages),
     )
 
 
 def _announced_count(entry: Any) -> AnnouncedTopic:
     topic = _require_value(entry, "topic_metadata")
     return AnnouncedTopic(
-        _require_text(_require_value(topic, "name")),
-        _require_text(_require_value(topic, "type")),
-        _require_text(_require_value(topic, "serialization_format")),
-        _count(_require_value(entry, "message_count")),
+        require_text(_require_value(topic, "name")),
+        require_text(_require_value(topic, "type")),
+        require_text(_require_value(topic, "serialization_format")),
+        message_count(_require_value(entry, "message_count")),
     )
 
 
@@ -164,7 +164,7 @@ def _list(value: Any) -> list[Any]:
     return value
 
 
-def _count(value: Any) -> int:
+def message_count(value: Any) -> int:
     """A number of messages: YAML also knows numbers in quotes, and numbers without end."""
     try:
         return int(value)
@@ -172,7 +172,7 @@ def _count(value: Any) -> int:
         raise _other_layout() from error
 
 
-def _require_text(value: Any) -> str:
+def require_text(value: Any) -> str:
     """A value that is text: YAML also knows lists of lists of lists, and half characters."""
     if not isinstance(value, str):
         raise _other_layout()

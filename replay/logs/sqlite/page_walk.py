@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from estimators.compiled import compiled
 from replay.logs.sqlite.database_pages import PageLayout, RowFilter
 from replay.logs.sqlite.leaf_cells import big_endian
-from replay.logs.sqlite.leaf_pages import PageRanges, leaf_pages, page_ranges, read_ranges
-from replay.logs.sqlite.leaf_scan import (
+from replay.logs.sqlite.leaf_pages import (
     AT_LEAF,
     BEGIN,
     FIRST_ODD,
@@ -23,7 +22,11 @@ from replay.logs.sqlite.leaf_scan import (
     PAGE,
     REST,
     ROW,
+    PageRanges,
     Tables,
+    leaf_pages,
+    page_ranges,
+    read_ranges,
     scan_leaves,
 )
 from replay.logs.sqlite.row_query import LEAST_ID, MOST_ID, TableRows

@@ -134,7 +134,7 @@ def _batches(
             rows, size = [], 0
 
 
-def _first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row | None:
+def first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row | None:
     """The first row behind an id.
 
     Raises:
@@ -151,7 +151,7 @@ def _singly(database: sqlite3.Connection, query: str, after: int) -> Iterator[Ro
     """Rows up to a fault, at most a batch."""
     for _ in range(_MOST_ROWS):
         try:
-            row = _first_row_after(database, query, after)
+            row = first_row_after(database, query, after)
         except BrokenBytesError:
             return
         if row is None:
@@ -181,7 +181,7 @@ def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int 
     """The id behind which a row can be read again, None where there is none."""
 
     def first(gap: int) -> int | None:
-        row = _first_row_after(database, query, min(after + gap, MOST_ID))
+        row = first_row_after(database, query, min(after + gap, MOST_ID))
         return None if row is None else row[0]
 
     fails, works, found = 0, 0, None

@@ -10,7 +10,6 @@ import polars as pl
 
 from estimators.arrays import Floats
 from replay.logs.tables.dates import clock_times, is_clock, is_date
-from replay.logs.tables.epochs import epoch_of, from_1904
 from replay.logs.tables.header import ColumnName, split_unit, states_multiple, zone_s
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import only_time
@@ -21,7 +20,7 @@ from replay.logs.tables.time_parts import (
     fractions_ns,
     letters,
 )
-from replay.logs.tables.times import NS_PER_UNIT, TimeError, nanoseconds
+from replay.logs.tables.times import NS_PER_UNIT, TimeError, epoch_of, from_1904, nanoseconds
 
 #: A log of a machine has from one row in two seconds to 2,500 a second, in s from row to row:
 #: slower shows no start, and faster is a scope's, which states its unit.
@@ -183,7 +182,7 @@ def find_times(
     if given is not None and given.column is not None:
         place = names.index(given.column)
         if unit is None:
-            unit = _named_unit(columns[place])
+            unit = unit_of_name(columns[place])
         return [(_one_axis(columns, cells, place, unit, table), names)]
     if calendar := calendar_columns(columns):
         return [(TableTimes(None, calendar=calendar), names)]
@@ -199,14 +198,14 @@ def find_times(
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
-    one = _one_axis(columns, cells, first, unit or _named_unit(columns[first]), table)
+    one = _one_axis(columns, cells, first, unit or unit_of_name(columns[first]), table)
     if len(times) == 1 or one.date:
         return [(one, names)]
     # pairs side by side: each column belongs to the time before it
     ends = [*times[1:], len(names)]
     return [
         (
-            TableTimes(names[at], unit=unit or _named_unit(columns[at]), day_first=day_first),
+            TableTimes(names[at], unit=unit or unit_of_name(columns[at]), day_first=day_first),
             names[start:end],
         )
         for at, start, end in zip(times, [0, *times[1:]], ends, strict=True)
@@ -259,7 +258,7 @@ def _repeats(cells: Sequence[str]) -> bool:
     return 2 * len(set(cells)) < len(cells)
 
 
-def _named_unit(column: ColumnName) -> str | None:
+def unit_of_name(column: ColumnName) -> str | None:
     """The unit of time that a column's name states.
 
     Raises:

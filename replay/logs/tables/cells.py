@@ -121,7 +121,7 @@ def with_points(
     cell = cell.str.replace(r"^([+-])\s+", "${1}")
     if unit is not None:
         cell = pl.when(cell.str.ends_with(unit)).then(cell.str.strip_suffix(unit)).otherwise(cell)
-    form = _grouped_number(decimal) if is_grouped else _surely_grouped(decimal)
+    form = grouped_number(decimal) if is_grouped else _surely_grouped(decimal)
     has_groups = cell.str.contains(f"^(?:{form})$")
     cell = (
         pl.when(has_groups).then(cell.str.replace_all(f"[{_GROUPS[decimal]}]", "")).otherwise(cell)
@@ -132,7 +132,7 @@ def with_points(
     return column.to_frame().select(cell.alias(column.name)).to_series()
 
 
-def _grouped_number(decimal: str) -> str:
+def grouped_number(decimal: str) -> str:
     """A number with signs between its thousands."""
     return rf"[+-]?\d{{1,3}}(?:[{_GROUPS[decimal]}]\d{{3}})+(?:[{decimal}]\d*)?"
 
@@ -147,5 +147,5 @@ def _surely_grouped(decimal: str) -> str:
     )
 
 
-_GROUPED: Final = {sign: re.compile(_grouped_number(sign)) for sign in ".,"}
+_GROUPED: Final = {sign: re.compile(grouped_number(sign)) for sign in ".,"}
 _SURELY: Final = {sign: re.compile(_surely_grouped(sign)) for sign in ".,"}

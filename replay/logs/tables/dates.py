@@ -79,10 +79,10 @@ def is_clock(cell: str) -> bool:
     text = cell.strip()
     if any(re.fullmatch(pattern, text) for pattern in (_MINUTES, _CLOCK, _SINCE)):
         return True
-    return _date_pattern(text) is not None
+    return date_pattern(text) is not None
 
 
-def _date_pattern(text: str) -> str | None:
+def date_pattern(text: str) -> str | None:
     """The pattern of a day with a time of day behind it."""
     days = [pattern for pattern in _DATES if pattern != _COMPACT]
     moments = [rf"{day}(?:[T, ]|\s+@)\s*{_CLOCK}" for day in days]
@@ -120,7 +120,7 @@ def clock_times(
     if present.is_empty():
         return pl.Series("log_time_ns", [None] * text.len(), dtype=pl.Int64), ()
     first = str(present[0])
-    pattern = _date_pattern(first)
+    pattern = date_pattern(first)
     if pattern is None:
         return _of_day(text, first)
     part = _groups(text, pattern)

@@ -6,6 +6,7 @@ from typing import Final
 
 import polars as pl
 
+from analysis.model.physical_units import NS
 from replay.logs.tables.dates import DAY_NS
 from replay.logs.tables.header import ColumnName
 from replay.logs.tables.times import NS_PER_UNIT, TimeError
@@ -28,8 +29,6 @@ _FRACTIONS: Final = {
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanosec", "nanosecs", "nanoseconds"), "ns"),
 }
 _BEGINNINGS: Final = {"milli": "ms", "micro": "us", "nano": "ns"}
-#: Nanoseconds of a second.
-_NS: Final = 10**9
 
 
 def letters(text: str) -> str:
@@ -56,7 +55,7 @@ def calendar_times(parts: Sequence[pl.Series]) -> pl.Series:
     numbers = [part.cast(pl.Float64, strict=False).alias(str(k)) for k, part in enumerate(parts)]
     frame = pl.DataFrame(numbers)
     hour, minute, second = (pl.col(str(len(parts) - k)) for k in (3, 2, 1))
-    clock = (hour * 3600 + minute * 60) * _NS + (second * _NS).round()
+    clock = (hour * 3600 + minute * 60) * NS + (second * NS).round()
     stamps = frame.select(clock.cast(pl.Int64, strict=False)).to_series()
     if len(parts) > _DAY_PARTS:
         whole = (pl.col(str(k)).cast(pl.Int32, strict=False) for k in range(_DAY_PARTS))
@@ -81,14 +80,14 @@ def fraction_column(
             column.name
             for k, column in enumerate(columns)
             if k != place
-            and _fraction_unit(column.name) is not None
+            and fraction_unit(column.name) is not None
             and all(cell.isdigit() for cell in cells(k))
         ),
         None,
     )
 
 
-def _fraction_unit(name: str) -> str | None:
+def fraction_unit(name: str) -> str | None:
     """The unit of fractions of a second that a name says: `nanosec`, `Millitm`."""
     word = letters(name)
     by_beginning = (unit for start, unit in _BEGINNINGS.items() if word.startswith(start))
@@ -105,8 +104,8 @@ def fractions_ns(cells: pl.Series) -> tuple[pl.Series, str]:
     largest, least = numbers.max(), numbers.min()
     if not isinstance(largest, float) or not isinstance(least, float) or least < 0:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second")
-    stated = _fraction_unit(cells.name)
-    possible = [unit for unit in ("ms", "us", "ns") if largest < _NS / NS_PER_UNIT[unit]]
+    stated = fraction_unit(cells.name)
+    possible = [unit for unit in ("ms", "us", "ns") if largest < NS / NS_PER_UNIT[unit]]
     unit = stated or (possible[0] if possible else "")
     if unit not in possible:
         raise TimeError(f"column '{cells.name}' holds no fractions of a second, but {largest:g}")

@@ -54,7 +54,7 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
 
 
 def _envelope(connection: int, times: Ints) -> Envelope:
-    head = _header(_MESSAGE, conn=struct.pack("<L", connection), time=bytes(8))[:-8]
+    head = record_header(_MESSAGE, conn=struct.pack("<L", connection), time=bytes(8))[:-8]
     sec, nsec = times // 10**9, times % 10**9
 
     def before(size: int) -> list[bytes | tuple[str, Ints]]:
@@ -63,7 +63,7 @@ def _envelope(connection: int, times: Ints) -> Envelope:
     return before
 
 
-def _header(opcode: int | None, **fields: bytes) -> bytes:
+def record_header(opcode: int | None, **fields: bytes) -> bytes:
     """The header of a record, its length before it."""
     kind = {} if opcode is None else {"op": bytes([opcode])}
     parts = [f"{name}=".encode() + value for name, value in {**kind, **fields}.items()]
@@ -76,7 +76,7 @@ def _prefix_size(data: bytes) -> bytes:
 
 
 def _bag_header(index_at: int, connections: int, written: int) -> bytes:
-    header = _header(
+    header = record_header(
         _BAG,
         index_pos=struct.pack("<Q", index_at),
         conn_count=struct.pack("<L", connections),
@@ -88,26 +88,26 @@ def _bag_header(index_at: int, connections: int, written: int) -> bytes:
 def _connection(number: int, name: str, definition: str, digest: str) -> bytes:
     topic = TOPICS[name]
     package, _, kind = topic.msgtype.partition("/msg/")
-    about = _header(
+    about = record_header(
         None,
         topic=topic.name.encode(),
         type=f"{package}/{kind}".encode(),
         md5sum=digest.encode(),
         message_definition=definition.encode(),
     )
-    head = _header(_CONNECTION, conn=struct.pack("<L", number), topic=topic.name.encode())
+    head = record_header(_CONNECTION, conn=struct.pack("<L", number), topic=topic.name.encode())
     return head + about
 
 
 def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _Written:
     at = file.tell()
     size = struct.pack("<L", chunk.data.size)
-    file.write(_header(_CHUNK, compression=b"none", size=size) + size)
+    file.write(record_header(_CHUNK, compression=b"none", size=size) + size)
     file.write(chunk.data.data)
     counts: dict[int, int] = {}
     for number, mine in chunk.by_connection().items():
         counts[number] = mine.log_times.size
-        head = _header(
+        head = record_header(
             _INDEX,
             ver=struct.pack("<L", 1),
             conn=struct.pack("<L", number),
@@ -121,7 +121,7 @@ def _write_chunk(file: BinaryIO, chunk: FullChunk) -> _Written:
 
 
 def _chunk_info(chunk: _Written) -> bytes:
-    head = _header(
+    head = record_header(
         _CHUNK_INFO,
         ver=struct.pack("<L", 1),
         chunk_pos=struct.pack("<Q", chunk.at),

@@ -171,7 +171,7 @@ class _Layout:
             length = _length(column, chosen)
             self._count(length + len(end))
             if length:
-                self.put(np.dtype("u1"), _elements_of_length(column, chosen, length))
+                self.put(np.dtype("u1"), elements_of_length(column, chosen, length))
             self.put_bytes(end)
         else:
             data = str(column or "").encode() + end
@@ -198,7 +198,7 @@ class _Layout:
     def _numbers(self, dtype: np.dtype[Any], column: Column, chosen: _Chosen, length: int) -> None:
         self._align(dtype.itemsize)
         if isinstance(column, RaggedColumn):
-            self.put(dtype, _elements_of_length(column, chosen, length))
+            self.put(dtype, elements_of_length(column, chosen, length))
         elif isinstance(column, np.ndarray):
             self.put(dtype, column[chosen])
         elif column is None:
@@ -237,7 +237,7 @@ def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
     return length
 
 
-def _elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
+def elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
     """The elements (k, length) of lists of one length."""
     assert isinstance(column.content, np.ndarray)
     return column.content[column.starts[chosen][:, None] + np.arange(length)]

@@ -1,9 +1,12 @@
 """What differs between two replays, and nothing else."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import polars as pl
 import pytest
 
-from analysis.compare.run_comparison import Comparison, InMemory, compare
+from analysis.compare.run_comparison import Comparison, compare
 from analysis.model.run_record import InputFile, Provenance, Run
 from analysis.model.schema import PHASE
 
@@ -26,6 +29,27 @@ SEGMENTS = pl.DataFrame(
         "mass_std_kg": [1.0, 2.0],
     }
 )
+
+
+@dataclass(frozen=True, slots=True)
+class InMemory:
+    """A run as a replay to compare."""
+
+    run: Run
+
+    @property
+    def provenance(self) -> Provenance:
+        """Where its frames came from."""
+        return self.run.provenance
+
+    @property
+    def stages(self) -> Mapping[str, Sequence[str]]:
+        """The columns of each frame, in order."""
+        return {name: frame.columns for name, frame in self.run.frames.items()}
+
+    def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
+        """Some columns of a frame."""
+        return self.run.frames[stage].select(columns)
 
 
 def run(frames: dict[str, pl.DataFrame] | None = None, **about: object) -> Run:

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.cycle_motion import idle_stands, summarise_cycle_motion, summarise_shift_motion
+from analysis.cycles.cycle_parts import idle_stands, summarise_cycle_motion, summarise_shift_motion
 
 NS = 10**9
 

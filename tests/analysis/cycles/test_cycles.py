@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cycles.cycles import cycles
-from analysis.cycles.lost_cycles import holes, lost_cycles
+from analysis.cycles.cycles_without_mass import holes, lost_cycles
 from analysis.cycles.payload_target import check_target
 from analysis.cycles.shift_totals import recount_shift, shift
 from analysis.model.schema import FRAMES

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.empty_or_loaded import loaded_states
+from analysis.cycles.load_passes import loaded_states
 
 STATES = 40
 STATE_U_KG = 24.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.cycles.friction_limit import FrictionDay, friction_trend
+from analysis.cycles.friction_trend import FrictionDay, friction_trend
 
 BASE_N_S_M = 3000.0
 

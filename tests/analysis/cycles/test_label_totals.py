@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.cycles.label_totals import label_totals
+from analysis.cycles.shift_totals import label_totals
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
 

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from analysis.cycles.mixed_machines import find_mixed_machine
+from analysis.cycles.empty_machine import find_mixed_machine
 
 NS = 10**9
 #: Two logs, of which the second begins after 1000 s.

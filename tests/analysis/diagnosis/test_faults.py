@@ -9,9 +9,9 @@ import pytest
 from analysis.diagnosis import CHECKS, CheckInputs, verdict
 from analysis.diagnosis.measured_channels import Signals
 from analysis.diagnosis.method_disagreement import disagreements
-from analysis.simulation.scenario.situations import SITUATIONS
 from analysis.stages.estimation.masses import masses
 from tests.analysis.weighing.weighed import RICH, Weighed, merged, weighed
+from tests.trials.situations import SITUATIONS
 
 BRAKING_AS_DRIVING = "settings.gate.exclude_braking=false"
 BRAKES_SEEN = {"campaign": {"brake_measured_share": 1.0}}

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import polars as pl
 import pytest
 
-from analysis.simulation.logs.fault_injection import FAULTS
 from benchmarks.findings_rows import AXES, design, needed, replayed
+from tests.trials.fault_injection import FAULTS
 
 Named = Callable[..., pl.DataFrame]
 BY_NAME = {fault.name: fault for fault in FAULTS}

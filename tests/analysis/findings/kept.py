@@ -13,9 +13,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
-from analysis.simulation.logs.fault_injection import FAULTS, Fault
-from analysis.simulation.scenario.drawn_designs import join_designs
 from benchmarks.findings_rows import design, needed, replayed
+from tests.trials.drawn_designs import join_designs
+from tests.trials.fault_injection import FAULTS, Fault
 
 PATH: Final = Path(__file__).with_suffix(".json")
 UPDATE: Final = "make findings-kept"

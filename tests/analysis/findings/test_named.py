@@ -4,10 +4,10 @@ import polars as pl
 import pytest
 
 from analysis.findings import CAUSES
-from analysis.simulation.logs.fault_injection import FAULTS
-from analysis.simulation.scenario.drawn_designs import join_designs
 from benchmarks.findings_rows import AXES, design, needed, replayed
 from tests.analysis.findings.conftest import BY_NAME, Named
+from tests.trials.drawn_designs import join_designs
+from tests.trials.fault_injection import FAULTS
 
 #: Sizes that are found on this machine with a margin; those of others are as they are said.
 SIZES = {

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.fleet.control_chart import (
+from analysis.fleet.machine_drifts import (
     ALLOWANCE,
     control_chart,
     innovations,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.model.settings import PriorSettings
-from analysis.simulation.scenario.situations import SITUATIONS
 from tests.analysis.weighing.weighed import FRICTION_N_S_M, RICH, Weighed, merged, weighed
+from tests.trials.situations import SITUATIONS
 
 BRAKING_AS_DRIVING = "settings.gate.exclude_braking=false"
 

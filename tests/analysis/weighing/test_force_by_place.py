@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from analysis.simulation.scenario.other_machines import electric_car, rack
 from replay import open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.other_machine_logs import replayed
 from tests.analysis.without_bucket import arm
+from tests.trials.other_machines import electric_car, rack
 
 
 #: Racks whose springs take a mass of 13 to 41 % less where the fit has none.

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import brought_to_size, draw_design, join_designs
-from analysis.simulation.scenario.situations import SITUATIONS, sections
 from replay import load_machine
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
+from tests.trials.drawn_designs import brought_to_size, draw_design, join_designs
+from tests.trials.situations import SITUATIONS, sections
 
 SEEDS = (11, 12)
 #: The fit has a term, or a part of the budget, for each of these; many of them must be weighed.

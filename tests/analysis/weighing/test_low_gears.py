@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.simulation.scenario.other_machines import car, cart
 from analysis.weighing.low_gears import LOW_GEARS
 from tests.analysis.other_machine_logs import replayed
+from tests.trials.other_machines import car, cart
 
 
 #: Without the terms of gears the mass is 5 u off, or none.

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import join_designs
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.nuisances import WeightShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
+from tests.trials.drawn_designs import join_designs
 
 LOAD_KG = 250.0
 #: What the priors hold, as a scenario has it; the payload's u without any of it is 6 to 7 kg.

@@ -10,7 +10,7 @@ from analysis.paper.simulated_sources import Extract, Extracts, SteadyStudy
 from analysis.paper.table1 import AT_LENGTH, RAW_UNITS, Table1, table_1
 from analysis.simulation import Scenario
 from analysis.simulation.scenario.scenario import SimulatedSensors
-from recordings.paper import table_sentences
+from recordings.paper import item_sentences
 
 
 @cache
@@ -40,7 +40,7 @@ def test_the_bound_is_said_to_be_reached_only_where_the_windows_can_tell(
 ) -> None:
     (sentence,) = [
         line
-        for line in table_sentences.table_1(found(windows, further)).findings
+        for line in item_sentences.table_1(found(windows, further)).findings
         if "reach the Cramér–Rao bound" in line
     ]
     assert sentence.startswith(f"From 5 s on {says}")

@@ -155,15 +155,15 @@ def test_others_read_the_files_and_what_they_are_of(bag: Path, tmp_path: Path) -
 KILLED = """
 import sys, time
 from pathlib import Path
-from replay.convert import part_writer
+from replay.convert import unfinished_folder
 from replay.convert.convert_log import convert
 from replay.logs import open_log
-write = part_writer.PartWriter.write
+write = unfinished_folder.PartWriter.write
 def slowly(self, rows):
     print("writing", flush=True)
     time.sleep(0.02)
     write(self, rows)
-part_writer.PartWriter.write = slowly
+unfinished_folder.PartWriter.write = slowly
 with open_log(Path(sys.argv[1])) as log:
     made = convert(log, Path(sys.argv[2]), span_messages=40)
 print("taken up", made.taken_up, "of", made.spans)

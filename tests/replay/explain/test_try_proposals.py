@@ -2,9 +2,9 @@
 
 import pytest
 
-from analysis.simulation.scenario.drawn_designs import Sections, join_designs
 from benchmarks.findings_trials import BY_NAME, base
 from benchmarks.mended import AXES, MendedTrial, table, trial
+from tests.trials.drawn_designs import Sections, join_designs
 
 #: Of what has one of its own in no design.
 SIZE = 3.0

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from replay.fleet.last_run import TaskLimits
+from replay.fleet.recording_task import LimitError, limited, resident_bytes
 from replay.fleet.run_fleet import FleetRun
-from replay.fleet.task_limits import LimitError, limited, resident_bytes
 from tests.replay.fleet.conftest import Run
 
 _MUCH = 1 << 40

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType
 
 from analysis.simulation import Scenario
 from recordings.follow.growing_file import find_messages, is_unfinished
-from recordings.follow.recording_end import read_end
+from recordings.follow.growing_recording import read_end
 from replay.simulation.simulate_logs import simulate
 from tests.one_line import assert_one_line
 from tests.replay.follow.recorders import Recording, mcap_recorder, rosbag2_recorder

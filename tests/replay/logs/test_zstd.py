@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from replay.logs.messages.raw_batch import join_messages
-from replay.logs.rosbag2.rosbag2_zstd import unpack_messages
+from replay.logs.rosbag2.rosbag2_directory import unpack_messages
 
 MIB = 2**20
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from analysis.simulation import solve_motion
-from analysis.simulation.scenario.other_machines import OTHER_MACHINES
 from estimators.errors import ScenarioError
 from tests.analysis.simulation.quiet import drive, log, scenario
+from tests.trials.other_machines import OTHER_MACHINES
 
 CAR = {
     "machine": {"mass_kg": 1600.0, "friction_N_s_m": 10.0, "force_share": 1.0},

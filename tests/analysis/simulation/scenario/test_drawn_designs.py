@@ -3,9 +3,9 @@
 import numpy as np
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.drawn_designs import draw_design, with_field_physics
 from benchmarks.shift_logs import drawn_shift
 from estimators.errors import ScenarioError
+from tests.trials.drawn_designs import draw_design, with_field_physics
 
 SEEDS = range(200)
 

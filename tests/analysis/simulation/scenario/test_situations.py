@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
-from analysis.simulation.scenario.situations import SITUATIONS, sections
 from replay.simulation.scenario_file import load_scenario, scenario_text
+from tests.trials.situations import SITUATIONS, sections
 
 SHORT = {"campaign": {"runs": 2, "standstill_s": 1.0}}
 

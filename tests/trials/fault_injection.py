@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from analysis.simulation.logs.simulated_campaign import SimulatedLog
-from analysis.simulation.scenario.drawn_designs import LOADER_KG, LOADER_N, Sections, join_designs
 from estimators.arrays import Floats
+from tests.trials.drawn_designs import LOADER_KG, LOADER_N, Sections, join_designs
 
 Frames = dict[str, pl.DataFrame]
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")

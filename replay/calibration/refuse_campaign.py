@@ -1,0 +1,111 @@
+"""Refuse a campaign that its logs, its machine file or the list of its recorder contradict."""
+
+import datetime as dt
+from pathlib import Path
+
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
+from analysis.model.machine import Machine
+from estimators.errors import CampaignError
+from recordings.calibration.days import find_day_faults
+from recordings.calibration.evidence_machine import machine_faults
+from recordings.calibration.notary_stretch import find_unaccounted_logs, stretch_bytes
+from recordings.notary.notary_check import check_list
+from replay.calibration.campaign_runs import CampaignReplay
+
+
+def refuse_days(
+    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
+) -> None:
+    """Refuse days of runs that their logs contradict.
+
+    Args:
+        source: what gives the days, for the error.
+        campaign: its runs.
+        replayed: their logs.
+        machine: of them; its zone is that of the days.
+
+    Raises:
+        CampaignError: a run is of another day than its log.
+    """
+    faults = find_day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
+    fault = next(faults, None)
+    if fault is not None:
+        raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
+
+
+def refuse_machine(
+    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, machine: Machine
+) -> None:
+    """Refuse logs and a machine file that name another machine than the campaign.
+
+    Raises:
+        CampaignError: they do.
+    """
+    fault = next(machine_faults(campaign.machine.id, machine, replayed.logs), None)
+    if fault is not None:
+        raise CampaignError(f"{source}: {fault}; name logs and machine file of one machine")
+
+
+def load_stretch(source: Path, campaign: CalibrationCampaign) -> bytes | None:
+    """The stretch of the recorder's list that a campaign names, checked; None where it names none.
+
+    Args:
+        source: the campaign file; the list is named from its folder.
+        campaign: the campaign.
+
+    Raises:
+        CampaignError: the list cannot be read, is not whole, or does not reach so far.
+    """
+    stretch = campaign.notary
+    if stretch is None:
+        return None
+    path = source.parent / stretch.list
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise CampaignError(f"{path}: cannot be read ({error.strerror})") from None
+    # a notary may be writing it: what is behind the last whole line is none of the stretch
+    kept = check_list(data[: data.rfind(b"\n") + 1], dt.datetime.now(dt.UTC))
+    last = kept.entries[-1].counter if kept.entries else 0
+    faults = [
+        each.what
+        for each in kept.faults
+        if each.forged
+        or (stretch.first <= each.counter <= stretch.last and each.counter not in stretch.reasons)
+    ]
+    if faults:
+        raise CampaignError(
+            f"{path}: {faults[0]}; `payscope verify {path}` lists all, and a log is left out with "
+            "a reason in notary.left_out"
+        )
+    if last < stretch.last:
+        raise CampaignError(
+            f"{source}: notary.last is {stretch.last}, and {path} ends with number {last}; "
+            "`payscope notarise` goes on with it"
+        )
+    wanted = campaign.machine.id
+    if kept.head is not None and kept.head.machine_id not in ("", wanted):
+        raise CampaignError(
+            f"{path}: is the list of machine '{kept.head.machine_id}', and the campaign is of "
+            f"'{wanted}'; name the list of that machine's recorder"
+        )
+    return stretch_bytes(data, stretch)
+
+
+def refuse_unaccounted(
+    source: Path, campaign: CalibrationCampaign, replayed: CampaignReplay, stretch: bytes | None
+) -> None:
+    """Refuse a campaign that leaves a log of its stretch out without a reason.
+
+    Raises:
+        CampaignError: it does, or a log of it is not in the list.
+    """
+    if campaign.notary is None or stretch is None:
+        return
+    kept = check_list(stretch, dt.datetime.now(dt.UTC), campaign.notary.first)
+    fault = next(find_unaccounted_logs(campaign.notary, replayed.logs, kept.entries), None)
+    if fault is not None:
+        raise CampaignError(
+            f"{source}: notary: {fault}; add a run of it, or leave it out with a reason in "
+            "notary.left_out"
+        )
