@@ -23,9 +23,8 @@ from typing import Any
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.fleet_file import load_fleet
-from replay.fleet.gathered_tables import fleet_results
+from replay.fleet.gathered_tables import fleet_query, fleet_results
 from replay.fleet.log_sources import FleetLog, fleet_logs
-from replay.fleet.query_results import fleet_query
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.recording_task import TaskOutcome
 from replay.fleet.run_fleet import fleet_run

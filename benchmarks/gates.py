@@ -15,7 +15,7 @@ import polars as pl
 import typer
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.axes import straight
 from analysis.model.run_record import Run

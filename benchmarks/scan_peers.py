@@ -70,7 +70,7 @@ def timed(work: Callable[[], int]) -> tuple[float, float]:
 def ours(path: Path, topics: list[str]) -> int:
     if len(topics) > 1:
         return all_at_once(path)
-    from replay.frames import logs
+    from replay.frames import topic_source as logs
 
     logs._opened.clear()  # noqa: SLF001 - the index is read anew
     return payscope.scan_log(path, topics[0]).collect().height

@@ -16,7 +16,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.settings import PriorSettings
 from analysis.simulation import Scenario
-from analysis.simulation.logs.shift_limits import check_shift
+from analysis.simulation.trials.trial_limits import check_shift
 from estimators.errors import ScenarioError
 from replay import load_machine, open_log
 from replay.pipeline import run

@@ -117,8 +117,8 @@ OWNERS = {
 CRUMB_LINES = 60
 #: What is left of crumbs, of files with one importer and of long files: there may only be fewer.
 MORE_CRUMBS = 4
-MORE_SINGLE = 130
-MORE_LONG = 11
+MORE_SINGLE = 128
+MORE_LONG = 10
 #: Lines above which a file is long.
 LONG_LINES = 400
 #: Of all functions and methods at most so many are private; it may only fall.

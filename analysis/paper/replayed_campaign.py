@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
-from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.calibration.campaign.method_errors import rms_errors, run_errors
 from analysis.model.run_record import Run
 from analysis.model.settings import Settings

@@ -17,6 +17,7 @@ from analysis.calibration.campaign.campaign_plan import ReferenceMass
 from analysis.calibration.line.calibration import Calibration
 from recordings.calibration.calibration_plots import pictures
 from recordings.calibration.calibration_text import ESTIMATORS, in_words, unseen
+from recordings.calibration.campaign_faults import runs_without_date
 from recordings.calibration.certificate_text import (
     certificate_rows,
     not_stated,
@@ -24,7 +25,6 @@ from recordings.calibration.certificate_text import (
     warnings_of,
     weighings,
 )
-from recordings.calibration.days import runs_without_date
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import learnt_rows
 from recordings.report.svg_shapes import WIDTH

@@ -9,9 +9,8 @@ import polars as pl
 from analysis.calibration.campaign.next_load import next_load
 from analysis.calibration.line.calibration import Calibration
 from estimators.errors import counted
-from recordings.calibration.days import runs_without_date
+from recordings.calibration.campaign_faults import logs_without_machine, runs_without_date
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.calibration.evidence_machine import logs_without_machine
 from recordings.calibration.learnt_terms_text import RUNS, TERMS
 
 ESTIMATORS: Final = {

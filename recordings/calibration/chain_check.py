@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from recordings.calibration.bundle_folder import EVIDENCE
+from recordings.calibration.campaign_faults import CLOCK_S, made_at
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.days import CLOCK_S, made_at
 from recordings.calibration.evidence_document import EvidenceDocument
 
 

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.calibration.campaign.campaign_fit import references
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
-from analysis.calibration.campaign.reference_masses import references
 from analysis.model.machine import Machine
 from recordings.calibration.evidence_document import (
     FORMAT,

@@ -6,9 +6,9 @@ from typing import Final
 
 from analysis.calibration.campaign.campaign_plan import NotaryStretch
 from recordings.calibration.bundle_folder import NOTARY
+from recordings.calibration.campaign_faults import CLOCK_S, begin_of, made_at
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.days import CLOCK_S, begin_of, made_at
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 from recordings.notary.notary_check import CheckedList, check_list, time_of
 from recordings.notary.notary_list import NotaryEntry, split_lines

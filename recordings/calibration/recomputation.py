@@ -8,20 +8,23 @@ from typing import Any, Final
 import polars as pl
 from pydantic_core import to_jsonable_python
 
-from analysis.calibration.campaign.campaign_fit import CampaignFit, fit_campaign, options_of
+from analysis.calibration.campaign.campaign_fit import (
+    CampaignFit,
+    check_known_mass,
+    fit_campaign,
+    options_of,
+)
 from analysis.calibration.campaign.campaign_plan import CampaignRun
-from analysis.calibration.campaign.mass_check import check_known_mass
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
 from analysis.calibration.use.learnt_priors import learnt_terms
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.calibration_report import report_html
+from recordings.calibration.campaign_faults import CLOCK_S, find_day_faults, machine_faults, made_at
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
-from recordings.calibration.days import CLOCK_S, find_day_faults, made_at
 from recordings.calibration.derived_values import estimator_of, reference_loads, rms_error_kg
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.calibration.evidence_machine import machine_faults
 
 #: Another processor or library has other last bits.
 _LAST_BITS: Final = 1e-9

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP, BundleFile
+from recordings.calibration.campaign_faults import CLOCK_S, made_at
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle, bytes_of
-from recordings.calibration.days import CLOCK_S, made_at
 from recordings.calibration.evidence_document import EvidenceDocument
 
 if TYPE_CHECKING:

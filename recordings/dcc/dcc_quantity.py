@@ -1,4 +1,4 @@
-"""A mass and its uncertainty out of a quantity of a certificate: one value, or one of a list."""
+"""Quantities of a certificate in D-SI: a mass and its uncertainty are read, reals are written."""
 
 import math
 import re
@@ -175,3 +175,46 @@ def _parse_number(text: str, name: str, what: str) -> float:
     if not math.isfinite(value):
         raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not finite")
     return value
+
+
+def decimal_text(value: float) -> str:
+    """A number as D-SI has it, every digit kept."""
+    return repr(float(value))
+
+
+def factor_text(value: float) -> str:
+    """A coverage factor or probability, which D-SI has without an exponent."""
+    return f"{value:.12f}".rstrip("0").ljust(3, "0")
+
+
+def add_real(
+    parent: "_Element",
+    value: float,
+    unit: str,
+    expanded: tuple[float, float, float] | None = None,
+    interval: tuple[float, float, float, float] | None = None,
+) -> None:
+    """A D-SI real; `expanded` is U, k, p, and `interval` is u, min, max, p."""
+    from lxml import etree
+
+    def add(inside: "_Element", name: str, text: str | None = None) -> "_Element":
+        made = etree.SubElement(inside, f"{{{SI}}}{name}")
+        made.text = text
+        return made
+
+    real = add(parent, "real")
+    add(real, "value", decimal_text(value))
+    add(real, "unit", unit)
+    if expanded is not None:
+        u, k, p = expanded
+        said = add(real, "expandedUnc")
+        add(said, "uncertainty", decimal_text(u))
+        add(said, "coverageFactor", factor_text(k))
+        add(said, "coverageProbability", factor_text(p))
+    if interval is not None:
+        u, low, high, p = interval
+        said = add(real, "coverageInterval")
+        add(said, "standardUnc", decimal_text(u))
+        add(said, "intervalMin", decimal_text(low))
+        add(said, "intervalMax", decimal_text(high))
+        add(said, "coverageProbability", factor_text(p))

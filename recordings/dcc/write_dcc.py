@@ -10,6 +10,7 @@ from recordings.calibration.calibration_text import ESTIMATORS
 from recordings.calibration.certificate_text import issue_day, range_sentences, warnings_of
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.dcc.dcc_document import DCC, SI, VERSION, refuse_without_libraries
+from recordings.dcc.dcc_quantity import add_real
 
 if TYPE_CHECKING:
     from lxml.etree import _Element  # pyright: ignore[reportPrivateUsage]
@@ -82,49 +83,6 @@ def _add_text(parent: "_Element", name: str, text: str, **attributes: str) -> "_
     made = _add(parent, name, **attributes)
     _add(made, "content", text, lang="en")
     return made
-
-
-def decimal_text(value: float) -> str:
-    """A number as D-SI has it, every digit kept."""
-    return repr(float(value))
-
-
-def factor_text(value: float) -> str:
-    """A coverage factor or probability, which D-SI has without an exponent."""
-    return f"{value:.12f}".rstrip("0").ljust(3, "0")
-
-
-def add_real(
-    parent: "_Element",
-    value: float,
-    unit: str,
-    expanded: tuple[float, float, float] | None = None,
-    interval: tuple[float, float, float, float] | None = None,
-) -> None:
-    """A D-SI real; `expanded` is U, k, p, and `interval` is u, min, max, p."""
-    from lxml import etree
-
-    def add(inside: "_Element", name: str, text: str | None = None) -> "_Element":
-        made = etree.SubElement(inside, f"{{{SI}}}{name}")
-        made.text = text
-        return made
-
-    real = add(parent, "real")
-    add(real, "value", decimal_text(value))
-    add(real, "unit", unit)
-    if expanded is not None:
-        u, k, p = expanded
-        said = add(real, "expandedUnc")
-        add(said, "uncertainty", decimal_text(u))
-        add(said, "coverageFactor", factor_text(k))
-        add(said, "coverageProbability", factor_text(p))
-    if interval is not None:
-        u, low, high, p = interval
-        said = add(real, "coverageInterval")
-        add(said, "standardUnc", decimal_text(u))
-        add(said, "intervalMin", decimal_text(low))
-        add(said, "intervalMax", decimal_text(high))
-        add(said, "coverageProbability", factor_text(p))
 
 
 def _add_identification(parent: "_Element", issuer: str, value: str, name: str, ref: str) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from recordings.report.appended_file import AppendedFile
+from recordings.report.atomic_output import AppendedFile
 
 if TYPE_CHECKING:
     from mmap import mmap

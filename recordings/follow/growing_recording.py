@@ -22,7 +22,7 @@ from analysis.online.follower import FollowedRow
 from analysis.online.online_report import LARGEST_U_1
 from estimators.errors import RecordingError
 from recordings.follow.growing_file import HEAD_BYTES, append_part, find_messages
-from recordings.report.appended_file import AppendedFile
+from recordings.report.atomic_output import AppendedFile
 from recordings.rrd.blueprint import Page, laid_out, tab_panels, text_entity
 from recordings.rrd.display_frames import LANES, ROOT, display_frames
 from recordings.rrd.drawn_rows import drawn_rows

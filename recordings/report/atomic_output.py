@@ -1,9 +1,10 @@
-"""Outputs that appear whole or not at all."""
+"""Outputs that are never torn: whole or not there, or growing by whole pieces."""
 
 import secrets
 import shutil
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +12,59 @@ from estimators.errors import OutputError
 
 #: What shows that a folder is one that payscope writes whole.
 _OURS: Final = ("metadata.yaml", "evidence.json", "payscope-log.json")
+
+
+class AppendedFile:
+    """A file that is appended to, and there from its first piece on.
+
+    Attributes:
+        path: of the file.
+        size: bytes of whole pieces.
+    """
+
+    def __init__(self, path: Path, size: int = 0) -> None:
+        """Begin a file, or go on behind the first `size` bytes of one.
+
+        Raises:
+            OSError: it cannot be written to.
+        """
+        self.path, self.size = path, size
+        self._file: FileIO | None = None
+        if size:
+            self._cut(self._open())
+
+    def append(self, piece: bytes) -> None:
+        """Append a piece.
+
+        Raises:
+            OSError: it does not fit on the disc.
+        """
+        rest = memoryview(piece)
+        file = self._file or self._open()
+        try:
+            while rest:
+                rest = rest[file.write(rest) :]
+        except OSError:
+            self._cut(file)
+            raise
+        self.size += len(piece)
+
+    def rename(self, path: Path) -> None:
+        """Give the file another name."""
+        self.path = self.path.replace(path)
+
+    def close(self) -> None:
+        """Close the file as it is."""
+        if self._file is not None:
+            self._file.close()
+
+    def _open(self) -> FileIO:
+        self._file = self.path.open("r+b" if self.size else "wb", buffering=0)
+        return self._file
+
+    def _cut(self, file: FileIO) -> None:
+        file.truncate(self.size)
+        file.seek(self.size)
 
 
 @contextmanager

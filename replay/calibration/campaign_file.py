@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.calibration.campaign.campaign_fit import rule_of
+from analysis.calibration.campaign.campaign_fit import references, rule_of
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
-from analysis.calibration.campaign.reference_masses import references
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
 from replay.machines.machine_file import load_machine, machine_path

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from analysis.calibration.campaign.campaign_fit import check_known_mass
 from analysis.calibration.campaign.campaign_plan import (
     CalibrationCampaign,
     CampaignRun,
     Conditions,
     ReferenceMass,
 )
-from analysis.calibration.campaign.mass_check import check_known_mass
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument

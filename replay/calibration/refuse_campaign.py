@@ -6,8 +6,7 @@ from pathlib import Path
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError
-from recordings.calibration.days import find_day_faults
-from recordings.calibration.evidence_machine import machine_faults
+from recordings.calibration.campaign_faults import find_day_faults, machine_faults
 from recordings.calibration.notary_stretch import find_unaccounted_logs, stretch_bytes
 from recordings.notary.notary_check import check_list
 from replay.calibration.campaign_runs import CampaignReplay

@@ -123,8 +123,7 @@ def query_command(
     """Query all results by SQL; the rows are always in the same order."""
     from recordings.report.atomic_output import check_output
     from replay.commands.frame_output import format_of, frame_text, print_frame
-    from replay.fleet.gathered_tables import fleet_results
-    from replay.fleet.query_results import fleet_query
+    from replay.fleet.gathered_tables import fleet_query, fleet_results
 
     chosen = format_of(output_format and output_format.value, output)
     if output is not None:

@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis import Machine, Run
 from analysis.calibration.campaign.by_method import calibrate_methods, calibration_frame, point_rows
-from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.answer import JOINT, Answer, answer
 from analysis.simulation import Scenario

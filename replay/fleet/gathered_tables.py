@@ -10,7 +10,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
@@ -24,6 +24,7 @@ from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.object_store import Store
 from replay.fleet.results_layout import MARK, ResultName, name_of, parquet_bytes
+from replay.frames.select_statement import Tables, query_fault, select_rows
 
 _GATHERED: Final = "gathered"
 #: Hexadecimal digits of a digest that tell sets of results apart.
@@ -187,3 +188,25 @@ def _results_digest(names: Sequence[ResultName]) -> str:
     keys = "\n".join(sorted(name.key for name in names))
     tables = ",".join(TABLES)
     return hashlib.sha256(f"{tables}\n{keys}".encode()).hexdigest()[:_DIGITS]
+
+
+def fleet_tables(results: FleetResults) -> Tables:
+    """The tables of a fleet's results, by name."""
+    return {name: partial(results.scan, name) for name in TABLES}
+
+
+def fleet_query(results: FleetResults, sql: str) -> pl.DataFrame:
+    """Run a query over the tables of a fleet.
+
+    Args:
+        results: of a fleet.
+        sql: one SELECT, as polars reads it.
+
+    Raises:
+        QueryError: no such table or column, or no SELECT.
+    """
+    tables = fleet_tables(results)
+    try:
+        return select_rows(sql, tables, always_ordered=True).collect()
+    except pl.exceptions.PolarsError as error:
+        raise query_fault(error, tables) from None

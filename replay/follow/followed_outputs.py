@@ -21,8 +21,7 @@ from recordings.follow.growing_recording import (
     RecordingEnd,
     read_end,
 )
-from recordings.report.appended_file import AppendedFile
-from recordings.report.atomic_output import refuse_input_as_output
+from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
 from replay.follow.follow_logs import Following
 from replay.follow.report_file import ReportFile, page_text, time_text
 from replay.inputs.channel_inputs import resolve_machine

@@ -15,8 +15,7 @@ from mcap.writer import CompressionType, Writer
 
 from analysis.online.answer_progress import missing_text
 from analysis.online.online_report import OnlineReport, report_schema
-from recordings.report.appended_file import AppendedFile
-from recordings.report.atomic_output import check_output, refuse_input_as_output
+from recordings.report.atomic_output import AppendedFile, check_output, refuse_input_as_output
 
 TOPIC: Final = "/payscope/mass"
 #: The record that says what is followed.

@@ -1,24 +1,33 @@
-"""A topic of one or several logs as batches of rows: chosen columns, of a time range."""
+"""A topic of one or several logs as batches of rows: chosen columns, of a time range.
+
+Opened logs are kept while they do not change: opening reads the index, which takes a while.
+"""
 
 import warnings
+from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
+from threading import Lock
 from typing import Final
 
 import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, PayscopeError, nearest
-from replay.frames.logs import opened_log
 from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range
 from replay.frames.shape import FrameOptions, TopicShape
-from replay.logs import Log, TimeAxis
+from replay.logs import Log, TimeAxis, open_log
 from replay.logs.messages.message_types import LeafField
 
 #: Which log a row is of, where there are several.
 SOURCE: Final = "source"
+#: Each holds a file open and the log times of its messages.
+_MOST_OPEN: Final = 8
+_Key = tuple[str, tuple[tuple[str, int, int], ...], TimeAxis | None]
+_opened: OrderedDict[_Key, Log] = OrderedDict()
+_one_at_a_time: Final = Lock()
 
 
 class LossWarning(UserWarning):
@@ -222,3 +231,34 @@ def _warn(path: Path, losses: Sequence[Loss]) -> None:
     if losses:
         more = f" (and {len(losses) - 1} more)" if len(losses) > 1 else ""
         warnings.warn(f"{path}: {losses[0]}{more}", LossWarning, stacklevel=2)
+
+
+def opened_log(path: Path, time: TimeAxis | None = None) -> Log:
+    """Open a log, or take the one that is open if its files are as they were.
+
+    Args:
+        path: of the log.
+        time: where a table keeps its time.
+
+    Raises:
+        LogError: as `open_log`.
+    """
+    with _one_at_a_time:
+        key = (str(path.absolute()), _state(path), time)
+        log = _opened.pop(key, None)
+        if log is None:
+            log = open_log(path, time=time)
+        _opened[key] = log
+        # one that is still read closes when that is over: nothing else holds it
+        while len(_opened) > _MOST_OPEN:
+            _opened.popitem(last=False)
+        return log
+
+
+def _state(path: Path) -> tuple[tuple[str, int, int], ...]:
+    """Name, size and time of change of a file, or of the files in a directory."""
+    try:
+        files = sorted(path.iterdir()) if path.is_dir() else [path]
+        return tuple((f.name, f.stat().st_size, f.stat().st_mtime_ns) for f in files)
+    except OSError:  # opening it says why
+        return ()

@@ -13,13 +13,11 @@ import polars as pl
 from analysis.model.loss import Loss
 from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
-from replay.fleet.gathered_tables import fleet_results
-from replay.fleet.query_results import fleet_tables
+from replay.fleet.gathered_tables import fleet_results, fleet_tables
 from replay.fleet.results_layout import MARK
-from replay.frames.logs import opened_log
 from replay.frames.scan import lazy_frame, log_paths, topic_source
 from replay.frames.shape import LOG_TIME
-from replay.frames.topic_source import TopicSource
+from replay.frames.topic_source import TopicSource, opened_log
 from replay.logs import TABLE, Log, TimeAxis
 from replay.query.recording_frames import AT_S, RecordingFrame, recording_frames
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.calibration.campaign.method_errors import run_errors
 from analysis.model.answer import Answer, answer
 from analysis.model.machine import LogSection, Machine

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.simulation import Scenario
-from analysis.simulation.logs.shift_limits import check_shift
-from analysis.simulation.trials.trial_limits import check_limits
+from analysis.simulation.trials.trial_limits import check_limits, check_shift
 from estimators.errors import ScenarioError
 from replay.machines.toml_file import read_toml, set_value, toml_value, validate
 

@@ -1,19 +1,21 @@
-"""From a campaign and its readings to the calibration, as it is made and as it is checked."""
+"""From a campaign, what lay on board and its readings to the calibration, made and checked."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Final
 
+import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis.calibration.campaign.campaign_plan import JOINT_ESTIMATORS, CalibrationCampaign
-from analysis.calibration.campaign.reference_masses import references
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions, Point, StatedPart
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.line.unlike_driving import RunResponse
+from analysis.calibration.use.calibration_drift import CheckPoint, DriftCheck, check_against
 from analysis.calibration.use.error_limits import DecisionRule, ErrorLimits, error_limits, limit_kg
 from analysis.model.machine import Body
-from estimators.errors import DataError
+from estimators.errors import CampaignError, DataError
 
 #: How the budget of a calibration calls the factors that a machine file states.
 _SCALES: Final = {
@@ -192,3 +194,80 @@ def unfitted_points(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point,
         )
         for row in rows.to_dicts()
     )
+
+
+def references(
+    campaign: CalibrationCampaign, body: Body
+) -> tuple[pl.DataFrame, NDArray[np.float64]]:
+    """The reference of each load, and how their errors go together.
+
+    Args:
+        campaign: masses and runs.
+        body: the machine; its empty mass is part of a reference unless payload is calibrated.
+
+    Returns:
+        `load_id`, `reference_kg`; and (loads, loads) their covariance, kg²: masses of one source
+        share a part, loads with a mass in common all of it, whole masses the machine's own.
+
+    Raises:
+        CampaignError: the machine file does not know the empty mass, or its uncertainty.
+    """
+    ids = campaign.load_ids
+    count = len(campaign.masses)
+    mass_kg2 = np.zeros((count, count))
+    for i, one in enumerate(campaign.masses):
+        for j, other in enumerate(campaign.masses):
+            if i == j:
+                mass_kg2[i, j] = one.u_kg**2
+            elif one.source and one.source == other.source:
+                mass_kg2[i, j] = one.shared_u_kg * other.shared_u_kg
+    on_board = np.array(
+        [[mass in campaign.on_board(load) for mass in campaign.masses] for load in ids], np.float64
+    ).reshape(len(ids), count)
+    values = np.array([mass.value_kg for mass in campaign.masses])
+    reference_kg = on_board @ values
+    covariance_kg2 = on_board @ mass_kg2 @ on_board.T
+    if campaign.method.estimator != "joint_payload":
+        if body.empty_mass_kg is None or body.empty_mass_u_kg is None:
+            lacks = "empty_mass_kg" if body.empty_mass_kg is None else "empty_mass_u_kg"
+            raise CampaignError(
+                f"neither campaign nor machine file has machine.{lacks}, part of every reference; "
+                'give it, or calibrate payload with method.estimator = "joint_payload"'
+            )
+        reference_kg = reference_kg + body.empty_mass_kg
+        covariance_kg2 = covariance_kg2 + body.empty_mass_u_kg**2
+    frame = pl.DataFrame(
+        {"load_id": list(ids), "reference_kg": reference_kg},
+        schema={"load_id": pl.String, "reference_kg": pl.Float64},
+    )
+    return frame, covariance_kg2
+
+
+def check_known_mass(
+    campaign: CalibrationCampaign,
+    body: Body,
+    readings: pl.DataFrame,
+    calibration: Calibration,
+) -> tuple[CampaignFit, DriftCheck]:
+    """Compare the one load of a campaign with what a calibration makes of it.
+
+    Args:
+        campaign: of one run.
+        body: the machine.
+        readings: frame `readings`.
+        calibration: made before.
+
+    Returns:
+        The calibration with the points of this campaign, and the outcome.
+    """
+    known, covariance_kg2 = references(campaign, body)
+    (point, *_) = unfitted_points(readings, known)
+    drift = check_against(
+        calibration,
+        point.reference_kg,
+        float(covariance_kg2[0, 0]) ** 0.5,
+        CheckPoint(point.mean_kg, None, point.readings),
+    )
+    if drift.mass_kg is not None:
+        point = replace(point, calibrated_kg=drift.mass_kg, error_kg=drift.difference_kg)
+    return CampaignFit(calibration, "", (point,), None), drift

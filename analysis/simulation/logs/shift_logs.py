@@ -10,7 +10,6 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.simulation.drive.shift_drive import BoomAngle, ShiftDriver
-from analysis.simulation.logs.shift_limits import check_shift
 from analysis.simulation.logs.simulated_campaign import SimulatedLog
 from analysis.simulation.motion.solved_motion import Channels
 from analysis.simulation.motion.timeline import DrivenManoeuvre, Hints, Timeline, nanoseconds
@@ -21,6 +20,7 @@ from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.random_streams import generator
 from analysis.simulation.sensors.recorder import phase_s, topics_of
 from analysis.simulation.sensors.sensors import measure
+from analysis.simulation.trials.trial_limits import check_shift
 from estimators.arrays import Floats
 
 #: Sensors look back so far at most.

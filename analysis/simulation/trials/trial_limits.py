@@ -1,6 +1,7 @@
-"""Refuse what cannot be simulated: machines that do not start, do not stop or go too fast."""
+"""Refuse trials and shifts that cannot be driven: no start, no stop, too fast."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -10,6 +11,7 @@ import numpy as np
 from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start, Travel
 from analysis.simulation.scenario.scenario import Scenario
+from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.recorder import rate_hz, topics_of
 from analysis.simulation.trials.arc import arc_phases
 from analysis.simulation.trials.switches import check_switches
@@ -19,6 +21,8 @@ from estimators.errors import ScenarioError
 _TOP_SPEED_M_S: Final = 50.0
 _TOP_YAW_RATE_RAD_S: Final = 10.0
 _LEAST_BRAKING_M_S2: Final = 0.1
+#: What of `[starts]` holds for the starts of a shift too.
+_HABITS: Final = {"throttle_least", "throttle_most", "coulomb_std_N", "stick_share", "stick_hz"}
 
 
 def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
@@ -230,3 +234,46 @@ class _Limits:
             for body in (self.lightest, self.heaviest)
         )
         return moment * abs(self.heaviest.uphill_m_s2)
+
+
+def check_shift(scenario: Scenario, shift: SimulatedShift) -> None:
+    """Refuse a shift that cannot be driven.
+
+    Raises:
+        ScenarioError: the key and its fault.
+    """
+    campaign, machine, rate = scenario.campaign, scenario.machine, shift.turn_rad_s
+    changed = {f"loading.{key}" for key in scenario.loading.model_dump(exclude_defaults=True)}
+    habits = set(scenario.starts.model_dump(exclude_defaults=True)) - _HABITS
+    changed |= {f"starts.{key}" for key in habits}
+    changed |= {"campaign.manoeuvres"} if campaign.manoeuvres else set()
+    if changed:
+        raise ScenarioError(
+            f"{min(changed)}: is for campaigns; leave it out, or the section 'shift'"
+        )
+    if shift.fuel_tank_kg >= machine.mass_kg:
+        raise ScenarioError("shift.fuel_tank_kg: is part of machine.mass_kg; give less")
+    needed_N_m = (
+        machine.friction_z_N_m_s * rate
+        + machine.coulomb_z_N_m
+        + machine.inertia_z_kg_m2 * rate**2 / 2.0
+    )
+    if needed_N_m > scenario.full_drive[1]:
+        raise ScenarioError(
+            f"shift.turn_rad_s: takes up to {needed_N_m:.0f} N·m, more than full throttle gives, "
+            f"{scenario.full_drive[1]:.0f} N·m; turn slower"
+        )
+    both = tuple(
+        Start(direction=direction, throttle=scenario.starts.throttle_least)
+        for direction in ("forward", "reverse")
+    )
+    driven = scenario.model_copy(
+        update={"campaign": campaign.model_copy(update={"manoeuvres": both}), "shift": None}
+    )
+    try:
+        check_limits(driven, [0.0, shift.load_most_kg])
+    except ScenarioError as fault:
+        named = re.sub(
+            r"campaign\.manoeuvres\.\d+(\.start_s)?", "starts.throttle_least", str(fault)
+        )
+        raise ScenarioError(named) from None

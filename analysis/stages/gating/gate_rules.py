@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from analysis.model.axes import Axis, X
 from analysis.model.schema import PHASES
 from analysis.model.settings import GateSettings
-from analysis.stages.motion.labels import first_index
-from analysis.stages.motion.phases import TURNS
+from analysis.stages.motion.phases import TURNS, first_index
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.ls import WindowStatistics
 from estimators.numerics.mutual_information import gaussian_information, information_index

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import FleetError, QueryError
-from replay.fleet.gathered_tables import fleet_results
-from replay.fleet.query_results import fleet_query
+from replay.fleet.gathered_tables import fleet_query, fleet_results
 from replay.query.run_query import query
 from tests.one_line import assert_one_line
 

@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from analysis.calibration.campaign.campaign_trials import run_estimates
+from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.model.run_record import Provenance, Run
 
 T0 = 1_700_000_000_000_000_000

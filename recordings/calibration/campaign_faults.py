@@ -1,4 +1,4 @@
-"""The days of a campaign against the times of its logs and the time when evidence was made."""
+"""A campaign against its logs, its machine file and the day when evidence was made: its faults."""
 
 import datetime as dt
 from collections.abc import Iterator, Sequence
@@ -6,6 +6,7 @@ from typing import Final
 from zoneinfo import ZoneInfo
 
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
+from analysis.model.machine import Machine
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 
 #: How far the clocks of two computers may be apart.
@@ -73,3 +74,27 @@ def _stretch(
     from_s = min(run.from_s or 0.0, log.duration_s)
     to_s = log.duration_s if run.to_s is None else min(run.to_s, log.duration_s)
     return begin + dt.timedelta(seconds=from_s), begin + dt.timedelta(seconds=max(from_s, to_s))
+
+
+def machine_faults(wanted: str, machine: Machine, logs: Sequence[EvidenceLog]) -> Iterator[str]:
+    """Yield what contradicts that a campaign is of one machine, a sentence each.
+
+    Args:
+        wanted: the serial number of the campaign.
+        machine: its machine file.
+        logs: what their replay gave.
+    """
+    named = machine.machine.id
+    if named not in (None, wanted):
+        yield f"the machine file is of machine '{named}', and the campaign of '{wanted}'"
+    for log in logs:
+        if log.machine_id not in ("", wanted):
+            yield (
+                f"{log.log}: its metadata say that it is of machine '{log.machine_id}', and the "
+                f"campaign is of '{wanted}'"
+            )
+
+
+def logs_without_machine(logs: Sequence[EvidenceLog]) -> list[str]:
+    """The logs that do not say which machine recorded them."""
+    return [log.log for log in logs if not log.machine_id]
