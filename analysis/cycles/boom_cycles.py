@@ -51,9 +51,14 @@ def add_boom_cycles(
     """
     seen = find_boom_dumps(aligned, excitation)
     times = np.array([part.dumped_ns for part in parts if part.dumped_ns is not None], np.int64)
-    agree = [each.is_near(times, LIMITS.dump_match_ns) for each in seen.dumps]
     told = any(part.loaded is not None for part in parts)
-    contradicts = told and seen.tells and float(np.mean(agree)) < LIMITS.dump_match_fraction
+    # no mass can change where none is known on either side: before the first pass, after the last
+    agree = [
+        each.is_near(times, LIMITS.dump_match_ns)
+        for each in seen.dumps
+        if told and found.end_ns[0] <= each.end_ns and each.start_ns <= found.start_ns[-1]
+    ]
+    contradicts = bool(agree) and float(np.mean(agree)) < LIMITS.dump_match_fraction
     if contradicts or not told:
         return _boom_cycle_parts(seen, digs) or parts, contradicts
     # sooner after a dump than half a cycle the machine is empty

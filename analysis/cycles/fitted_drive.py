@@ -9,8 +9,6 @@ import polars as pl
 
 from analysis.cycles.energy_integrals import (
     EnergySamples,
-    Floats,
-    Ints,
     MotionErrors,
     PhaseIntegrals,
     PhaseSpan,
@@ -29,6 +27,7 @@ from analysis.cycles.energy_terms import (
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.weighing.load_states import means_by_state
+from estimators.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)

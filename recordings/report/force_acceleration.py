@@ -122,10 +122,21 @@ def _select_points(run: Run) -> pl.DataFrame | None:
     if gate is None or gate.height != excitation.height or "accepted_x" not in gate.columns:
         points = points.with_columns(used=pl.lit(value=False), reason=pl.lit("not judged"))
     else:
-        window = run.provenance.settings.gate.window_samples
-        used = samples_of(gate["accepted_x"].fill_null(value=False).to_numpy(), window)
+        used = samples_of(
+            gate["accepted_x"].fill_null(value=False).to_numpy(), _window_rows(run, gate)
+        )
         points = points.with_columns(pl.Series("used", used), gate["reason_x"].alias("reason"))
     return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
+
+
+def _window_rows(run: Run, gate: pl.DataFrame) -> int:
+    """Rows of a window: a review keeps one row of many."""
+    settings = run.provenance.settings
+    step_ns = gate["t_ns"].diff().median()
+    if not isinstance(step_ns, float) or step_ns <= 0.0:
+        return settings.gate.window_samples
+    window_ns = 1e9 * settings.gate.window_samples / settings.align.rate_hz
+    return max(round(window_ns / step_ns), 1)
 
 
 def _fitted_loads(run: Run, at_s: float | None) -> list[dict[str, Any]]:

@@ -56,6 +56,17 @@ def test_a_boom_that_dumps_elsewhere_than_the_masses_withholds_them() -> None:
     assert "boom" in table["withheld_for"][0]
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_last_dump_after_which_nothing_is_weighed_contradicts_no_mass(count: int) -> None:
+    frames = drawn_shift(LOADS[:count], boom=True)
+    masses = frames["manoeuvres"].head(-1)
+    loads = frames["loads"].head(masses["load_id"].n_unique())
+    table = found(frames | {"manoeuvres": masses, "loads": loads})
+    assert table["payload_kg"].to_list()[:-1] == pytest.approx(LOADS[: count - 1])
+    assert table["counted"].to_list()[:-1] == [True] * (count - 1)
+    assert table["withheld_for"][-1] == "the recording ends before it is dumped"
+
+
 def masses_that_follow_the_direction() -> dict[str, pl.DataFrame]:
     """Every other start is loaded by its mass, though the bucket is filled in every fourth."""
     frames = drawn_shift([700.0] * 8)
