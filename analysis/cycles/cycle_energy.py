@@ -103,7 +103,7 @@ def shift_energy(
         frames: of the run: aligned, excitation, digging, cycles, manoeuvres, loads, nuisances,
             budget.
         machine: as it was replayed.
-        holes_ns: see `lost_cycles.holes`.
+        holes_ns: see `cycles_without_mass.holes`.
 
     Returns:
         Its rows; none where no mass or no cycle was found.

@@ -12,6 +12,7 @@ from analysis.cycles.energy_integrals import (
     MotionErrors,
     PhaseIntegrals,
     PhaseSpan,
+    centred_mean,
     drive_as_it_acts,
     energy_samples,
     integrate_phases,
@@ -39,6 +40,7 @@ class FittedDrive:
         move_rows: by which the ends of those stretches are uncertain.
         mass_kg: (n,) of machine and load.
         rotating_kg: equivalent mass of what rotates.
+        ground_N: (n,) force between tyres and ground where the machine does not dig.
         model: of the force, and its standard uncertainties.
         errors: of force and motion, and their standard uncertainties.
         coulomb_N: standard deviation of Coulomb friction that the fit has no term for.
@@ -49,6 +51,7 @@ class FittedDrive:
     move_rows: int
     mass_kg: Floats
     rotating_kg: float
+    ground_N: Floats
     model: ForceModel
     model_u: ForceModel
     errors: MotionErrors
@@ -58,17 +61,24 @@ class FittedDrive:
 
     def integrate(self, spans: list[PhaseSpan]) -> PhaseIntegrals:
         """The integrals over each phase."""
-        ground_N = _ground_force(self.samples, self.mass_kg, self.model)
         return integrate_phases(
-            self.samples, spans, self.mass_kg, self.rotating_kg, self.errors, ground_N
+            self.samples, spans, self.mass_kg, self.rotating_kg, self.errors, self.ground_N
         )
 
 
-def _ground_force(samples: EnergySamples, mass_kg: Floats, model: ForceModel) -> Floats:
-    """(n,) what accelerates the masses against friction, brakes included, in N."""
-    v, way = samples.speed_m_s, np.sign(samples.speed_m_s)
-    resisted = model.viscous * v + model.direction * way + model.quadratic * v * np.abs(v)
-    return mass_kg * samples.acceleration_m_s2 + model.acting + resisted
+def _ground_force(
+    excitation: pl.DataFrame, machine: Machine, mass_kg: Floats, model: ForceModel
+) -> Floats:
+    """(n,) what accelerates the masses against friction, brakes included, in N.
+
+    Of the moving mean: slip is a share of the speed, and the vibration of an accelerometer in both
+    would add up to a work.
+    """
+    v, a = (
+        centred_mean(excitation, name, machine) for name in ("speed_x_m_s", "regressor_acc_x_m_s2")
+    )
+    resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
+    return mass_kg * a + model.acting + resisted
 
 
 def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDrive:
@@ -88,6 +98,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
         max(late_rows(machine), 1),
         mass_kg,
         machine.machine.rotating_mass_kg,
+        _ground_force(frames["excitation"], machine, mass_kg, model),
         model,
         model_u,
         errors,
