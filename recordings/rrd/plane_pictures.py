@@ -227,10 +227,12 @@ def _calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
         points = evidence.rename({"mean_kg": "estimate_kg"}).join(
             line.select("alpha_1", "beta_kg"), how="cross"
         )
-        yield "a run", colours.line(0), points.drop_nulls("estimate_kg")
-        return
-    points = run.frames.get("calibration", pl.DataFrame())
-    if points.is_empty():
-        return
-    for (method,), group in points.group_by("method", maintain_order=True):
-        yield str(method), colours.method(str(method)), group.drop_nulls("estimate_kg")
+        groups = [("a run", colours.line(0), points)]
+    else:
+        points = run.frames.get("calibration", pl.DataFrame({"method": [], "estimate_kg": []}))
+        by_method = points.group_by("method", maintain_order=True)
+        groups = [(str(name), colours.method(str(name)), group) for (name,), group in by_method]
+    for name, colour, group in groups:
+        estimated = group.drop_nulls("estimate_kg")
+        if estimated.height:
+            yield name, colour, estimated

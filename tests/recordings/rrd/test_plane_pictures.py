@@ -41,6 +41,17 @@ def test_a_line_is_what_the_calibration_adds_to_each_estimate(drives) -> None:
         assert line.y + line.x == pytest.approx(alpha * line.x + beta)
 
 
+def test_a_method_without_an_estimate_is_in_no_picture(drives) -> None:
+    run = drives(60.0)
+    silent = METHODS[0]
+    without = run.frames["calibration"].with_columns(
+        pl.when(pl.col("method") != silent).then("estimate_kg").alias("estimate_kg")
+    )
+    pictures = plane_pictures(Run({**run.frames, "calibration": without}))
+    for name in ("line", "errors"):
+        assert silent not in [each.label for each in pictures[name].series]
+
+
 def test_errors_of_one_load_stand_beside_each_other_by_method(drives) -> None:
     picture = plane_pictures(drives(60.0))["errors"]
     places = [each.x[0] for each in picture.series if each.label in METHODS]
