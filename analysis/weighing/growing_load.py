@@ -18,6 +18,7 @@ from scipy.optimize import nnls
 from scipy.special import ndtri
 
 from analysis.model.settings import PriorSettings
+from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.weighing.fit_columns import FitRows, average_columns, mean_stride
 from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit, term_index
@@ -28,8 +29,6 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.numerics.autocorrelation import student_factor
 from estimators.numerics.fit_loss import group_ids, group_rows
 
-#: A standard deviation over the median distance from the median, of normal numbers.
-_OF_MEDIAN: Final = 1.4826
 #: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
 #: share of it and in the constant by such a share of the largest force (one standard deviation).
 _OWN: Final = 3
@@ -143,7 +142,7 @@ def find_growing_loads(
         # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
         most = (
             LIMITS.row_clip_std
-            * _OF_MEDIAN
+            * STD_OF_MAD
             * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
         )
         left[part] = left[part].clip(-most, most)
@@ -164,7 +163,7 @@ def find_growing_loads(
         return ()
     kg, square = slopes.T
     kg = kg - np.median(kg)
-    apart = _OF_MEDIAN * float(np.median(np.abs(kg)))
+    apart = STD_OF_MAD * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(ndtri(LIMITS.growth_false_alarm_probability / 2.0 / kg.size)) * student_factor(
         kg.size - 1

@@ -120,14 +120,15 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
-    samples = best.mean_samples
     chosen = _fit_whole(of, whole, best)
+    share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
     transient = rows_in(LIMITS.transient_mean_s, motion.rate_hz)
-    if several and chosen.fit.misfit_ratio > LIMITS.max_misfit_ratio and transient > samples:
+    misfit = chosen.fit.misfit_ratio
+    if several and misfit > LIMITS.max_misfit_ratio and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
         longer = _fit_whole(of, whole, replace(best, mean_samples=transient))
-        chosen = min(chosen, longer, key=lambda each: each.fit.misfit_ratio)
-    share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
+        if longer.fit.misfit_ratio < misfit:
+            share, chosen = _averaging_share([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
 
 

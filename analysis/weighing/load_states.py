@@ -54,7 +54,7 @@ class LoadStates:
             is nothing to compare.
         single_probability: how probable it is that there is one state.
         other: the other reading, where the log cannot tell; else None.
-        comes_back: whether a load is there again after another: an empty machine, say.
+        load_returns: whether a load is there again after another: an empty machine, say.
     """
 
     unit: Ints
@@ -196,9 +196,10 @@ def places(motion: MotionSamples) -> Ints:
     spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
     kind = np.array([_change_kind(motion, *span) for span in spans], np.int64)
     # a bucket is in front: it is filled and emptied where the machine arrives, and then backs out
-    forwards = motion.direction[used[first]] > 0.0
-    backs_out = (kind == 1) & forwards[:-1] & ~forwards[1:]
-    return np.where(backs_out & ~(kind >= HINTED).any(), TURNED, kind)
+    arrives, leaves = motion.direction[used[last[:-1]]], motion.direction[used[first[1:]]]
+    backs_out = (kind == 1) & (arrives > 0.0) & (leaves < 0.0)
+    seen = np.isin(kind, (HINTED, FILLED)).any()
+    return np.where(backs_out & ~seen, TURNED, kind)
 
 
 def _change_kind(motion: MotionSamples, end: int, begin: int, since: int, until: int) -> int:

@@ -23,12 +23,13 @@ class Moments:
         acceleration: in m/s².
         wheel_acceleration: derivative of the wheels' speed where it multiplies the mass; else 0.
         speed: in m/s.
-        rolled_share: of the speed that is the ground's, by the slip that the wheels are known to
-            have.
+        rolling_fraction: of the speed that is the ground's, by the slip that the wheels are known
+            to have.
         force: that acts on the ground, in N, in time.
         force_rate: derivative of the measured force where it is more than noise, in N/s.
         direction: of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
+        under_way_s: since each stretch began.
         relative_load: of the machine with its load over the reference mass, less 1.
         load_contrast: the same over its root mean square: about -1 without a load, 1 with one.
         place_1: where it is on its path, from -1/2 to 1/2.

@@ -215,7 +215,7 @@ def _weigh_with_priors(
     if not settings.gate.exclude_braking:
         driving = _exclude_manoeuvres(motion(braking=False), excluded)
         if _has_enough_samples(driving):
-            fitted = JointFitInputs.of(driving, columns, priors)
+            fitted = JointFitInputs.of(driving, columns, priors, fit)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
             beyond = max(alone.prior_distances.values()) > settings.verdict.beyond_prior_max

@@ -11,10 +11,10 @@ STATE_U_KG = 24.0
 NO_DIGGING = pl.DataFrame(schema={"start_t_ns": pl.Int64, "end_t_ns": pl.Int64})
 
 
-def classified(payload_kg: float, seed: int) -> np.ndarray | None:
+def classified(payload_kg: float, seed: int, scatter_kg: float) -> np.ndarray | None:
     """Of one manoeuvre a state, every second one with a load."""
     loads = payload_kg * (np.arange(STATES) % 2)
-    mass_kg = 1670.0 + loads + np.random.default_rng(seed).normal(0.0, STATE_U_KG / 3.0, STATES)
+    mass_kg = 1670.0 + loads + np.random.default_rng(seed).normal(0.0, scatter_kg, STATES)
     begin = np.arange(STATES) * 10**10
     times_ns = (begin, begin + 5 * 10**9)
     return loaded_states(
@@ -25,11 +25,11 @@ def classified(payload_kg: float, seed: int) -> np.ndarray | None:
 @pytest.mark.parametrize("seed", range(5))
 def test_small_loads_that_take_turns_are_told_by_that(seed: int) -> None:
     """Loads of 3.75 standard uncertainties of a state: too few for a border between masses."""
-    loaded = classified(3.75 * STATE_U_KG, seed)
+    loaded = classified(3.75 * STATE_U_KG, seed, STATE_U_KG / 2.0)
     assert loaded is not None
     assert (loaded == (np.arange(STATES) % 2 == 1)).all()
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_masses_that_differ_by_chance_are_not_told(seed: int) -> None:
-    assert classified(0.0, seed) is None
+    assert classified(0.0, seed, STATE_U_KG) is None

@@ -1,11 +1,13 @@
 """A manoeuvre too short to tell a mass goes with the one whose load it carries."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.weighing.load_states import places, stretch_units
 from analysis.weighing.motion_samples import MotionSamples
-from estimators.joint.group_effects import FILLED, HINTED
+from estimators.joint.group_effects import FILLED, HINTED, TURNED
 
 #: Samples of a manoeuvre, of one too short to tell a mass, and of the stand between.
 LONG, SHORT, STAND = 200, 20, 100
@@ -66,3 +68,23 @@ def test_digging_between_manoeuvres_is_a_filling_and_a_boom_a_hint() -> None:
     assert places(manoeuvres([0.8, 0.8], [False, True])).tolist() == [FILLED]
     assert places(manoeuvres([0.8, 0.0], [False, False])).tolist() == [HINTED]
     assert places(manoeuvres([0.0, 0.0], [False, False])).tolist() == [1]
+
+
+@pytest.mark.parametrize(
+    ("directions", "boom_rad", "kind"),
+    [
+        # the short manoeuvre goes with the first: what counts is how the machine arrives and leaves
+        ((1.0, 1.0, -1.0), 0.0, TURNED),
+        ((-1.0, 1.0, -1.0), 0.0, TURNED),
+        ((1.0, -1.0, -1.0), 0.0, 1),
+        ((-1.0, -1.0, 1.0), 0.0, 1),
+        # a boom tells better
+        ((1.0, 1.0, -1.0), 0.8, HINTED),
+    ],
+)
+def test_backing_out_of_where_it_arrived_is_a_hint_where_no_boom_is(
+    directions: tuple[float, float, float], boom_rad: float, kind: int
+) -> None:
+    motion = manoeuvres([0.0, boom_rad], [False, False])
+    motion = replace(motion, direction=np.array(directions)[motion.unit])
+    assert places(motion).tolist() == [kind]
