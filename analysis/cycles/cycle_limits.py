@@ -55,9 +55,12 @@ class CycleLimits:
     #: Fewest loads that have a usual size.
     unlike_load_min_loads: int = 8
 
-    # cycle_motion
-    #: Longest time that a sample stands for, in s: a longer step is a hole.
-    longest_sample_s: float = 1.0
+    # cycle_energy
+    #: Longest hole in a cycle, in s, beyond which its energy is not known: a drive that pushes for
+    #: so long takes about 1 % of the work of a cycle of 100 s, half of its interval.
+    energy_hole_s: float = 0.5
+    #: Fewest cycles that show how their friction scatters.
+    energy_min_cycles: int = 4
 
     # cycle_parts
     #: Time without a sample in s in which a load may have been dumped.
@@ -86,24 +89,10 @@ class CycleLimits:
     rhythm_min_dumps: int = 6
     #: Fraction of the counted cycles with digging from which digging is a witness.
     digging_witness_fraction: float = 0.5
-
-    # energy_integrals
-    #: Smallest smoothed force along the speed that drives, as a fraction of the largest: coasting
-    #: has none but noise.
-    min_drive_force_fraction: float = 0.05
-
-    # cycle_energy
-    #: Longest hole in a cycle, in s, beyond which its energy is not known: a drive that pushes for
-    #: so long takes about 1 % of the work of a cycle of 100 s, half of its interval.
-    energy_hole_s: float = 0.5
-    #: Fewest cycles that show how their friction scatters.
-    energy_min_cycles: int = 4
-
-    # energy_terms
-    #: Fewest stands that show the offset of the force,
-    offset_min_stands: int = 12
-    #: and combined standard uncertainties from which it contradicts the fit's.
-    offset_contradiction_u: float = 3.0
+    #: Fewest dumps that have a period.
+    period_min_dumps: int = 3
+    #: Period over the middling one from which it has idling in it.
+    idle_period_ratio: float = 2.5
 
     # empty_machine
     #: Quantile of the empty passes that is the clean bucket: the least of many is the noisiest.
@@ -114,30 +103,35 @@ class CycleLimits:
     #: left that are spread evenly from nothing on, a tenth percentile has 0.2, of an exponential
     #: tail 0.1.
     clean_bucket_u: float = 0.25
+    #: Fewest starts on either side of a border.
+    side_min_starts: int = 4
+    #: Quantile of the starts of a side that is its empty machine,
+    empty_start_quantile: float = 0.2
+    #: if this quantile,
+    loaded_start_quantile: float = 0.8
+    #: is heavier by this fraction: of a side that is loaded throughout none is.
+    loaded_start_excess: float = 0.08
+    #: Relative difference of two machines' empty masses,
+    empty_mass_jump: float = 0.15
+    #: and in standard uncertainties.
+    empty_mass_jump_u: float = 4.0
 
-    # empty_or_loaded
-    #: Distance of the means of loaded and empty, in standard deviations of a state,
-    class_distance_std: float = 4.0
-    #: and of means that digging separates, in their own.
-    digging_class_distance_std: float = 3.0
-    #: Fraction of the states that are heavier than both neighbours or lighter, by which loaded and
-    #: empty take turns: of masses that differ by chance two thirds are.
-    alternating_min_fraction: float = 0.9
-    #: Standard deviations from which a state that is lighter after digging has not dug.
-    not_dug_std: float = 3.0
-    #: Smallest spread of empty passes, as a fraction of a load: what is carried back has a long
-    #: tail,
-    min_empty_spread: float = 0.05
-    #: and of loaded passes, likewise.
-    min_loaded_spread: float = 0.1
-    #: Fewest states that have a spread of their own.
-    own_spread_min_states: int = 4
+    # energy_integrals
+    #: Longest time that a sample stands for, in s: a longer step is a hole.
+    longest_sample_s: float = 1.0
+    #: Smallest smoothed force along the speed that drives, as a fraction of the largest: coasting
+    #: has none but noise.
+    min_drive_force_fraction: float = 0.05
 
-    # friction_limit
-    #: Fewest shifts that have a trend: a line through three has one degree of freedom.
-    friction_min_days: int = 4
+    # energy_terms
+    #: Fewest stands that show the offset of the force,
+    offset_min_stands: int = 12
+    #: and combined standard uncertainties from which it contradicts the fit's.
+    offset_contradiction_u: float = 3.0
 
     # friction_trend
+    #: Fewest shifts that have a trend: a line through three has one degree of freedom.
+    friction_min_days: int = 4
     #: Usual number of parts of a shift.
     friction_parts: int = 8
     #: Shortest part, in s,
@@ -152,6 +146,22 @@ class CycleLimits:
     min_acceleration_square: float = 1e-12
 
     # load_passes
+    #: Distance of the means of loaded and empty, in standard deviations of a state,
+    class_distance_std: float = 4.0
+    #: and of means of classes that digging or taking turns separates, in their own.
+    digging_class_distance_std: float = 3.0
+    #: Fraction of the states that are heavier than both neighbours or lighter, by which loaded and
+    #: empty take turns: of masses that are independent two thirds are.
+    alternating_min_fraction: float = 0.9
+    #: Standard deviations from which a state that is lighter after digging has not dug.
+    not_dug_std: float = 3.0
+    #: Smallest spread of empty passes, as a fraction of a load: what is carried back has a long
+    #: tail,
+    min_empty_spread: float = 0.05
+    #: and of loaded passes, likewise.
+    min_loaded_spread: float = 0.1
+    #: Fewest states that have a spread of their own.
+    own_spread_min_states: int = 4
     #: Standard deviations by which a load's last state is lighter if it is spilled on the way.
     spilled_load_std: float = 3.0
     #: Fraction of loads with digging from which digging shows fillings.
@@ -162,26 +172,6 @@ class CycleLimits:
     one_filling_ns: int = 25 * 10**9
     #: and as a fraction of the time from digging to digging over an empty pass; the shorter holds.
     one_filling_cycles: float = 0.5
-
-    # lost_cycles
-    #: Fewest dumps that have a period.
-    period_min_dumps: int = 3
-    #: Period over the middling one from which it has idling in it.
-    idle_period_ratio: float = 2.5
-
-    # mixed_machines
-    #: Fewest starts on either side of a border.
-    side_min_starts: int = 4
-    #: Quantile of the starts of a side that is its empty machine,
-    empty_start_quantile: float = 0.2
-    #: if this quantile,
-    loaded_start_quantile: float = 0.8
-    #: is heavier by this fraction: of a side that is loaded throughout none is.
-    loaded_start_excess: float = 0.08
-    #: Relative difference of two machines' empty masses,
-    empty_mass_jump: float = 0.15
-    #: and in standard uncertainties.
-    empty_mass_jump_u: float = 4.0
 
     # payload_target
     #: Largest fraction of loads above 110 % of the target; the mean is at most the target, no load

@@ -306,7 +306,7 @@ def summarise_cycle_motion(
     Args:
         cycles: the frame.
         excitation: times, phases and speed.
-        holes_ns: see `lost_cycles.holes`.
+        holes_ns: see `cycles_without_mass.holes`.
     """
     samples = _DriveSamples.of(excitation)
     found: list[CycleMotion] = []

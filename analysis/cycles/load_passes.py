@@ -271,7 +271,7 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     """(states,) whether each is loaded: the side of a border between the two classes.
 
     Loads that are less than a state's deviation have no such border: what was dug tells then, or
-    that every state is heavier than both its neighbours or lighter.
+    that nearly every state is heavier than both its neighbours or lighter.
     """
     if mass_kg.size < 2:
         return None

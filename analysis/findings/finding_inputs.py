@@ -133,7 +133,7 @@ class FindingInputs:
     def is_moving_at(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
         t = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
-        return ~self.stands[np.minimum(places_text(t, unix_ns), t.size - 1)]
+        return ~self.stands[np.minimum(places_of_stamps(t, unix_ns), t.size - 1)]
 
     def newtons_per_unit(self, channel: str) -> float:
         """The longitudinal force in N that one of a force channel stands for (17)."""
@@ -196,7 +196,7 @@ class FindingInputs:
 
 
 @compiled_ahead
-def places_text(t: Ints, stamps: Ints) -> Ints:
+def places_of_stamps(t: Ints, stamps: Ints) -> Ints:
     """Where stamps, (n,), stand among ascending ones: `searchsorted` of stamps mostly in order."""
     out = np.empty(stamps.size, np.int64)
     at = 0
