@@ -124,7 +124,8 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
     transient = rows_in(LIMITS.transient_mean_s, motion.rate_hz)
     misfit = chosen.fit.misfit_ratio
-    if several and misfit > LIMITS.max_misfit_ratio and transient > best.mean_samples:
+    swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
+    if swings and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
         longer = _fit_whole(of, whole, replace(best, mean_samples=transient))
         if longer.fit.misfit_ratio < misfit:

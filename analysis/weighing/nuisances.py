@@ -235,6 +235,8 @@ def _warming_term(name: str) -> Nuisance:
         "a machine that is warm",
         by_speed=lambda m: shape.share(m.progress),
         applies=lambda e: e.manoeuvres > shape.degree,
+        # one load for all starts takes too little of a cubic to be told from it
+        by_load=shape.degree > 2,
     )
 
 

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
-from benchmarks.independent.sensors import Readings
-from estimators.arrays import Ints
+from benchmarks.independent.sensors import Ints, Readings
 
 Bytes = NDArray[np.uint8]
 

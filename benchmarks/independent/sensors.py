@@ -3,11 +3,14 @@
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from benchmarks.independent.machine import GRAVITY_M_S2
 from benchmarks.independent.plant import STEP_S, Motion
-from estimators.arrays import Floats, Ints
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Unix time of the first log, ns: nothing depends on it.
 EPOCH_NS: Final = 1_790_000_000 * 10**9

@@ -13,7 +13,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks.independent.machine import GRAVITY_M_S2
-from estimators.arrays import Floats
+
+Floats = NDArray[np.float64]
 
 #: One step of the plant.
 STEP_S: Final = 0.001
