@@ -103,7 +103,7 @@ def energy_samples(
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
     smooth_N, smooth_m_s = (
-        centred_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
+        _centred_mean(excitation, name, machine) for name in ("force_x_N", "speed_x_m_s")
     )
     turning = np.where(known, _turning_power(aligned, machine.machine), 0.0)
     stands, turns = (
@@ -173,9 +173,7 @@ def without_brakes(
         viscous_N_s_m: friction by the joint fit.
         coulomb_N: likewise.
     """
-    speed, acceleration = (
-        centred_mean(excitation, name, machine) for name in ("speed_x_m_s", "regressor_acc_x_m_s2")
-    )
+    speed, acceleration = centred_motion(excitation, machine)
     along = mass_kg * acceleration * np.sign(speed) + viscous_N_s_m * np.abs(speed) + coulomb_N
     spins = _in_phase(excitation, "spinning", machine, unknown=False)
     braked = samples.drives & ~samples.digs & ~spins & (along < 0.0)
@@ -200,7 +198,14 @@ def move_drive(samples: EnergySamples, rows: int) -> EnergySamples:
     return replace(samples, drives=drives, digs=digs, slows=slows)
 
 
-def centred_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
+def centred_motion(excitation: pl.DataFrame, machine: Machine) -> tuple[Floats, Floats]:
+    """Speed, and acceleration that multiplies the mass, of the centred moving mean: (n,) each."""
+    names = ("speed_x_m_s", "regressor_acc_x_m_s2")
+    speed, acceleration = (_centred_mean(excitation, name, machine) for name in names)
+    return speed, acceleration
+
+
+def _centred_mean(excitation: pl.DataFrame, name: str, machine: Machine) -> Floats:
     """A column after the trailing mean, moved back by half its length, (n,); 0 where unknown."""
     return np.roll(np.nan_to_num(values(excitation, name)), -late_rows(machine))
 

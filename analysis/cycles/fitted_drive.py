@@ -12,7 +12,7 @@ from analysis.cycles.energy_integrals import (
     MotionErrors,
     PhaseIntegrals,
     PhaseSpan,
-    centred_mean,
+    centred_motion,
     drive_as_it_acts,
     energy_samples,
     integrate_phases,
@@ -74,9 +74,7 @@ def _ground_force(
     Of the moving mean: slip is a share of the speed, and the vibration of an accelerometer in both
     would add up to a work.
     """
-    v, a = (
-        centred_mean(excitation, name, machine) for name in ("speed_x_m_s", "regressor_acc_x_m_s2")
-    )
+    v, a = centred_motion(excitation, machine)
     resisted = model.viscous * v + model.direction * np.sign(v) + model.quadratic * v * np.abs(v)
     return mass_kg * a + model.acting + resisted
 

@@ -120,27 +120,32 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     best = next(
         found for found in telling if not found.u_kg > LIMITS.near_best_std_ratio * least_kg
     )
-    chosen = _fit_whole(of, whole, best)
+    whole = _take_slip_on_ground(of, whole, best)
+    chosen = _fit_whole(whole, best.mean_samples)
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
     transient = rows_in(LIMITS.transient_mean_s, motion.rate_hz)
     misfit = chosen.fit.misfit_ratio
     swings = several and motion.by_accelerometer and misfit > LIMITS.max_misfit_ratio
     if swings and transient > best.mean_samples:
         # what all starts have in common and no term describes averages out over a longer mean
-        longer = _fit_whole(of, whole, replace(best, mean_samples=transient))
+        longer = _fit_whole(whole, transient)
         if longer.fit.misfit_ratio < misfit:
             share, chosen = _averaging_share([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
 
 
-def _fit_whole(of: JointFitInputs, whole: FitTask, pilot: JointFit) -> JointFit:
-    """Fit all stretches with the mean, the lag and the load transfer of a first fit."""
-    samples = pilot.mean_samples
-    if abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m:
-        # slip is of the force on the ground at that moment
-        in_time = of.motion.shift_force(pilot.lag_s)
-        acting = replace(in_time, force=pilot.found.ground_force(in_time))
-        whole = replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
+def _take_slip_on_ground(of: JointFitInputs, whole: FitTask, pilot: JointFit) -> FitTask:
+    """Compare the wheels again by the lag and the load transfer of a first fit, if it has any."""
+    if not (abs(pilot.lag_s) > LIMITS.short_lag_s or pilot.found.transfer_s2_m):
+        return whole
+    # slip is of the force on the ground at that moment
+    in_time = of.motion.shift_force(pilot.lag_s)
+    acting = replace(in_time, force=pilot.found.ground_force(in_time))
+    return replace(whole, wheels=_wheel_kinematics(acting, of.noise, of.priors))
+
+
+def _fit_whole(whole: FitTask, samples: int) -> JointFit:
+    """Fit all stretches, the force moved back by its lag or taken as low-passed."""
     moved = whole.fit_means(samples, LIMITS.lag_rounds)
     if abs(moved.lag_s) < LIMITS.short_lag_s:
         return moved
