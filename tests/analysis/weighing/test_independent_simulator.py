@@ -42,7 +42,7 @@ def replay_shift(log: ShiftLog, folder: Path) -> Run:
     ("seed", "share", "habits"),
     [
         # each load is tipped out over a metre or two: a third of the tonnes, 11 U off
-        (95013, 0.4, {"creeps to dump"}),
+        pytest.param(95013, 0.4, {"creeps to dump"}, marks=pytest.mark.slow),
         # an edge between two grounds hid every load where only turning tells of them
         (95025, 0.3, {"no boom", "no digging", "reverses out"}),
     ],

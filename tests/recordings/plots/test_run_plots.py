@@ -245,7 +245,8 @@ def test_a_run_without_a_calibration_has_no_third_part(drives):
 def test_every_figure_draws_every_kind_of_run(drives, tmp_path: Path, figure: str, options: dict):
     run = drives(**{"duration_s": 60.0, **options})
     plot_run(run, tmp_path / "whole.png", figure=figure)
-    plot_run(run, tmp_path / "moment.png", figure=figure, at_s=30.0)
+    if not options:  # a moment's marks are the same on each
+        plot_run(run, tmp_path / "moment.png", figure=figure, at_s=30.0)
 
 
 @pytest.mark.parametrize("figure", FIGURES)
