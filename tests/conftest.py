@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.processor_times import ProcessorTimes
+
 REPO = Path(__file__).resolve().parent.parent
 BEGAN = pytest.StashKey[float]()
 # a machine that is busy is slow, and no test is about time; what failed fails again
@@ -17,10 +19,15 @@ settings.load_profile("payscope")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--seconds", type=float, help="skip the tests that are left after so long")
+    parser.addoption(
+        "--processor-times", action="store_true", help="list what takes most of the processor"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[BEGAN] = time.monotonic()
+    if config.getoption("--processor-times"):
+        config.pluginmanager.register(ProcessorTimes())
     # the keyring of whoever runs the tests vouches for nothing in them
     os.environ["PAYSCOPE_KEYRING"] = str(REPO / "no-such-folder" / "keys.toml")
 
