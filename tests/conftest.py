@@ -63,6 +63,12 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip(f"the {seconds:g} s are over; make test runs it")
 
 
+@pytest.fixture
+def small_viewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what the viewer draws in software each pixel takes its time."""
+    monkeypatch.setattr("recordings.rrd.viewer._WINDOW", "800x500")
+
+
 @pytest.fixture(scope="session")
 def own_data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs of our own making, laid out like those of others."""

@@ -27,7 +27,7 @@ def pages(drives) -> dict[float, Figure]:
 
 @pytest.mark.parametrize("suffix", SIGNATURES)
 def test_the_suffix_says_the_format(drives, tmp_path: Path, suffix: str):
-    path = plot_run(drives(60.0), tmp_path / f"page{suffix}")
+    path = plot_run(drives(60.0), tmp_path / f"loads{suffix}", figure="loads")
     assert path.read_bytes().startswith(SIGNATURES[suffix])
     assert list(tmp_path.iterdir()) == [path]
 
@@ -54,12 +54,12 @@ def test_the_names_of_many_logs_stay_on_the_page(drives, tmp_path: Path):
 
 
 def test_an_existing_picture_is_replaced_only_when_forced(drives, tmp_path: Path):
-    path = tmp_path / "page.png"
+    path = tmp_path / "loads.png"
     path.write_bytes(b"old")
     with pytest.raises(OutputError, match=r"exists already.*--force"):
-        plot_run(drives(60.0), path)
+        plot_run(drives(60.0), path, figure="loads")
     assert path.read_bytes() == b"old"
-    plot_run(drives(60.0), path, force=True)
+    plot_run(drives(60.0), path, force=True, figure="loads")
     assert path.read_bytes() != b"old"
 
 

@@ -208,7 +208,7 @@ def test_a_log_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
 
 
 class TestViewer:
-    pytestmark = VIEWER
+    pytestmark = [*VIEWER, pytest.mark.usefixtures("small_viewer")]
 
     def test_the_viewer_opens_a_ros_1_bag_without_one_view_error(
         self, script: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
