@@ -32,22 +32,36 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["PAYSCOPE_KEYRING"] = str(REPO / "no-such-folder" / "keys.toml")
 
 
-#: Files of half a minute and more, the longest first: one processor would wait for the other at
-#: the end. xdist would begin with those of the most tests, but for `--no-loadscope-reorder`.
+#: Files of 15 s of the processor and more, the longest first (`make test-times`): one processor
+#: would wait for the other at the end. xdist would begin with those of the most tests, but for
+#: `--no-loadscope-reorder`.
 LONG_FILES = (
-    "test_documentation.py",
-    "test_viewer.py",
-    "test_reproduce_paper.py",
-    "test_kept.py",
-    "test_degenerate_tables.py",
-    "test_overlay_recording.py",
-    "test_ray.py",
-    "test_import_log.py",
-    "test_edges.py",
-    "test_watch_machine_file.py",
+    "test_killed_follower.py",
     "test_verify_bundle.py",
+    "test_degenerate_tables.py",
+    "test_reproduce_paper.py",
+    "test_documentation.py",
+    "test_attack_list.py",
+    "test_run_plots.py",
+    "test_import_log.py",
+    "test_apply_evidence.py",
     "test_calibrate_campaign.py",
-    "test_decoder.py",
+    "test_compare_files.py",
+    "test_verifier_page.py",
+    "test_shared_logs.py",
+    "test_cli_looking.py",
+    "test_kept.py",
+    "test_follow_recorders.py",
+    "test_compare_recordings.py",
+    "test_excitation_design.py",
+    "test_sweep_settings.py",
+    "test_evidence_machine.py",
+    "test_faults.py",
+    "test_load_states.py",
+    "test_reviewers_questions.py",
+    "test_viewer.py",
+    "test_review_shift.py",
+    "test_explain_run.py",
 )
 
 

@@ -98,8 +98,9 @@ def test_it_keeps_no_frames_and_says_so(drives, tmp_path: Path) -> None:
     "one_log",
     [pytest.param(True, id="one log"), pytest.param(False, id="two logs", marks=pytest.mark.slow)],
 )
+@pytest.mark.usefixtures("small_viewer")
 class TestViewer:
-    pytestmark = [*VIEWER, pytest.mark.usefixtures("small_viewer")]
+    pytestmark = VIEWER
 
     def test_no_view_of_any_tab_complains(self, drives, tmp_path: Path, one_log: bool) -> None:
         a = drives(60.0)

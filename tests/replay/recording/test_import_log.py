@@ -207,8 +207,9 @@ def test_a_log_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     assert left.stderr.decode().count("\n") == 1
 
 
+@pytest.mark.usefixtures("small_viewer")
 class TestViewer:
-    pytestmark = [*VIEWER, pytest.mark.usefixtures("small_viewer")]
+    pytestmark = VIEWER
 
     def test_the_viewer_opens_a_ros_1_bag_without_one_view_error(
         self, script: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
