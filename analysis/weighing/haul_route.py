@@ -81,4 +81,4 @@ def _add_missed_dumps(dumps_m: Floats, begins_m: Floats) -> Floats:
     wanted_m = np.concatenate(expected_m)
     nearest_m = begins_m[abs(begins_m[:, None] - wanted_m).argmin(axis=0)]
     near = abs(nearest_m - wanted_m) < _PLACE_TOLERANCE * cycle_m
-    return np.unique(np.append(dumps_m, nearest_m[near]))
+    return np.unique(np.append(dumps_m, np.where(near, nearest_m, wanted_m)))
