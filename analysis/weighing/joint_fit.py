@@ -17,7 +17,7 @@ from analysis.weighing.fit_columns import (
     mean_stride,
 )
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.force_by_place import PLACE
+from analysis.weighing.force_by_place import BY_PLACE, PLACE
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import (
     LoadStates,
@@ -302,8 +302,14 @@ def add_load_states(
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
         )
         rows = fit_rows(found, of.noise)
-        units = task.units(found, rows)
-        states = find_states(replace(units, kind=hints), number, repeatability_kg)
+        searched = (rows, *_rows_by_weight(found, rows))
+        states = max(
+            (
+                find_states(replace(task.units(found, each), kind=hints), number, repeatability_kg)
+                for each in searched
+            ),
+            key=lambda each: each.log_odds,
+        )
         before = found.states
         if states.count == 1 and found.count == 1:
             return refit(replace(found, states=states), of.noise, of.priors, rows=rows)
@@ -321,6 +327,21 @@ def add_load_states(
             break
         tried.append(found)
     return min(tried, key=lambda each: _find_states(each).misfit)
+
+
+def _rows_by_weight(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
+    """The same rows with all of the force by the place in proportion to the mass, as an arm's.
+
+    Empty unless several records of a bench have one mass as yet: a fit of several has both parts.
+    """
+    motion = found.motion
+    if not (found.count == 1 and motion.records > 1 and motion.is_on_bench and found.mass_kg > 0.0):
+        return ()
+    by_place = [number for number, term in enumerate(found.terms) if term.source == BY_PLACE]
+    force = rows.A[:, 2:][:, by_place] @ found.theta[2:][by_place]
+    A = rows.A.copy()
+    A[:, 0] += force / found.mass_kg
+    return (replace(rows, A=A),)
 
 
 def _withhold_masses(found: JointFit) -> JointFit:

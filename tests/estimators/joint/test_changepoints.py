@@ -1,5 +1,6 @@
 """Which manoeuvres share a level: exact partitions, shared effects, scatter."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -57,6 +58,18 @@ class TestPartitions:
         )
         assert ended.count(7) >= 6
         assert stood.count(7) == 0
+
+    def test_a_change_that_may_as_well_be_where_a_record_ends_is_there(self):
+        """The last manoeuvre of the third of six records is a little nearer to the fourth."""
+        levels = np.array([3600.0] * 9 + [3653.0] + [3700.0] * 10)
+        kind = np.ones(19, np.int64)
+        kind[[2, 5, 9, 12, 15]] = RESTARTED
+        ended, stood = (
+            partitions(replace(units(levels, kind=each), y=levels), SPREAD, USUAL).best.state
+            for each in (kind, np.ones_like(kind))
+        )
+        assert ended.tolist() == [0] * 10 + [1] * 10
+        assert stood.tolist() == [0] * 9 + [1] * 11
 
     @pytest.mark.parametrize("seed", range(10))
     def test_records_of_one_load_are_one_state(self, seed):
