@@ -32,7 +32,7 @@ def test_a_load_that_stays_is_one_load(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("seed", "order"), [(6, (0, 1, 2, 3, 4, 5, 6)), (8, (0, 1, 2, 3, 4, 5, 6)), (5, SHUFFLED)]
+    ("seed", "order"), [(1, (0, 1, 2, 3, 4, 5, 6)), (2, (0, 1, 2, 3, 4, 5, 6)), (5, SHUFFLED)]
 )
 def test_seven_loads_of_a_bus_are_told_where_its_files_end(
     seed: int, order: tuple[int, ...], tmp_path: Path

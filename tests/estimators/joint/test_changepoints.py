@@ -49,8 +49,8 @@ class TestPartitions:
         assert state_of(levels) == [0] * 3 + [1] * 3 + [2] * 3
 
     def test_records_that_differ_little_are_told_where_they_end_and_not_elsewhere(self):
-        """Seven records of two manoeuvres, each two deviations of the difference above the last."""
-        levels = np.repeat(3600.0 + 30.0 * np.arange(7), 2)
+        """Seven records of two manoeuvres, each three deviations of a difference above the last."""
+        levels = np.repeat(3600.0 + 45.0 * np.arange(7), 2)
         kind = np.tile([0, RESTARTED], 7)[:-1]
         ended, stood = (
             [max(state_of(levels, seed=seed, kind=each)) + 1 for seed in range(8)]
@@ -70,6 +70,12 @@ class TestPartitions:
         )
         assert ended.tolist() == [0] * 10 + [1] * 10
         assert stood.tolist() == [0] * 9 + [1] * 11
+
+    def test_two_of_seven_records_with_one_load_are_one_state(self):
+        levels = np.repeat(3600.0 + 75.0 * np.array([0, 1, 2, 2, 3, 4, 5]), 6)
+        kind = np.tile([0, 0, 0, 0, 0, RESTARTED], 7)[:-1]
+        states = [max(state_of(levels, seed=seed, kind=kind)) + 1 for seed in range(8)]
+        assert states.count(6) >= 6
 
     @pytest.mark.parametrize("seed", range(10))
     def test_records_of_one_load_are_one_state(self, seed):
