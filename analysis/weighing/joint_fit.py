@@ -302,11 +302,10 @@ def add_load_states(
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
         )
         rows = fit_rows(found, of.noise)
-        searched = (rows, *_rows_by_weight(found, rows))
         states = max(
             (
                 find_states(replace(task.units(found, each), kind=hints), number, repeatability_kg)
-                for each in searched
+                for each in _rows_to_search(found, rows)
             ),
             key=lambda each: each.log_odds,
         )
@@ -329,19 +328,34 @@ def add_load_states(
     return min(tried, key=lambda each: _find_states(each).misfit)
 
 
-def _rows_by_weight(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
-    """The same rows with all of the force by the place in proportion to the mass, as an arm's.
+def _rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
+    """The rows by which load states are searched: of records of a bench with weight by the place.
 
-    Empty unless several records of a bench have one mass as yet: a fit of several has both parts.
+    A fit of one mass does not tell which part of the force by the place is weight: none of it and
+    all of it are tried. A fit of several does; its weight is then that of the mass that is searched
+    for, not of the one that was found before.
     """
-    motion = found.motion
-    if not (found.count == 1 and motion.records > 1 and motion.is_on_bench and found.mass_kg > 0.0):
-        return ()
-    by_place = [number for number, term in enumerate(found.terms) if term.source == BY_PLACE]
-    force = rows.A[:, 2:][:, by_place] @ found.theta[2:][by_place]
+    motion, states = found.motion, found.states
+    if not (motion.records > 1 and motion.is_on_bench and found.mass_kg > 0.0):
+        return (rows,)
+    theta = found.theta[found.count + 1 :]
+    place = [
+        n for n, term in enumerate(found.terms) if term.source == BY_PLACE and not term.by_load
+    ]
+    if found.count == 1 or states is None:
+        return rows, _with_weight(rows, place, theta[place] / found.mass_kg)
+    grows = [n for n, term in enumerate(found.terms) if term.source == BY_PLACE and term.by_load]
+    usual_kg = float(np.mean(found.masses_kg[states.membership]))
+    taken = _with_weight(rows, place, theta[grows] / usual_kg)
+    taken.A[:, 2 + np.array(grows)] = 0.0
+    return (taken,)
+
+
+def _with_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
+    """The same rows with weight by the place, per kg, in what multiplies the mass."""
     A = rows.A.copy()
-    A[:, 0] += force / found.mass_kg
-    return (replace(rows, A=A),)
+    A[:, 0] += rows.A[:, 2:][:, place] @ weight_m_s2
+    return replace(rows, A=A)
 
 
 def _withhold_masses(found: JointFit) -> JointFit:
