@@ -17,7 +17,7 @@ from analysis.weighing.fit_columns import (
     mean_stride,
 )
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.force_by_place import BY_PLACE, PLACE
+from analysis.weighing.force_by_place import PLACE
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import (
     LoadStates,
@@ -39,6 +39,7 @@ from analysis.weighing.nuisances import (
     NUISANCES,
     Nuisance,
 )
+from analysis.weighing.record_places import rows_to_search
 from analysis.weighing.uneven_ground import FEWEST, GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
@@ -291,11 +292,36 @@ def add_load_states(
 ) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes.
 
+    An edge between two grounds is a term of several loads only, and scatters the masses of a fit of
+    one by more than loads do: where one load fits badly, the search begins once more with a load
+    that changes wherever something hints at it.
+    """
+    if not np.isfinite(found.theta).all():
+        return _withhold_masses(found)
+    settled = _settle_states(found, of, repeatability_kg)
+    hints = places(found.motion) > 1
+    misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
+    uneven = found.motion.manoeuvres >= FEWEST
+    if settled.count > 1 or settled.states is None or not (misfits and uneven and hints.any()):
+        return settled
+    of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
+    hinted = replace(settled.states, membership=np.append(0, np.cumsum(hints)), other=None)
+    begun = joint_fit(of, hinted)
+    if not np.isfinite(begun.theta).all():
+        return settled
+    hidden = _settle_states(begun, of, repeatability_kg)
+    certain = hidden.count > 1 and (
+        _find_states(hidden).single_probability < LIMITS.hidden_loads_max_single_probability
+    )
+    return hidden if certain and hidden.fit.misfit_ratio < settled.fit.misfit_ratio else settled
+
+
+def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float | None) -> JointFit:
+    """Find the states and fit by turns from a first fit on.
+
     A search that does not settle has the states about which manoeuvres scatter least, for as many.
     """
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
-    if not np.isfinite(found.theta).all():
-        return _withhold_masses(found)
     first, tried = found, list[JointFit]()
     for _ in range(LIMITS.state_rounds):
         task = FitTask(
@@ -305,7 +331,7 @@ def add_load_states(
         states = max(
             (
                 find_states(replace(task.units(found, each), kind=hints), number, repeatability_kg)
-                for each in _rows_to_search(found, rows)
+                for each in rows_to_search(found, rows)
             ),
             key=lambda each: each.log_odds,
         )
@@ -326,36 +352,6 @@ def add_load_states(
             break
         tried.append(found)
     return min(tried, key=lambda each: _find_states(each).misfit)
-
-
-def _rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
-    """The rows by which load states are searched: of records of a bench with weight by the place.
-
-    A fit of one mass does not tell which part of the force by the place is weight: none of it and
-    all of it are tried. A fit of several does; its weight is then that of the mass that is searched
-    for, not of the one that was found before.
-    """
-    motion, states = found.motion, found.states
-    if not (motion.records > 1 and motion.is_on_bench and found.mass_kg > 0.0):
-        return (rows,)
-    theta = found.theta[found.count + 1 :]
-    place = [
-        n for n, term in enumerate(found.terms) if term.source == BY_PLACE and not term.by_load
-    ]
-    if found.count == 1 or states is None:
-        return rows, _with_weight(rows, place, theta[place] / found.mass_kg)
-    grows = [n for n, term in enumerate(found.terms) if term.source == BY_PLACE and term.by_load]
-    usual_kg = float(np.mean(found.masses_kg[states.membership]))
-    taken = _with_weight(rows, place, theta[grows] / usual_kg)
-    taken.A[:, 2 + np.array(grows)] = 0.0
-    return (taken,)
-
-
-def _with_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
-    """The same rows with weight by the place, per kg, in what multiplies the mass."""
-    A = rows.A.copy()
-    A[:, 0] += rows.A[:, 2:][:, place] @ weight_m_s2
-    return replace(rows, A=A)
 
 
 def _withhold_masses(found: JointFit) -> JointFit:
