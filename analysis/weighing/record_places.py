@@ -1,8 +1,8 @@
 """Where the path of each record of a bench lies: nobody knows where the machine was when it began.
 
 Forces that depend on the place tell: records of one path show the same force at the same place. How
-far each is from the first is found by Gauss-Newton, with a mass for each record. What of such a force is
-weight is in proportion to the mass, by which load states are searched for.
+far each is from the first is found by Gauss-Newton, with a mass for each record. The weight in such
+a force is in proportion to the mass that load states are searched by.
 """
 
 from dataclasses import replace
