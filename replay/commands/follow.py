@@ -73,6 +73,7 @@ def command(
     from recordings import read_recording
     from recordings.rrd.viewer_server import viewer_server
     from replay.commands.follow_panel import FollowPanel
+    from replay.commands.progress_bar import COMPILING, warn_on_slow_compile
     from replay.follow.agreement import FollowedDigests, record_followed
     from replay.follow.follow_logs import Following, follow_logs
     from replay.follow.followed_outputs import FollowedOutputs
@@ -103,6 +104,7 @@ def command(
             force=force,
         )
         opened.callback(outputs.close)
+        opened.enter_context(warn_on_slow_compile(lambda: typer.echo(COMPILING, err=True)))
         panel = opened.enter_context(FollowPanel())
 
         def show(following: Following, rows: list[FollowedRow]) -> None:

@@ -77,11 +77,13 @@ def derive(
     # the sign of a standing machine's noise is a regressor of pure noise
     moves = np.abs(speed) > settings.forces.direction_deadband_m_s
     series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
-    frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
+    columns = {
+        name: [pl.Series("unix_ns", t), pl.Series(name, x)] for name, (t, x) in series.items()
+    }
     if settings.filter.causal:
         for name, known_ns in _known_times(read, picked, series, machine).items():
-            frames[name] = frames[name].hstack([pl.Series("known_ns", known_ns)])
-    return frames, notes
+            columns[name].append(pl.Series("known_ns", known_ns))
+    return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
 
 
 def arithmetic(name: str, machine: Machine) -> Expression:
