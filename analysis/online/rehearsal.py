@@ -15,7 +15,7 @@ from analysis.online.on_board import finish, start, step
 
 #: Rows behind the first whole window: more than those after which a recursion is fed.
 _ROWS_BEHIND: Final = 64
-#: Of the machine that is made up: mass in kg and friction in N·s/m, or inertia and its friction.
+#: Of the machine that is made up: mass in kg and friction in N·s/m. Spins take the same loops.
 _THETA: Final = (3000.0, 2000.0)
 _ACC_M_S2: Final = 1.0
 
@@ -35,7 +35,7 @@ def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
 
 
 def _rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
-    """Rows of `excitation`: standing for half a window, then faster and faster, for both axes."""
+    """Rows of `excitation`: standing for half a window, then faster and faster."""
     window = settings.gate.window_samples
     speed = 0.0
     for row in range(window + _ROWS_BEHIND):

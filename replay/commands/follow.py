@@ -77,7 +77,7 @@ def command(
     from replay.follow.agreement import FollowedDigests, record_followed
     from replay.follow.follow_logs import Following, follow_logs
     from replay.follow.followed_outputs import FollowedOutputs
-    from replay.follow.report_file import mass_text, time_text
+    from replay.follow.report_file import event_text, time_text
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 
@@ -113,8 +113,8 @@ def command(
             for report in made:
                 if as_json:
                     typer.echo(json.dumps(report.to_dict(), allow_nan=False))
-                elif report.event == "manoeuvre":
-                    typer.echo(f"{time_text(report.unix_ns)}  {mass_text(report)}")
+                elif text := event_text(report):
+                    typer.echo(f"{time_text(report.unix_ns)}  {text}")
             panel.show(following, made)
 
         following = follow_logs(
