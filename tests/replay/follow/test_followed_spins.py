@@ -5,11 +5,12 @@ from pathlib import Path
 import pytest
 
 from analysis.model.machine import Channel, Machine
+from analysis.online.follower import FollowedRow
 from analysis.online.online_report import OnlineReport
 from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.follow.agreement import FollowedDigests
-from replay.follow.follow_logs import follow_logs
+from replay.follow.follow_logs import Following, follow_logs
 from replay.follow.report_file import event_text
 from replay.simulation.simulate_logs import simulate
 
@@ -57,7 +58,7 @@ def test_spins_agree_with_the_causal_replay_and_are_reported(
 ) -> None:
     digests, reports = FollowedDigests(), list[OnlineReport]()
 
-    def take(_: object, rows: list) -> None:
+    def take(_: Following, rows: list[FollowedRow]) -> None:
         digests.add(rows)
         reports.extend(report for row in rows for report in row.reports)
 
