@@ -353,7 +353,7 @@ def _route_positions(motion: MotionSamples, found: PreviousEstimates) -> tuple[F
     loads, route = found.relative_loads, found.route
     if loads is None or route is None:
         return np.zeros(motion.speed.size), 0.0
-    return route.position(motion, loads.loaded_at(motion.unit)), route.haul_m
+    return route.position(motion), route.length_m
 
 
 def _drop_first_samples(group: Ints, lag: int) -> Ints:

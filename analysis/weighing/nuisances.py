@@ -34,8 +34,8 @@ class Moments:
         load_contrast: the same over its root mean square: about -1 without a load, 1 with one.
         place_1: where it is on its path, from -1/2 to 1/2.
         travelled_m: how far it is from where the stretch begins, in m.
-        route_1: where it is on the route, from 0 where loads are dumped to 1 where it is loaded.
-        haul_m: how long the route is.
+        route_1: where it is on the route, from 0 where loads are dumped to 1 where it ends.
+        route_length_m: how long the route is.
         slip_s_m: what slip was found to cost, as a share of the force a m/s.
         transfer_s2_m: what load transfer was found to add to the force, likewise a m/s².
         weight_shares: of the constant force and of Coulomb friction, what is expected to be in
@@ -56,7 +56,7 @@ class Moments:
     place_1: Floats
     travelled_m: Floats
     route_1: Floats
-    haul_m: float
+    route_length_m: float
     slip_s_m: float
     transfer_s2_m: float
     weight_shares: tuple[float, float]

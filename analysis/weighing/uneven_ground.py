@@ -30,7 +30,7 @@ _PLACES_M: Final = (0.0, 2.0, 6.0)
 #: Length of way, in m, over which the ground's force changes by `ground_change_share`.
 _CHANGES_OVER_M: Final = 10.0
 #: Between so many places along the route it does likewise.
-_ROUTE_PARTS: Final = 20
+_ROUTE_PARTS: Final = 24
 #: Fewer manoeuvres do not tell the ground from the loads.
 FEWEST: Final = 24
 #: What all of it is in the budget.
@@ -136,7 +136,7 @@ def _route_term(part: int) -> Nuisance:
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def column(m: Moments) -> Floats:
-        changes = _ramp(m.route_1, begin, end) * _random_walk_ratio(m.haul_m / _ROUTE_PARTS)
+        changes = _ramp(m.route_1, begin, end) * _random_walk_ratio(m.route_length_m / _ROUTE_PARTS)
         return m.direction * (1.0 + m.relative_load) * changes
 
     return Nuisance(

@@ -1,5 +1,7 @@
 """The route: a haul and the way back are over the same ground, counted from the dump."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,29 +29,47 @@ def test_the_same_place_is_at_the_same_position_on_the_way_and_back():
     motion, unit, loaded = shuttle(4)
     route = Route.of(motion, unit, loaded)
     assert route is not None
-    assert route.haul_m == pytest.approx(HAUL_M)
-    position = route.position(motion, loaded[motion.unit])
+    assert route.length_m == pytest.approx(1.2 * HAUL_M)
+    position = route.position(motion)
     place_m = np.cumsum(motion.speed) / RATE_HZ
-    np.testing.assert_allclose(position, 1.0 - place_m / HAUL_M, atol=0.01)
+    np.testing.assert_allclose(position, (HAUL_M - place_m) / route.length_m, atol=0.01)
 
 
 def test_pieces_of_a_log_have_the_positions_of_the_whole():
     motion, unit, loaded = shuttle(6)
     route = Route.of(motion, unit, loaded)
     assert route is not None
-    whole = route.position(motion, loaded[motion.unit])
+    whole = route.position(motion)
     part = motion.first_stretches(5)
-    np.testing.assert_array_equal(route.position(part, loaded[part.unit]), whole[: part.unit.size])
+    np.testing.assert_array_equal(route.position(part), whole[: part.unit.size])
 
 
-def test_before_the_first_dump_and_behind_the_last_the_machine_is_far_from_any():
+def test_farther_from_any_dump_than_a_haul_the_machine_is_at_the_end_of_the_route():
     motion, unit, loaded = shuttle(3, first_loaded=False)
     route = Route.of(motion, unit, loaded)
     assert route is not None
-    position = route.position(motion, loaded[motion.unit])
-    assert (position[motion.unit == 0] == 1.0).all()
-    # the last haul has no dump behind it
-    assert (position[motion.unit == 5] == 1.0).all()
+    position = route.position(motion)
+    # two hauls before the first dump; the last haul has no dump behind it
+    assert (position[motion.driven_m < route.dumps_m[0] - route.length_m] == 1.0).all()
+    assert (position[motion.driven_m > route.dumps_m[-1] + route.length_m] == 1.0).all()
+
+
+def test_a_load_that_is_taken_for_none_is_where_the_others_are():
+    motion, unit, loaded = shuttle(6)
+    missed = loaded & (unit != 4)
+    route, whole = Route.of(motion, unit, missed), Route.of(motion, unit, loaded)
+    assert route is not None
+    assert whole is not None
+    np.testing.assert_array_equal(route.dumps_m, whole.dumps_m)
+
+
+def test_a_long_way_that_is_no_number_of_cycles_has_no_dump():
+    motion, unit, loaded = shuttle(6)
+    longer = motion.driven_m + 0.5 * HAUL_M * (motion.unit > 5)
+    motion = replace(motion, driven_m=longer)
+    route = Route.of(motion, unit, loaded & (unit != 4))
+    assert route is not None
+    assert route.dumps_m.size == 5
 
 
 def test_loads_that_are_never_dumped_have_no_route():
