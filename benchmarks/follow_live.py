@@ -22,10 +22,11 @@ import typer
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
+from analysis.model.axes import X
 from analysis.model.methods import METHODS
-from analysis.online import on_board
 from analysis.online.follower import FollowedRow
 from analysis.simulation import Scenario
+from analysis.stages.noise.column_noise import axis_noise
 from benchmarks.page import markdown
 from replay import load_machine
 from replay.follow.follow_logs import Following, follow_logs
@@ -137,7 +138,7 @@ def steps(machine: Any) -> str:
     state = rls.start(samples[:320, :2], samples[:320, 2])
     settings = machine.settings.changed({"trace.methods": ("ls",)})
     ls_method = METHODS["ls"]
-    options = ls_method.options(settings.trace, on_board.start(settings).noise)
+    options = ls_method.options(settings.trace, axis_noise(X, settings))
     calls: dict[str, Callable[[Any], object]] = {
         "sums of the window: index (11), OLS": lambda row: incremental.step_window(window, row),
         "OLS from them, with its deviation": lambda _row: ls_method.step(window, 10, options),
