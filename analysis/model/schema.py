@@ -728,4 +728,5 @@ def values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:
     """A column as floats, (rows,), NaN where it is null; all NaN where the frame lacks it."""
     if column not in frame.columns:
         return np.full(frame.height, np.nan)
-    return frame[column].cast(pl.Float64).to_numpy()
+    series = frame.get_column(column)
+    return (series if series.dtype == pl.Float64 else series.cast(pl.Float64)).to_numpy()

@@ -12,6 +12,7 @@ import polars as pl
 
 from analysis.model.settings import Settings
 from analysis.online.on_board import finish, start, step
+from estimators.interpreted import compile_at_once
 
 #: Rows behind the first whole window: more than those after which a recursion is fed.
 _ROWS_BEHIND: Final = 64
@@ -27,11 +28,12 @@ def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
         settings: as they will be followed.
         noise: likewise.
     """
-    state = start(settings, noise)
-    for row in _rows(settings):
-        state = step(state, row).state
-    for _ in finish(state):
-        pass
+    with compile_at_once():
+        state = start(settings, noise)
+        for row in _rows(settings):
+            state = step(state, row).state
+        for _ in finish(state):
+            pass
 
 
 def _rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
