@@ -33,6 +33,8 @@ from replay.follow.follow_logs import Following, follow_logs
 from replay.simulation.simulate_logs import simulate
 
 TICK_NS = 10_000_000
+#: What a row may be late by.
+LATE_MS = 50.0
 HEADER_STAMP = struct.Struct("<iI")
 NOISE = [
     "settings.noise.force_N=60.0",
@@ -115,6 +117,7 @@ def followed(folder: Path, seconds: float, speed: float) -> list[str]:
         f"{speed:g}×",
         f"{100 * share:.1f} %",
         f"{np.median(steady):.0f}",
+        f"{100 * np.mean(steady > LATE_MS):.0f} %",
         f"{np.quantile(steady, 0.99):.0f}",
         f"{steady.max():.0f}",
         f"{most_mb:.0f}",
@@ -158,7 +161,15 @@ def main(seconds: float = 40.0, speed: float = 1.0) -> None:
     print(steps(machine))
     with TemporaryDirectory() as name:
         row = followed(Path(name), seconds, speed)
-    head = ["speed", "of a processor", "latency ms: median", "99 %", "worst", "memory, MB"]
+    head = [
+        "speed",
+        "of a processor",
+        "latency ms: median",
+        "above 50",
+        "99 %",
+        "worst",
+        "memory, MB",
+    ]
     print(markdown(head, [row]))
 
 
