@@ -129,9 +129,10 @@ def command(
     for loss in following.losses:
         tell(str(loss))
     follower = following.follower
+    spins = f", inertia of {_count(follower.spins, 'spin')}" if follower.spins else ""
     typer.echo(
-        f"{following.ended}: {follower.rows_stepped:,} rows, masses of {follower.manoeuvres:,} "
-        "manoeuvre" + "s" * (follower.manoeuvres != 1),
+        f"{following.ended}: {follower.rows_stepped:,} rows, masses of "
+        f"{_count(follower.manoeuvres, 'manoeuvre')}{spins}",
         err=True,
     )
     if output is not None:
@@ -140,6 +141,10 @@ def command(
         for each in agreements:
             typer.echo(_agreement_text(each), err=True)
         typer.echo(f"recorded: {output}", err=True)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}" + "s" * (number != 1)
 
 
 def _agreement_text(each: "Agreement") -> str:
