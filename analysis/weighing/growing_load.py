@@ -169,7 +169,7 @@ def find_growing_loads(
         kg.size - 1
     )
     # what no machine carries is no load, however surely the manoeuvre misses the model
-    carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
+    carried = np.abs(kg) < _most_growth_kg(fit)
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
         LoadGrowth(
@@ -180,6 +180,14 @@ def find_growing_loads(
         )
         for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
     )
+
+
+def _most_growth_kg(fit: JointFit) -> float:
+    """What a load may change by: the machine's mass, or twice the range of the loads found."""
+    by_mass = LIMITS.max_growth_fraction * abs(fit.mass_kg)
+    if fit.count == 1:
+        return by_mass
+    return min(by_mass, LIMITS.max_growth_load_ratio * float(np.ptp(fit.masses_kg)))
 
 
 def find_creeps(fit: JointFit) -> Ints:

@@ -14,6 +14,8 @@ from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 #: Length of the route over the median haul: loads are not all taken at one place. An edge of the
 #: ground at 2.4 to 3.2 m, where half the starts began, left loads a third too light without it.
 _ROUTE_OVER_HAUL: Final = 1.2
+#: A machine that brakes for the dump over more than so many times what is usual has left it since.
+_LONGEST_STOP: Final = 2.0
 #: A dump that the loads do not tell is looked for where cycles of like length would have it, within
 #: this share of a cycle.
 _PLACE_TOLERANCE: Final = 0.15
@@ -40,10 +42,12 @@ class Route:
             unit: (units,) numbers of the manoeuvres, ascending.
             loaded: (units,) which of them haul.
         """
-        begin = np.searchsorted(motion.unit, unit).clip(0, motion.unit.size - 1)
-        begins_m = motion.driven_m[begin]
+        last = motion.unit.size - 1
+        begins_m = motion.driven_m[np.searchsorted(motion.unit, unit).clip(0, last)]
+        ends_m = motion.driven_m[(np.searchsorted(motion.unit, unit, "right") - 1).clip(0, last)]
         fills_m = begins_m[1:][loaded[1:] & ~loaded[:-1]]
-        dumps_m = begins_m[1:][~loaded[1:] & loaded[:-1]]
+        dumps = ~loaded[1:] & loaded[:-1]
+        dumps_m = _place_dumps(ends_m[:-1][dumps], begins_m[1:][dumps])
         before = np.searchsorted(fills_m, dumps_m) - 1
         if not (before >= 0).any():
             return None
@@ -58,6 +62,20 @@ class Route:
         passed = np.searchsorted(self.dumps_m, here, "right")
         behind = here - np.append(-np.inf, self.dumps_m)[passed]
         return np.minimum(np.minimum(ahead, behind) / self.length_m, 1.0)
+
+
+def _place_dumps(arrives_m: Floats, leaves_m: Floats) -> Floats:
+    """Where the machine leaves empty; where it arrived, if that start is none of the fit's.
+
+    Args:
+        arrives_m: (dumps,) the end of the last manoeuvre with the load.
+        leaves_m: (dumps,) the begin of the first without it.
+    """
+    if not arrives_m.size:
+        return leaves_m
+    stops_m = leaves_m - arrives_m
+    usual_m = float(np.median(stops_m))
+    return np.where(stops_m > _LONGEST_STOP * usual_m, arrives_m + usual_m, leaves_m)
 
 
 def _add_missed_dumps(dumps_m: Floats, begins_m: Floats) -> Floats:
@@ -81,4 +99,4 @@ def _add_missed_dumps(dumps_m: Floats, begins_m: Floats) -> Floats:
     wanted_m = np.concatenate(expected_m)
     nearest_m = begins_m[abs(begins_m[:, None] - wanted_m).argmin(axis=0)]
     near = abs(nearest_m - wanted_m) < _PLACE_TOLERANCE * cycle_m
-    return np.unique(np.append(dumps_m, nearest_m[near]))
+    return np.unique(np.append(dumps_m, np.where(near, nearest_m, wanted_m)))

@@ -291,11 +291,36 @@ def add_load_states(
 ) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes.
 
+    An edge between two grounds is a term of several loads only, and scatters the masses of a fit of
+    one by more than loads do: where one load fits badly, the search begins once more with a load
+    that changes wherever something hints at it.
+    """
+    if not np.isfinite(found.theta).all():
+        return _withhold_masses(found)
+    settled = _settle_states(found, of, repeatability_kg)
+    hints = places(found.motion) > 1
+    misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
+    uneven = found.motion.manoeuvres >= FEWEST
+    if settled.count > 1 or settled.states is None or not (misfits and uneven and hints.any()):
+        return settled
+    of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
+    hinted = replace(settled.states, membership=np.append(0, np.cumsum(hints)), other=None)
+    begun = joint_fit(of, hinted)
+    if not np.isfinite(begun.theta).all():
+        return settled
+    hidden = _settle_states(begun, of, repeatability_kg)
+    certain = hidden.count > 1 and (
+        _find_states(hidden).single_probability < LIMITS.hidden_loads_max_single_probability
+    )
+    return hidden if certain and hidden.fit.misfit_ratio < settled.fit.misfit_ratio else settled
+
+
+def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float | None) -> JointFit:
+    """Find the states and fit by turns from a first fit on.
+
     A search that does not settle has the states about which manoeuvres scatter least, for as many.
     """
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
-    if not np.isfinite(found.theta).all():
-        return _withhold_masses(found)
     first, tried = found, list[JointFit]()
     for _ in range(LIMITS.state_rounds):
         task = FitTask(

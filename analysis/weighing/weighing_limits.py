@@ -90,6 +90,9 @@ class WeighingLimits:
     #: Largest change of a load, as a share of the machine's mass: a bucket that goes on filling
     #: holds more than the rated third of it, and no loader carries its own mass.
     max_growth_fraction: float = 1.0
+    #: nor more than so many times the range of the loads that the log has: five starts of an empty
+    #: machine "lost" 4 to 5 t beside loads of 0.8 t, where the ground's edge was misplaced.
+    max_growth_load_ratio: float = 2.0
     #: Standard deviation of a start's own friction, as a share of it.
     own_friction_fraction: float = 0.1
     #: Standard deviation of a start's own constant, as a share of the largest force.
@@ -161,6 +164,8 @@ class WeighingLimits:
     #: Several loads are not while all their partitions together exceed this: some of many always
     #: fit chance.
     several_loads_min_probability: float = 0.2
+    #: Loads that a fit of one load hides are taken below this probability of one.
+    hidden_loads_max_single_probability: float = 1e-6
     #: Reversals from heavier to lighter or back from which a load returns, if not to the kilogram:
     #: a bucket is never quite empty.
     load_return_reversals: int = 2

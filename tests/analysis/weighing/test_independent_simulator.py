@@ -45,6 +45,12 @@ def replay_shift(log: ShiftLog, folder: Path) -> Run:
         (95013, 0.4, {"creeps to dump"}),
         # an edge between two grounds hid every load where only turning tells of them
         (95025, 0.3, {"no boom", "no digging", "reverses out"}),
+        # half of the loads are taken on the near side of an edge of the ground: 3 U off
+        (114010, 0.4, {"no digging", "short cycles"}),
+        # a fit of one load fits no edge, and its masses scatter by more than the loads: no cycle
+        (118049, 0.4, {"no boom", "no digging", "reverses out"}),
+        # starts that miss an edge "lost" five times the load: 18 cycles of 23
+        (118049, 0.6, {"no boom", "no digging", "reverses out"}),
     ],
 )
 def test_the_tonnes_of_a_shift_hold(
@@ -53,6 +59,6 @@ def test_the_tonnes_of_a_shift_hold(
     log = shift_log(seed, share)
     assert habits <= set(log.truth.habits)
     (shift,) = replay_shift(log, tmp_path).frames["shift"].to_dicts()
-    assert shift["cycles_counted"] >= len(log.truth.dump_s) - 1
+    assert shift["cycles_counted"] >= 0.9 * len(log.truth.dump_s)
     error_kg = shift["payload_kg"] - 1e3 * log.truth.tonnes
     assert abs(error_kg) < 2.0 * shift["payload_u_kg"]
