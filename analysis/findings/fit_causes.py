@@ -1,5 +1,6 @@
 """What the joint fit finds besides mass and friction, each against what chance gives."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -121,7 +122,7 @@ def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving has {const:+.0f} ± {std:.0f} N besides mass and friction",
+            f"driving has {_newtons(const, std, sign='+')} besides mass and friction",
             channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
         )
@@ -151,13 +152,19 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
                 force / (LIMITS.trusted_coulomb_fraction * motion.largest_force),
             ),
-            f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
+            f"{_newtons(force, pick.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
             change=lambda: _without_friction(inputs, force, pick.std, others),
             alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
+
+
+def _newtons(force_N: float, std_N: float, sign: str = "-") -> str:
+    """A force with its deviation: of a small machine, to a digit of that."""
+    places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
+    return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
 
 
 def _fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:

@@ -39,6 +39,7 @@ from analysis.weighing.nuisances import (
     NUISANCES,
     Nuisance,
 )
+from analysis.weighing.record_places import rows_to_search
 from analysis.weighing.uneven_ground import FEWEST, GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
@@ -327,8 +328,13 @@ def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float 
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
         )
         rows = fit_rows(found, of.noise)
-        units = task.units(found, rows)
-        states = find_states(replace(units, kind=hints), number, repeatability_kg)
+        states = max(
+            (
+                find_states(replace(task.units(found, each), kind=hints), number, repeatability_kg)
+                for each in rows_to_search(found, rows)
+            ),
+            key=lambda each: each.log_odds,
+        )
         before = found.states
         if states.count == 1 and found.count == 1:
             return refit(replace(found, states=states), of.noise, of.priors, rows=rows)

@@ -55,6 +55,7 @@ class LoadStates:
         single_probability: how probable it is that there is one state.
         other: the other reading, where the log cannot tell; else None.
         load_returns: whether a load is there again after another: an empty machine, say.
+        log_odds: of these states over a single one, as a logarithm.
     """
 
     unit: Ints
@@ -67,6 +68,7 @@ class LoadStates:
     single_probability: float = 1.0
     other: AlternativePartition | None = None
     load_returns: bool = False
+    log_odds: float = 0.0
 
     @property
     def count(self) -> int:
@@ -270,6 +272,7 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
         _alternative_partition(units, best, other, probability),
         np.unique(best.level).size < best.states
         or _count_reversals(best) >= LIMITS.load_return_reversals,
+        best.log_posterior - found.single.log_posterior,
     )
 
 

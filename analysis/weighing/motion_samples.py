@@ -261,6 +261,11 @@ class MotionSamples:
         return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
 
     @cached_property
+    def records(self) -> int:
+        """How many records there are, with a silence between two."""
+        return 1 if self.silences is None else int(np.unique(self.silences[self.used]).size)
+
+    @cached_property
     def is_on_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz

@@ -1,14 +1,17 @@
 """Where the path of each record of a bench lies: nobody knows where the machine was when it began.
 
 Forces that depend on the place tell: records of one path show the same force at the same place. How
-far each is from the first is found by Gauss-Newton, with a mass for each record.
+far each is from the first is found by Gauss-Newton, with a mass for each record. The weight in such
+a force is in proportion to the mass that load states are searched by.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from analysis.weighing.force_by_place import forces_by_place, slopes_by_place
+from analysis.weighing.fit_columns import FitRows
+from analysis.weighing.force_by_place import BY_PLACE, forces_by_place, slopes_by_place
+from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
 
@@ -78,6 +81,36 @@ def record_offsets(straight: Floats, force: Floats, place_1: Floats, of_record: 
             break
         off_1 = (off_1 + step).clip(-LIMITS.max_record_offset_1, LIMITS.max_record_offset_1)
     return best_1
+
+
+def rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
+    """The rows by which load states are searched: of records of a bench with weight by the place.
+
+    A fit of one mass does not tell which part of the force by the place is weight: none of it and
+    all of it are tried. A fit of several does; its weight is then that of the mass that is searched
+    for, not of the one that was found before.
+    """
+    motion, states = found.motion, found.states
+    if not (motion.records > 1 and motion.is_on_bench and found.mass_kg > 0.0):
+        return (rows,)
+    theta = found.theta[found.count + 1 :]
+    place = [
+        n for n, term in enumerate(found.terms) if term.source == BY_PLACE and not term.by_load
+    ]
+    if found.count == 1 or states is None:
+        return rows, _with_weight(rows, place, theta[place] / found.mass_kg)
+    grows = [n for n, term in enumerate(found.terms) if term.source == BY_PLACE and term.by_load]
+    usual_kg = float(np.mean(found.masses_kg[states.membership]))
+    taken = _with_weight(rows, place, theta[grows] / usual_kg)
+    taken.A[:, 2 + np.array(grows)] = 0.0
+    return (taken,)
+
+
+def _with_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
+    """The same rows with weight by the place, per kg, in what multiplies the mass."""
+    A = rows.A.copy()
+    A[:, 0] += rows.A[:, 2:][:, place] @ weight_m_s2
+    return replace(rows, A=A)
 
 
 def _solve_penalised(columns: Floats, force: Floats, free: Floats) -> tuple[Floats, Floats]:

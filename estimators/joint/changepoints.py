@@ -98,10 +98,31 @@ def partitions(
     if not others:
         return Partitions(single, single, None, probability)
     several, posterior = max(others, key=lambda each: each[0].log_posterior)
+    several = _move_to_record_ends(several, posterior)
     best = single
     if several.log_posterior > single.log_posterior:
         best = _drop_unsure_changes(several, posterior)
     return Partitions(best, single, best if best.states > 1 else several, probability)
+
+
+def _move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Partition:
+    """The same with each change at the next end of a record either way, where that is likelier.
+
+    The searches take one probability of a change for all places; the posterior knows their kinds.
+    """
+    kind = posterior.units.kind
+    ends = np.flatnonzero(kind == RESTARTED) + 1
+    for change in np.flatnonzero(np.diff(best.state)) + 1 if ends.size else ():
+        changes = np.flatnonzero(np.diff(best.state)) + 1
+        low = max(changes[changes < change], default=0)
+        high = min(changes[changes > change], default=kind.size + 1)
+        for end in (*ends[ends < change][-1:], *ends[ends > change][:1]):
+            if low < end < high:
+                moved = np.sort(np.append(changes[changes != change], end))
+                state = np.searchsorted(moved, np.arange(kind.size + 1), "right")
+                tried = posterior.of(Stretches.of(state, kind))
+                best = max((best, tried), key=lambda each: each.log_posterior)
+    return best
 
 
 def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Partition:

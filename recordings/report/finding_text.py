@@ -70,7 +70,12 @@ def proposal_of(finding: Finding) -> str:
     """What to write into the machine file, or nothing."""
     if finding.setting is None or finding.value is None:
         return ""
-    return f"set {finding.setting} = {finding.value}"
+    keys, values = finding.setting.split(", "), finding.value.split(", ")
+    if len(keys) != len(values):
+        return f"set {finding.setting} = {finding.value}"
+    return "set " + " and ".join(
+        f"{key} = {value}" for key, value in zip(keys, values, strict=True)
+    )
 
 
 def indistinguishable_causes(finding: Finding) -> str:

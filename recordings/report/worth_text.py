@@ -188,6 +188,10 @@ def main_load(said: Answer) -> int:
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
 
 
+#: What scatter is where too few manoeuvres tell it: that of its prior.
+_SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
+
+
 def advice(said: Answer) -> str | None:
     """What would shrink the uncertainty most; None without an answer."""
     shown = main_load(said)
@@ -197,10 +201,10 @@ def advice(said: Answer) -> str | None:
     most = known[0]
     share = most["share_1"]
     part = "" if share is None else f", {share:.0%} of the variance"
-    return (
-        f"largest contribution: {most['meaning']} ({most['cause']}{part}); "
-        f"to reduce: {most['shrinks']}"
-    )
+    load = next(load for load in said.loads if load["load_id"] == shown)
+    assumed = most["cause"] == "scatter" and load.get("scatter_known") is False
+    meaning = _SCATTER_UNKNOWN if assumed else most["meaning"]
+    return f"largest contribution: {meaning} ({most['cause']}{part}); to reduce: {most['shrinks']}"
 
 
 def _payload(load: Mapping[str, Any]) -> str:

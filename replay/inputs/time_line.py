@@ -1,8 +1,9 @@
 """Logs whose time begins at 0 each: which follow one another, and which run side by side."""
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Final
+from typing import Final, NamedTuple, Self
 
 import polars as pl
 
@@ -15,6 +16,9 @@ _FROM_ZERO_NS: Final = 1_000_000_000
 #: and in periods of the slowest topic.
 _BETWEEN_S: Final = 10.0
 _BETWEEN_PERIODS: Final = 10.0
+
+#: Stamps so near to one another have one phase, in periods.
+_SAME_PHASE: Final = 1e-6
 
 #: A topic and its fields that channels name.
 _Has = frozenset[tuple[str, str]]
@@ -58,13 +62,39 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
             "logs that run side by side none in common; or give them a time since 1970"
         )
     found: dict[Log, int] = {}
-    at_ns = 0
+    at_ns, lattice = 0, _Lattice.of(next(iter(tables.values())))
     for log, table in tables.items():
-        found[log] = at_ns
+        found[log] = lattice.next_on(at_ns, table)
         slowest_s = _BETWEEN_PERIODS / float(table["rate_hz"].fill_null(1.0).to_numpy().min())
-        at_ns += int(table["end_ns"].to_numpy().max())
+        at_ns = found[log] + int(table["end_ns"].to_numpy().max())
         at_ns += round(max(_BETWEEN_S, slowest_s) * 1e9)
     return found
+
+
+class _Lattice(NamedTuple):
+    """The stamps of the first log's slowest topic, and those that would go on from them.
+
+    The grid has its phase. A log between its rows would be interpolated, which halves the noise of
+    its samples, and the noise that is taken off the columns is one for all logs.
+    """
+
+    topic: str
+    start_ns: int
+    period_ns: float
+
+    @classmethod
+    def of(cls, table: pl.DataFrame) -> Self:
+        slowest = table.sort("rate_hz", "topic", nulls_last=True).row(0, named=True)
+        # six digits, as of the grid's own rate
+        rate_hz = float(f"{slowest['rate_hz'] or 1.0:.6g}")
+        return cls(slowest["topic"], int(slowest["start_ns"]), 1e9 / rate_hz)
+
+    def next_on(self, at_ns: int, table: pl.DataFrame) -> int:
+        """The first offset from this one on that puts the log's first stamp on the lattice."""
+        (start_ns,) = table.filter(pl.col("topic") == self.topic)["start_ns"]
+        between_ns = int(start_ns) - self.start_ns
+        periods = math.ceil((at_ns + between_ns) / self.period_ns - _SAME_PHASE)
+        return round(periods * self.period_ns) - between_ns
 
 
 def begins_ns(

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.analysis.other_machine_logs import replayed
-from tests.trials.other_machines import OTHER_MACHINES, bus, electric_car
+from tests.trials.other_machines import OTHER_MACHINES, arm, bus, cart, electric_car
 from tests.twins import mark_slow_after
 
 #: Masses on board, in kg, a file each.
@@ -34,7 +34,7 @@ def test_a_load_that_stays_is_one_load(name: str, seed: int, tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     ("seed", "order"),
-    mark_slow_after(1, [(5, SHUFFLED), (6, (0, 1, 2, 3, 4, 5, 6)), (8, (0, 1, 2, 3, 4, 5, 6))]),
+    mark_slow_after(1, [(5, SHUFFLED), (1, (0, 1, 2, 3, 4, 5, 6)), (2, (0, 1, 2, 3, 4, 5, 6))]),
 )
 def test_seven_loads_of_a_bus_are_told_where_its_files_end(
     seed: int, order: tuple[int, ...], tmp_path: Path
@@ -51,3 +51,19 @@ def test_a_load_that_a_car_carries_in_the_second_of_three_files_is_told(tmp_path
     scenario = electric_car(5, (0.0, 300.0, 1.0))
     found = replayed(scenario, tmp_path, (0, 1, 2)).frames["loads"].to_dicts()
     assert [round((load["payload_kg"] or 0.0) / 300.0) for load in found] == [0, 1, 0]
+
+
+def test_loads_of_an_arm_whose_weight_goes_with_its_acceleration_are_told(tmp_path: Path) -> None:
+    """Its share of the weight is as large as the acceleration, and opposite: no load showed."""
+    scenario = arm(23, (0.0, 1.0, 2.0))
+    found = replayed(scenario, tmp_path, (1, 0, 2)).frames["loads"].to_dicts()
+    assert len(found) == 3
+    for load, payload_kg in zip(found, (1.0, 0.0, 2.0), strict=True):
+        assert abs(load["mass_kg"] - scenario.machine.mass_kg - payload_kg) < 3.0 * load["u_kg"]
+
+
+def test_a_cart_with_one_load_in_four_files_has_one_load(tmp_path: Path) -> None:
+    """Samples between the grid's rows had half the noise that was taken off them: four loads."""
+    scenario = cart(27, (0.0, 1e-6, 2e-6, 3e-6))
+    (load,) = replayed(scenario, tmp_path, (0, 1, 2, 3)).frames["loads"].to_dicts()
+    assert abs(load["mass_kg"] - scenario.machine.mass_kg) < 3.0 * load["u_kg"]

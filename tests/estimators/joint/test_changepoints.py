@@ -1,5 +1,6 @@
 """Which manoeuvres share a level: exact partitions, shared effects, scatter."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -48,8 +49,8 @@ class TestPartitions:
         assert state_of(levels) == [0] * 3 + [1] * 3 + [2] * 3
 
     def test_records_that_differ_little_are_told_where_they_end_and_not_elsewhere(self):
-        """Seven records of two manoeuvres, each two deviations of the difference above the last."""
-        levels = np.repeat(3600.0 + 30.0 * np.arange(7), 2)
+        """Seven records of two manoeuvres, each three deviations of a difference above the last."""
+        levels = np.repeat(3600.0 + 45.0 * np.arange(7), 2)
         kind = np.tile([0, RESTARTED], 7)[:-1]
         ended, stood = (
             [max(state_of(levels, seed=seed, kind=each)) + 1 for seed in range(8)]
@@ -57,6 +58,24 @@ class TestPartitions:
         )
         assert ended.count(7) >= 6
         assert stood.count(7) == 0
+
+    def test_a_change_that_may_as_well_be_where_a_record_ends_is_there(self):
+        """The last manoeuvre of the third of six records is a little nearer to the fourth."""
+        levels = np.array([3600.0] * 9 + [3653.0] + [3700.0] * 10)
+        kind = np.ones(19, np.int64)
+        kind[[2, 5, 9, 12, 15]] = RESTARTED
+        ended, stood = (
+            partitions(replace(units(levels, kind=each), y=levels), SPREAD, USUAL).best.state
+            for each in (kind, np.ones_like(kind))
+        )
+        assert ended.tolist() == [0] * 10 + [1] * 10
+        assert stood.tolist() == [0] * 9 + [1] * 11
+
+    def test_two_of_seven_records_with_one_load_are_one_state(self):
+        levels = np.repeat(3600.0 + 75.0 * np.array([0, 1, 2, 2, 3, 4, 5]), 6)
+        kind = np.tile([0, 0, 0, 0, 0, RESTARTED], 7)[:-1]
+        states = [max(state_of(levels, seed=seed, kind=kind)) + 1 for seed in range(8)]
+        assert states.count(6) >= 6
 
     @pytest.mark.parametrize("seed", range(10))
     def test_records_of_one_load_are_one_state(self, seed):

@@ -62,6 +62,18 @@ def test_tables_that_count_from_0_follow_one_another_in_the_order_given(
     assert said.endswith(f"({', '.join(log.path.name for log in logs)})")
 
 
+def test_files_that_follow_one_another_have_their_samples_on_one_grid(tmp_path: Path) -> None:
+    """Half a step beside it they would be interpolated, with half the noise."""
+    begins_s = (0.0, 0.013, 0.05)
+    paths = [
+        table(tmp_path / f"{number}.parquet", 1.0, begins_s=each)
+        for number, each in enumerate(begins_s)
+    ]
+    raw, _ = read_channels(opened(*paths), MACHINE)
+    since_ns = raw["table"]["log_time_ns"] - raw["table"]["log_time_ns"].min()
+    assert (since_ns % (NS // 10)).unique().to_list() == [0]
+
+
 def test_tables_with_a_clock_stay_where_they_are(tmp_path: Path) -> None:
     first = table(tmp_path / "a.parquet", 1.0, begins_s=1.7e9)
     second = table(tmp_path / "b.parquet", 2.0, begins_s=1.7e9 + 40.0)
