@@ -45,7 +45,7 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         readings: frame `readings`.
         points: frame of the points, a row a run.
     """
-    return _template().render(
+    return report_template().render(
         e=document,
         fitted=document.calibration,
         title=title_of(document),
@@ -70,7 +70,7 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
 
 
 @cache
-def _template() -> "Template":
+def report_template() -> "Template":
     """The page's template; compiling it takes longer than filling it in."""
     from jinja2 import Environment, StrictUndefined
 

@@ -32,14 +32,14 @@ def page_html(package: str, template: str, *, scripts: Sequence[str] = (), **val
         scripts: names of scripts of its own beside it.
         values: that it shows.
     """
-    environment, digest = _templates(package, tuple(scripts))
+    environment, digest = page_templates(package, tuple(scripts))
     return environment.get_template(template).render(
         width=WIDTH, version=version("payscope"), script_hash=f"sha256-{digest}", **values
     )
 
 
 @cache
-def _templates(package: str, scripts: tuple[str, ...]) -> "tuple[Environment, str]":
+def page_templates(package: str, scripts: tuple[str, ...]) -> "tuple[Environment, str]":
     """The templates of a package, each compiled once, and the digest of the page's script."""
     from jinja2 import DictLoader, Environment, StrictUndefined
 
