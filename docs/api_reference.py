@@ -148,7 +148,7 @@ def _signature(defined: _Definition) -> str:
         make = next((each for each in made if each.name == "__init__"), None)
         head = f"class {defined.name}" + (f"({bases})" if bases else "")
         fields = [
-            f"    {ast.unparse(each)}"
+            "    " + ast.unparse(each).replace("'", '"')
             for each in defined.body
             if isinstance(each, ast.AnnAssign) and not ast.unparse(each.target).startswith("_")
         ]
