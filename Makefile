@@ -4,10 +4,13 @@ BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
 BENCH_STAMP := .venv/.bench-stamp
+MADE := .pytest_cache
+# what Python compiles is kept: every process that a test starts would compile the packages anew
+unexport PYTHONDONTWRITEBYTECODE
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 
-.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended unlisted shifts shift-coverage payloads degenerate independent-shifts reproduction reading writing speed memory fuzz lock clean help
+.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test test-times check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended unlisted shifts shift-coverage payloads degenerate independent-shifts reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -17,7 +20,12 @@ demo: $(RUN_STAMP) ## simulate the calibration campaign and a shift as real logs
 	$(BIN)/payscope warm-up
 	$(BIN)/payscope demo -o demo --force
 
-test: lint types tests ## everything that must hold: lint, strict types, tests
+# types beside the compilation and the tests, so that no processor waits; what they say comes last
+test: lint ## everything that must hold: lint, strict types, tests
+	@mkdir -p $(MADE)
+	@$(MAKE) --no-print-directory types >$(MADE)/types.txt 2>&1 & types=$$!; \
+	$(MAKE) --no-print-directory tests; tests=$$?; \
+	wait $$types; types=$$?; cat $(MADE)/types.txt; exit $$((tests || types))
 
 check: $(TEST_STAMP) ## lint, types and tests of what changed since the upstream branch (a minute)
 	$(BIN)/python .ci/check.py
@@ -32,6 +40,10 @@ types: $(TEST_STAMP) ## strict types
 tests: $(TEST_STAMP) ## the tests alone, in parallel; a file's tests share its fixtures
 	$(BIN)/payscope warm-up
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
+
+test-times: $(TEST_STAMP) ## the tests alone, and which files and tests took most of the processor
+	$(BIN)/payscope warm-up
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" --processor-times
 
 slow: $(TEST_STAMP) ## the same statements over many trials and examples (ten minutes)
 	$(BIN)/python -m pytest $(PARALLEL) -m slow --hypothesis-profile unseen

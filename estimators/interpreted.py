@@ -119,13 +119,13 @@ class Loop:
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it in the way that its work asks for."""
-        if self._at_first and _Budget.seconds > 0 and self._turns(*arguments) <= MOST_TURNS:
+        if _Budget.seconds > 0 and self._at_first and self._turns(*arguments) <= MOST_TURNS:
             begin = thread_time()
             try:
                 return self._interpret(arguments)
             finally:
                 _Budget.seconds -= thread_time() - begin
-        if self._is_cold and self._turns(*arguments) <= self._most_cold:
+        if _Cold.allowed and self._is_cold and self._turns(*arguments) <= self._most_cold:
             begin = thread_time()
             try:
                 return self._interpret(arguments)
@@ -135,7 +135,7 @@ class Loop:
 
     @property
     def _is_cold(self) -> bool:
-        return self._cold_seconds > 0 and _Cold.allowed and not self.is_kept
+        return self._cold_seconds > 0 and not self.is_kept
 
     def _interpret(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero

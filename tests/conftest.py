@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tests.processor_times import ProcessorTimes
+
 REPO = Path(__file__).resolve().parent.parent
 BEGAN = pytest.StashKey[float]()
 # a machine that is busy is slow, and no test is about time; what failed fails again
@@ -17,30 +19,49 @@ settings.load_profile("payscope")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--seconds", type=float, help="skip the tests that are left after so long")
+    parser.addoption(
+        "--processor-times", action="store_true", help="list what takes most of the processor"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[BEGAN] = time.monotonic()
+    if config.getoption("--processor-times"):
+        config.pluginmanager.register(ProcessorTimes())
     # the keyring of whoever runs the tests vouches for nothing in them
     os.environ["PAYSCOPE_KEYRING"] = str(REPO / "no-such-folder" / "keys.toml")
 
 
-#: Files of half a minute and more, the longest first: one processor would wait for the other at
-#: the end. xdist would begin with those of the most tests, but for `--no-loadscope-reorder`.
+#: Files of 15 s of the processor and more, the longest first (`make test-times`): one processor
+#: would wait for the other at the end. xdist would begin with those of the most tests, but for
+#: `--no-loadscope-reorder`.
 LONG_FILES = (
-    "test_documentation.py",
-    "test_viewer.py",
-    "test_reproduce_paper.py",
-    "test_kept.py",
-    "test_degenerate_tables.py",
-    "test_overlay_recording.py",
-    "test_ray.py",
-    "test_import_log.py",
-    "test_edges.py",
-    "test_watch_machine_file.py",
+    "test_killed_follower.py",
     "test_verify_bundle.py",
+    "test_degenerate_tables.py",
+    "test_reproduce_paper.py",
+    "test_documentation.py",
+    "test_attack_list.py",
+    "test_run_plots.py",
+    "test_import_log.py",
+    "test_apply_evidence.py",
     "test_calibrate_campaign.py",
-    "test_decoder.py",
+    "test_compare_files.py",
+    "test_verifier_page.py",
+    "test_shared_logs.py",
+    "test_cli_looking.py",
+    "test_kept.py",
+    "test_follow_recorders.py",
+    "test_compare_recordings.py",
+    "test_excitation_design.py",
+    "test_sweep_settings.py",
+    "test_evidence_machine.py",
+    "test_faults.py",
+    "test_load_states.py",
+    "test_reviewers_questions.py",
+    "test_viewer.py",
+    "test_review_shift.py",
+    "test_explain_run.py",
 )
 
 
@@ -54,6 +75,12 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     seconds = item.config.getoption("--seconds")
     if seconds is not None and time.monotonic() - item.config.stash[BEGAN] > seconds:
         pytest.skip(f"the {seconds:g} s are over; make test runs it")
+
+
+@pytest.fixture
+def small_viewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what the viewer draws in software each pixel takes its time."""
+    monkeypatch.setattr("recordings.rrd.viewer._WINDOW", "800x500")
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,7 @@ x:  a_x m + v_x b [+ sign(v) c] = f_x
 z:  ω̇_z Izz + ω_z b_ψ = τ_z
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -56,7 +57,20 @@ Z: Final = Axis(
 
 def axes(excitation: pl.DataFrame) -> tuple[Axis, ...]:
     """The axes that the channels allow: z needs a yaw torque, rate and acceleration."""
-    return (X, Z) if set(YAW_COLUMNS) <= set(excitation.columns) else (X,)
+    return axes_with(excitation.columns)
+
+
+def axes_with(columns: Iterable[str]) -> tuple[Axis, ...]:
+    """The axes that the columns of `excitation` allow."""
+    return (X, Z) if set(YAW_COLUMNS) <= set(columns) else (X,)
+
+
+def regressor_columns(axis: Axis, settings: Settings) -> tuple[str, ...]:
+    """The columns of `excitation` that A and f of an axis are made of, that of f the last."""
+    if axis is Z:
+        return ("yaw_acc_rad_s2", "yaw_rate_rad_s", "torque_z_N_m")
+    direction = ("direction_x_1",) if settings.forces.coulomb else ()
+    return ("regressor_acc_x_m_s2", "speed_x_m_s", *direction, "force_x_N")
 
 
 def regressor(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:

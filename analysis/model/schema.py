@@ -694,31 +694,39 @@ def frame_schema(name: str) -> Frame:
 
 def conform(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """Put `frame` into the declared order and dtypes; a column that is not declared is an error."""
-    declared = frame_schema(name)
-    unknown = set(frame.columns) - {column.name for column in declared.columns}
-    if unknown:
-        raise KeyError(f"{name}: columns without a declaration: {sorted(unknown)}")
-    # column by column: a query a frame costs more than all of its casts
-    present = set(frame.columns)
-    return pl.DataFrame(
-        [
-            frame.get_column(column.name).cast(column.dtype)
-            for column in declared.columns
-            if column.name in present
-        ]
-    )
+    return _declared(name, {each: frame.get_column(each) for each in frame.columns})
 
 
 def build(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> pl.DataFrame:
     """Make the frame `name` of arrays; NaN becomes null."""
-    frame = pl.DataFrame(dict(columns), nan_to_null=True)
-    if any(isinstance(each, pl.Series) and each.dtype.is_float() for each in columns.values()):
-        frame = frame.fill_nan(None)
-    return conform(name, frame)
+    return _declared(name, {each: _series(each, column) for each, column in columns.items()})
+
+
+def _declared(name: str, given: Mapping[str, pl.Series]) -> pl.DataFrame:
+    declared = frame_schema(name)
+    unknown = given.keys() - {column.name for column in declared.columns}
+    if unknown:
+        raise KeyError(f"{name}: columns without a declaration: {sorted(unknown)}")
+    # column by column: a query a frame, or a frame of a mapping, costs more than all of its casts
+    return pl.DataFrame(
+        [
+            series if series.dtype == column.dtype else series.cast(column.dtype)
+            for column in declared.columns
+            if (series := given.get(column.name)) is not None
+        ]
+    )
+
+
+def _series(name: str, column: NDArray[Any] | pl.Series) -> pl.Series:
+    if isinstance(column, np.ndarray):
+        return pl.Series(name, column, nan_to_null=True)
+    named = column.alias(name)
+    return named.fill_nan(None) if named.dtype.is_float() and named.is_nan().any() else named
 
 
 def values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:
     """A column as floats, (rows,), NaN where it is null; all NaN where the frame lacks it."""
     if column not in frame.columns:
         return np.full(frame.height, np.nan)
-    return frame[column].cast(pl.Float64).to_numpy()
+    series = frame.get_column(column)
+    return (series if series.dtype == pl.Float64 else series.cast(pl.Float64)).to_numpy()

@@ -8,6 +8,7 @@
         print(report.to_dict())
 
 `start`, `step` and `finish` are the same a row of `excitation` at a time, state in, state out.
+`rehearse` loads all that they need, so that no row waits for it.
 """
 
 from typing import TYPE_CHECKING
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
     from analysis.online.follower import Follower
     from analysis.online.on_board import finish, start, step
     from analysis.online.online_report import OnlineReport, Validity
+    from analysis.online.rehearsal import rehearse
 
-__all__ = ["Follower", "OnlineReport", "Validity", "finish", "start", "step"]
+__all__ = ["Follower", "OnlineReport", "Validity", "finish", "rehearse", "start", "step"]
 
 __getattr__ = resolve_late(
     "analysis.online",
@@ -28,6 +30,7 @@ __getattr__ = resolve_late(
         "OnlineReport": "analysis.online.online_report",
         "Validity": "analysis.online.online_report",
         "finish": "analysis.online.on_board",
+        "rehearse": "analysis.online.rehearsal",
         "start": "analysis.online.on_board",
         "step": "analysis.online.on_board",
     },

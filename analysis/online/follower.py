@@ -9,12 +9,20 @@ from typing import Any, Final, NamedTuple
 
 import polars as pl
 
+from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.online.answer_progress import AnswerProgress, find_aim
 from analysis.online.gate_state import GateRow, number
 from analysis.online.growing_log import GrowingLog, causal_machine
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
-from analysis.online.online_report import VALID_S, Event, LastMass, OnlineReport, judge
+from analysis.online.online_report import (
+    VALID_S,
+    Event,
+    OnlineReport,
+    PooledEstimate,
+    judge,
+    judge_spin,
+)
 from estimators.estimate import Estimate
 
 #: Changes of direction that are kept: a manoeuvre's mass comes before as many more.
@@ -31,6 +39,8 @@ class FollowedRow(NamedTuple):
         estimates: by method, each with the `t_ns` of the row at which it stands.
         reports: made at this row.
         excitation: the row of `excitation`; empty for what comes when the log has ended.
+        spin_gate: of the window on the yaw axis; None without one, and as `gate`.
+        spin_estimates: likewise of inertia and friction of turning.
     """
 
     t_ns: int
@@ -39,6 +49,8 @@ class FollowedRow(NamedTuple):
     estimates: Mapping[str, tuple[int, Estimate]]
     reports: tuple[OnlineReport, ...]
     excitation: Mapping[str, Any] = MappingProxyType({})
+    spin_gate: GateRow | None = None
+    spin_estimates: Mapping[str, tuple[int, Estimate]] = MappingProxyType({})
 
 
 @dataclass(slots=True)
@@ -93,10 +105,13 @@ class Follower:
         """
         self.log = GrowingLog(causal_machine(machine))
         self.last_gate: GateRow | None = None
-        self.last_mass: LastMass | None = None
+        self.last_mass: PooledEstimate | None = None
+        #: of the last spin: inertia and friction of turning
+        self.last_inertia: PooledEstimate | None = None
         #: the newest estimate of each method, with the `t_ns` at which it stands
         self.newest: dict[str, tuple[int, Estimate]] = {}
         self.manoeuvres = 0
+        self.spins = 0
         #: of the load that the machine carries now
         self.progress = AnswerProgress(find_aim(machine.machine, until_u_kg))
         #: since when the machine has moved ahead (speed in m/s) or backwards, the newest last
@@ -157,19 +172,30 @@ class Follower:
         self._now = t_ns, row["phase"]
         self._note_direction(t_ns, row)
         estimates = self._time_stage(stepped.estimates)
+        self.newest |= estimates
+        spun = self._time_stage(stepped.spin.estimates) if stepped.spin else {}
         second = t_ns // 1_000_000_000
         reports = [self._report("manoeuvre")] if self._take_mass(estimates) else []
+        reports += [self._report("spin")] if self._take_inertia(spun) else []
         if second > self._second and not reports:
             reports.append(self._report("second"))
         self._second = second
-        return FollowedRow(t_ns, row["phase"], stepped.gate, estimates, tuple(reports), row)
+        spin_gate = stepped.spin.gate if stepped.spin else None
+        return FollowedRow(
+            t_ns, row["phase"], stepped.gate, estimates, tuple(reports), row, spin_gate, spun
+        )
 
     def _finish(self, state: OnlineState) -> Iterator[FollowedRow]:
         t_ns, phase = self._now
-        for late in finish(state):
-            estimates = self._time_stage(late)
-            reports = (self._report("manoeuvre"),) if self._take_mass(estimates) else ()
-            yield FollowedRow(t_ns, phase, None, estimates, reports)
+        for axis, late in finish(state):
+            found = self._time_stage(late)
+            if axis is X:
+                self.newest |= found
+                reports = (self._report("manoeuvre"),) if self._take_mass(found) else ()
+                yield FollowedRow(t_ns, phase, None, found, reports)
+            else:
+                reports = (self._report("spin"),) if self._take_inertia(found) else ()
+                yield FollowedRow(t_ns, phase, None, {}, reports, spin_estimates=found)
         yield FollowedRow(t_ns, phase, None, {}, (self._report("end"),))
 
     def _begin_stages(self) -> tuple[OnlineState, _RowTimes]:
@@ -182,20 +208,25 @@ class Follower:
 
     def _time_stage(self, found: Mapping[str, TimedEstimate]) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None
-        estimates = {name: (self._times.of(row), each) for name, (row, each) in found.items()}
-        self.newest |= estimates
-        return estimates
+        return {name: (self._times.of(row), each) for name, (row, each) in found.items()}
 
     def _take_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
         if "pooled" not in estimates:
             return False
-        self.last_mass = last = LastMass(*estimates["pooled"])
+        self.last_mass = last = PooledEstimate(*estimates["pooled"])
         self.manoeuvres += 1
         assert self.log.basis is not None, "there are rows"
         if judge(last, last.t_ns, self.log.basis.machine.machine, math.inf) == "valid":
             speeds = [speed for since, speed in self._directions if since <= last.t_ns]
             mass_kg, u_kg = float(last.estimate.theta[0]), float(last.estimate.std[0])
             self.progress = self.progress.add(mass_kg, u_kg, speeds[-1] if speeds else 0.0)
+        return True
+
+    def _take_inertia(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
+        if "pooled" not in estimates:
+            return False
+        self.last_inertia = PooledEstimate(*estimates["pooled"])
+        self.spins += 1
         return True
 
     def _note_direction(self, t_ns: int, row: Mapping[str, Any]) -> None:
@@ -211,7 +242,9 @@ class Follower:
         t_ns, phase = self._now
         validity = judge(last, t_ns, basis.machine.machine, self._valid_s)
         given = last.estimate if last is not None and validity in ("valid", "old") else None
-        index = gate.mi_x_nat if gate else math.nan
+        spun, spin_validity = self.last_inertia, judge_spin(self.last_inertia, t_ns, self._valid_s)
+        turning = spun.estimate if spun and spin_validity in ("valid", "old") else None
+        index = gate.mi_nat if gate else math.nan
         progress = self.progress
         return OnlineReport(
             event=event,
@@ -234,4 +267,11 @@ class Follower:
             percent=progress.percent,
             starts_missing=progress.starts_missing,
             reverse_missing=progress.reverse_missing,
+            spin_validity=spin_validity,
+            inertia_z_kg_m2=None if turning is None else float(turning.theta[0]),
+            inertia_u_kg_m2=None if turning is None else float(turning.std[0]),
+            friction_z_N_m_s=None if turning is None else float(turning.theta[1]),
+            friction_z_u_N_m_s=None if turning is None else float(turning.std[1]),
+            spin_age_s=None if spun is None else (t_ns - spun.t_ns) / 1e9,
+            spins=self.spins,
         )

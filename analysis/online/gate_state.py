@@ -10,12 +10,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from analysis.model.axes import X
+from analysis.model.axes import Axis, X, Z
 from analysis.model.schema import PHASES
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import slipping, without_gravity
 from analysis.stages.gating.gate_rules import UNKNOWN, decide, is_braking, row_flags
-from analysis.stages.motion.phases import TURNS, span_rows
+from analysis.stages.motion.phases import TURNS, span_rows, yaw_pace
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, window_statistics
 from estimators.methods.ls import WindowStatistics
@@ -30,15 +30,36 @@ _CODES: Final = {None: UNKNOWN, **{name: code for code, name in enumerate(PHASES
 
 @dataclass(frozen=True, slots=True)
 class GateRow:
-    """A row of `gate`; a number that is missing is NaN."""
+    """A row of `gate` on one axis; a number that is missing is NaN.
 
-    corr_x_1: float
-    mi_x_nat: float
-    predicted_std_x: float
-    noise_share_x_1: float
+    Attributes:
+        corr_1: correlation of acceleration and force.
+        mi_nat: the index (11).
+        predicted_std: of the mass in kg, or of the inertia in kg·m².
+        noise_share_1: share of noise in what the acceleration alone explains.
+        accepted: whether the window is.
+        reason: why not, or `accepted`.
+        ksg_nat: mutual information by nearest neighbours, where that decides.
+    """
+
+    corr_1: float
+    mi_nat: float
+    predicted_std: float
+    noise_share_1: float
     accepted: bool
     reason: str
-    ksg_x_nat: float = float("nan")
+    ksg_nat: float = float("nan")
+
+    def columns(self, axis: Axis = X) -> dict[str, float]:
+        """The numbers by their columns in `gate`."""
+        letter = axis.letter
+        return {
+            f"corr_{letter}_1": self.corr_1,
+            f"mi_{letter}_nat": self.mi_nat,
+            f"predicted_std_{letter}": self.predicted_std,
+            f"noise_share_{letter}_1": self.noise_share_1,
+            f"ksg_{letter}_nat": self.ksg_nat,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,20 +67,24 @@ class GateState:
     """What the gate remembers.
 
     Attributes:
+        axis: straight motion or spins.
         row: number of the row now, -1 before the first.
         first_whole: number of the first row that misses nothing, None before it.
         last: number of the last row that was flagged, by reason in the order of precedence.
-        accelerations: of the machine over the span of the speed rate, for slip.
+        accelerations: of the machine over the span of the speed rate, for slip; of x alone.
+        yaw_rates: over that span and a row more, for spins that slow down; of z alone.
         known: whether the phase of this row is known.
         kind: what the manoeuvre of this row stands alone for, "" for driving, None for no row.
         segment_id: number of the last manoeuvre that began.
         braking_lag: rows before braking that are not pooled; 1 where braking is welcome.
     """
 
+    axis: Axis
     row: int
     first_whole: int | None
     last: Mapping[str, int]
     accelerations: tuple[float, ...]
+    yaw_rates: tuple[float, ...]
     known: bool
     kind: str | None
     segment_id: int
@@ -71,15 +96,17 @@ class GateState:
         return self.last["braking"]
 
 
-def start_gate(settings: Settings) -> GateState:
+def start_gate(axis: Axis, settings: Settings) -> GateState:
     """Before the first row."""
     nothing = np.zeros(1, np.bool_)
-    reasons = row_flags(X, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate)
+    reasons = row_flags(axis, np.zeros(1, np.uint8), np.zeros(1), nothing, nothing, settings.gate)
     return GateState(
+        axis=axis,
         row=-1,
         first_whole=None,
         last=dict.fromkeys(("gap", *reasons), _NEVER),
-        accelerations=(float("nan"),) * span_rows(settings),
+        accelerations=(float("nan"),) * span_rows(settings) if axis is X else (),
+        yaw_rates=(float("nan"),) * (span_rows(settings) + 1) if axis is Z else (),
         known=False,
         kind=None,
         segment_id=-1,
@@ -120,7 +147,7 @@ def step_gate(
         )
 
     decided = decide(
-        X,
+        now.axis,
         window_statistics(window, noise) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
         holds,
@@ -148,22 +175,32 @@ def _remember(
     """The state with this row in it."""
     k, name = before.row + 1, row["phase"]
     sample = window.z[:, -1]
-    phase = np.array([_CODES[name]], np.uint8)
+    axis, phase = before.axis, np.array([_CODES[name]], np.uint8)
     known = name is not None
     missing = not (np.isfinite(sample).all() and known)
-    accelerations = (*before.accelerations[1:], _machine_acceleration(row))
-    slips = _slips(row, accelerations, settings)
-    flags = row_flags(X, phase, sample[-1:], is_braking(phase), slips, settings.gate)
+    brakes = slows = is_braking(phase)
+    slips = np.zeros(1, np.bool_)
+    accelerations, yaw_rates = before.accelerations, before.yaw_rates
+    if axis is X:
+        accelerations = (*accelerations[1:], _machine_acceleration(row))
+        slips = _slips(row, accelerations, settings)
+    else:
+        yaw_rates = (*yaw_rates[1:], number(row["yaw_rate_rad_s"]))
+        slows = yaw_pace(np.array(yaw_rates), settings)[-1:] < 0
+    flags = row_flags(axis, phase, sample[-1:], slows, slips, settings.gate)
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
     if known:
-        kind = name if name in TURNS or happens["braking"] else ""
+        # manoeuvres are numbered alike on both axes
+        alone = name in TURNS or (settings.gate.exclude_braking and bool(brakes[0]))
+        kind = name if alone else ""
     return replace(
         before,
         row=k,
         first_whole=k if before.first_whole is None and not missing else before.first_whole,
         last={why: k if happens[why] else last for why, last in before.last.items()},
         accelerations=accelerations,
+        yaw_rates=yaw_rates,
         known=known,
         kind=kind,
         segment_id=before.segment_id + (known and kind != before.kind),

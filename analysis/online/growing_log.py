@@ -155,8 +155,9 @@ class GrowingLog:
         # column by column: a query would cost more than all the rest of a few samples
         fields = [frame[name] for name in frame.columns if name not in _STAMPS]
         placed = pl.DataFrame([stamps.alias("unix_ns"), *fields])
-        missing = stamps.is_null() | ((stamps == 0) & (behind is None))
-        return placed.filter(~missing) if missing.any() else placed
+        if stamps.null_count() or (behind is None and (stamps == 0).any()):
+            placed = placed.filter(stamps.is_not_null() & ((stamps != 0) | (behind is not None)))
+        return placed
 
     def _found_basis(self, *, is_whole: bool) -> bool:
         """Take stamps, rates and the grid's origin from the first seconds, once they are there."""
@@ -223,7 +224,7 @@ def _joined(frames: list[pl.DataFrame]) -> pl.DataFrame:
     """Frames one below the other; a column may be of integers in one and of floats in another."""
     if len(frames) == 1:
         return frames[0]
-    if any(frame.schema != frames[0].schema for frame in frames):
+    if any(frame.dtypes != frames[0].dtypes for frame in frames):
         return pl.concat(frames, how="vertical_relaxed")
     # a query would cost more than all the rest of a few samples
     return reduce(pl.DataFrame.vstack, frames)

@@ -4,7 +4,8 @@ State in, state out: a step takes bounded time and memory, and from `excitation`
 of the gate and every θ equals the replay's bit for bit. The deviations are their own (see
 `estimators.methods.incremental`): what the replay pools over the log is not known yet. A
 manoeuvre's pooled estimate comes when the manoeuvre is over and no braking can claim its last
-samples any more, that of a recursion when none can claim the window that it is fed.
+samples any more, that of a recursion when none can claim the window that it is fed. Straight
+motion and spins are gated and estimated alike, each by itself.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import X
+from analysis.model.axes import Axis, axes_with, regressor_columns
 from analysis.model.methods import METHODS, AxisNoise, Feed, Method
 from analysis.model.settings import Settings
 from analysis.online.gate_state import GateRow, GateState, number, start_gate, step_gate
@@ -48,11 +49,12 @@ class Settling(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class OnlineState:
-    """All that is kept between two rows.
+class AxisState:
+    """All that is kept of an axis between two rows.
 
     Attributes:
         settings: window, gate, methods.
+        axis: straight motion or spins.
         noise: of the columns.
         window: the last `window_samples` rows and their sums.
         gate: what the gate remembers of the rows.
@@ -67,6 +69,7 @@ class OnlineState:
     """
 
     settings: Settings
+    axis: Axis
     noise: AxisNoise
     window: incremental.WindowState
     gate: GateState
@@ -83,19 +86,56 @@ class OnlineState:
 
 
 @dataclass(frozen=True, slots=True)
-class OnlineStep:
-    """What one row leads to.
+class OnlineState:
+    """All that is kept between two rows.
 
     Attributes:
-        state: to step on from.
+        settings: window, gate, methods.
+        noise: as `start` takes it.
+        axes: none before the first row, which tells which there are.
+    """
+
+    settings: Settings
+    noise: pl.DataFrame | None
+    axes: tuple[AxisState, ...] = ()
+
+
+class AxisStep(NamedTuple):
+    """What one row leads to on an axis.
+
+    Attributes:
         gate: what the gate saw in the window that ends here, and what it decided.
         estimates: by method; the windowed ones at every accepted row, the recursive ones when
             that row has settled, `pooled` when a manoeuvre is over.
     """
 
-    state: OnlineState
     gate: GateRow
     estimates: Mapping[str, TimedEstimate]
+
+
+class OnlineStep(NamedTuple):
+    """What one row leads to.
+
+    Attributes:
+        state: to step on from.
+        straight: mass and friction, from straight motion.
+        spin: inertia and friction of turning, from spins; None without a yaw torque, rate and
+            acceleration.
+    """
+
+    state: OnlineState
+    straight: AxisStep
+    spin: AxisStep | None
+
+    @property
+    def gate(self) -> GateRow:
+        """That of straight motion."""
+        return self.straight.gate
+
+    @property
+    def estimates(self) -> Mapping[str, TimedEstimate]:
+        """Those of straight motion."""
+        return self.straight.estimates
 
 
 def start(settings: Settings, noise: pl.DataFrame | None = None) -> OnlineState:
@@ -107,17 +147,7 @@ def start(settings: Settings, noise: pl.DataFrame | None = None) -> OnlineState:
             that of the settings counts where they name all of it, and else no window is refused
             for noise, `pooled` takes the regressor for exact and TLS the usual ratios.
     """
-    parameters = 3 if settings.forces.coulomb else 2
-    window = settings.gate.window_samples
-    return OnlineState(
-        settings,
-        axis_noise(X, settings, noise),
-        incremental.start_window(parameters, window),
-        start_gate(settings),
-        incremental.start_pool(parameters),
-        (-1,) * window,
-        (False,) * window,
-    )
+    return OnlineState(settings, noise)
 
 
 def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
@@ -125,12 +155,48 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
 
     Args:
         state: after the row before; it is left as it was.
-        row: the regressor, the force, the phase and what the settings ask for; None is missing.
+        row: the regressors, the force, the phase and what the settings ask for; None is missing.
+            With a yaw torque, rate and acceleration spins are estimated as well.
     """
+    axes = state.axes or _start_axes(state, row)
+    stepped = [_step_axis(each, row) for each in axes]
+    after = OnlineState(state.settings, state.noise, tuple(each for each, _ in stepped))
+    _, straight = stepped[0]
+    return OnlineStep(after, straight, stepped[1][1] if len(stepped) > 1 else None)
+
+
+def finish(state: OnlineState) -> Iterator[tuple[Axis, Mapping[str, TimedEstimate]]]:
+    """The estimates that were still to come: what has not braked by the last row does not."""
+    for axis_state in state.axes:
+        for found in _finish_axis(axis_state):
+            yield axis_state.axis, found
+
+
+def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, ...]:
     settings = state.settings
-    names = ["regressor_acc_x_m_s2", "speed_x_m_s"]
-    names += ["direction_x_1"] if settings.forces.coulomb else []
-    sample = np.array([number(row.get(name)) for name in (*names, "force_x_N")])
+    window = settings.gate.window_samples
+    found: list[AxisState] = []
+    for axis in axes_with(row):
+        parameters = len(regressor_columns(axis, settings)) - 1
+        found.append(
+            AxisState(
+                settings,
+                axis,
+                axis_noise(axis, settings, state.noise),
+                incremental.start_window(parameters, window),
+                start_gate(axis, settings),
+                incremental.start_pool(parameters),
+                (-1,) * window,
+                (False,) * window,
+            )
+        )
+    return tuple(found)
+
+
+def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, AxisStep]:
+    settings = state.settings
+    names = regressor_columns(state.axis, settings)
+    sample = np.array([number(row.get(name)) for name in names])
     window = incremental.step_window(state.window, sample)
     gate_row, gate = step_gate(state.gate, window, row, settings, state.noise.mean)
     state = replace(
@@ -149,21 +215,22 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
     if any(_choose_method(state, Feed.SEGMENTS)):
         state, finished = _pool(state, gate.row)
         estimates |= finished
-    return OnlineStep(state, gate_row, estimates)
+    return state, AxisStep(gate_row, estimates)
 
 
-def finish(state: OnlineState) -> Iterator[Mapping[str, TimedEstimate]]:
-    """The estimates that were still to come: what has not braked by the last row does not."""
+def _finish_axis(state: AxisState) -> Iterator[Mapping[str, TimedEstimate]]:
     while state.settling:
         state, fed = _feed(state)
         yield fed
     for pending in state.pending:
-        if state.gate.last_braking < pending.row:
-            state = _add(state, pending)
+        if _begins_another(state, pending):
+            yield _pooled_estimates(state)
+            state = _empty_pool(state)
+        state = _settle(state, pending)
     yield _pooled_estimates(state)
 
 
-def _estimate(state: OnlineState, row: int) -> tuple[OnlineState, dict[str, TimedEstimate]]:
+def _estimate(state: AxisState, row: int) -> tuple[AxisState, dict[str, TimedEstimate]]:
     """Every windowed method on the window that ends at `row`, which was accepted."""
     settings, window = state.settings, state.window
     estimates = {
@@ -178,7 +245,7 @@ def _estimate(state: OnlineState, row: int) -> tuple[OnlineState, dict[str, Time
     return replace(state, accepted_row=row), estimates
 
 
-def _choose_method(state: OnlineState, feed: Feed) -> Iterator[tuple[Method, Any]]:
+def _choose_method(state: AxisState, feed: Feed) -> Iterator[tuple[Method, Any]]:
     """The methods of the settings that are fed so, with their options."""
     for name in state.settings.trace.methods:
         method = METHODS[name]
@@ -186,7 +253,7 @@ def _choose_method(state: OnlineState, feed: Feed) -> Iterator[tuple[Method, Any
             yield method, method.options(state.settings.trace, state.noise)
 
 
-def _feed(state: OnlineState) -> tuple[OnlineState, dict[str, TimedEstimate]]:
+def _feed(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate]]:
     """Feed the recursive methods the oldest window that settles, unless it brakes by now."""
     settings, (row, window) = state.settings, state.settling[0]
     state = replace(state, settling=state.settling[1:])
@@ -203,7 +270,7 @@ def _feed(state: OnlineState) -> tuple[OnlineState, dict[str, TimedEstimate]]:
     return replace(state, pasts=pasts, fed_row=row), estimates
 
 
-def _pending(state: OnlineState, row: int, newest: int) -> OnlineState:
+def _pending(state: AxisState, row: int, newest: int) -> AxisState:
     """The newest samples of an accepted window will be pooled, unless they stand."""
     pending = [
         Pending(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
@@ -213,22 +280,47 @@ def _pending(state: OnlineState, row: int, newest: int) -> OnlineState:
     return replace(state, pending=(*state.pending, *pending))
 
 
-def _pool(state: OnlineState, row: int) -> tuple[OnlineState, Mapping[str, TimedEstimate]]:
+def _pool(state: AxisState, row: int) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
     """Pool the samples that no braking can claim any more; an estimate if a manoeuvre is over."""
-    gate = state.gate
     waiting = list(state.pending)
-    while waiting and row - waiting[0].row >= gate.braking_lag - 1:
-        first = waiting.pop(0)
-        if gate.last_braking < first.row:
-            state = _add(state, first)
+    while waiting and row - waiting[0].row >= state.gate.braking_lag - 1:
+        if _begins_another(state, waiting[0]):
+            break
+        state = _settle(state, waiting.pop(0))
     state = replace(state, pending=tuple(waiting))
-    over = not gate.known or gate.segment_id != state.pooled_id
-    if over and not any(each.segment_id == state.pooled_id for each in waiting):
-        return replace(state, pool=_empty(state), pooled_id=-1), _pooled_estimates(state)
+    is_awaited = any(each.segment_id == state.pooled_id for each in waiting)
+    if _is_over(state, row) and not is_awaited:
+        return _empty_pool(state), _pooled_estimates(state)
     return state, {}
 
 
-def _add(state: OnlineState, pending: Pending) -> OnlineState:
+def _begins_another(state: AxisState, pending: Pending) -> bool:
+    return state.pool.samples > 0 and pending.segment_id != state.pooled_id
+
+
+def _is_over(state: AxisState, row: int) -> bool:
+    """Whether no window to come can hold a sample of the manoeuvre that was not accepted yet.
+
+    A window of spins may reach into the standstill behind a spin. Straight motion ends in what no
+    window may hold, so that it is over at once.
+    """
+    if state.pooled_id == -1:
+        return True
+    window = len(state.segments)
+    since = next(
+        (back for back in range(window) if state.segments[-1 - back] == state.pooled_id), window
+    )
+    if since == 0:
+        return False
+    last_row = row - since
+    refused = max(last for why, last in state.gate.last.items() if why != "standstill")
+    return since >= window - 1 or max(refused, state.accepted_row) > last_row
+
+
+def _settle(state: AxisState, pending: Pending) -> AxisState:
+    """Pool a sample, unless braking has claimed it."""
+    if state.gate.last_braking >= pending.row:
+        return state
     return replace(
         state,
         pool=state.pool.add(pending.sample),
@@ -237,11 +329,11 @@ def _add(state: OnlineState, pending: Pending) -> OnlineState:
     )
 
 
-def _empty(state: OnlineState) -> incremental.Pool:
-    return incremental.start_pool(len(state.window.z) - 1)
+def _empty_pool(state: AxisState) -> AxisState:
+    return replace(state, pool=incremental.start_pool(len(state.window.z) - 1), pooled_id=-1)
 
 
-def _pooled_estimates(state: OnlineState) -> Mapping[str, TimedEstimate]:
+def _pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:
     if state.pool.samples == 0:
         return {}
     mean = state.settings.smooth.samples

@@ -14,7 +14,7 @@ from estimators.estimate import Estimate
 #: none_yet: no manoeuvre has given a mass; uncertain, implausible: the last one is not worth its
 #: name; old: it is, but was measured longer ago than `valid_s`, and the load may have changed.
 Validity: TypeAlias = Literal["valid", "old", "none_yet", "uncertain", "implausible"]
-Event: TypeAlias = Literal["second", "manoeuvre", "end"]
+Event: TypeAlias = Literal["second", "manoeuvre", "spin", "end"]
 
 #: A standard uncertainty above this share of the mass tells no load: a full bucket of a skid-steer
 #: loader is a third of the machine.
@@ -30,12 +30,13 @@ _JSON_TYPES: Final = {float: "number", int: "integer", str: "string", NoneType: 
 
 
 @dataclass(frozen=True, slots=True)
-class LastMass:
+class PooledEstimate:
     """The pooled estimate of the last manoeuvre that gave one.
 
     Attributes:
         t_ns: of its last sample.
-        estimate: mass in kg and friction in N·s/m, with their random standard uncertainties.
+        estimate: mass in kg and friction in N·s/m, or inertia in kg·m² and friction of turning in
+            N·m·s, with their random standard uncertainties.
     """
 
     t_ns: int
@@ -44,7 +45,7 @@ class LastMass:
 
 @dataclass(frozen=True, slots=True)
 class OnlineReport:
-    """A report: at the end of a manoeuvre, once a second of the log, and at its end.
+    """A report: at the end of a manoeuvre or a spin, once a second of the log, and at its end.
 
     Attributes:
         event: what it is made for.
@@ -67,6 +68,13 @@ class OnlineReport:
         percent: of the information that takes; None likewise.
         starts_missing: manoeuvres like these until then; None before the first.
         reverse_missing: those of them that should be driven backwards.
+        spin_validity: of inertia and friction of turning; `none_yet` also without a yaw axis.
+        inertia_z_kg_m2: about the point that the last spin turned about; None unless valid or old.
+        inertia_u_kg_m2: random standard uncertainty.
+        friction_z_N_m_s: viscous friction of turning; None likewise.
+        friction_z_u_N_m_s: random standard uncertainty.
+        spin_age_s: since the last sample that they are made of; None without one.
+        spins: how many have given an inertia so far.
     """
 
     event: Event
@@ -89,6 +97,13 @@ class OnlineReport:
     percent: float | None = None
     starts_missing: int | None = None
     reverse_missing: int | None = None
+    spin_validity: Validity = "none_yet"
+    inertia_z_kg_m2: float | None = None
+    inertia_u_kg_m2: float | None = None
+    friction_z_N_m_s: float | None = None
+    friction_z_u_N_m_s: float | None = None
+    spin_age_s: float | None = None
+    spins: int = 0
 
     def to_dict(self) -> dict[str, Any]:
         """The fields by name, as JSON has them."""
@@ -114,7 +129,7 @@ def _json_type(annotation: Any) -> dict[str, Any]:
     return {"type": kinds if len(kinds) > 1 else kinds[0]}
 
 
-def judge(last: LastMass | None, t_ns: int, body: Body, valid_s: float) -> Validity:
+def judge(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: float) -> Validity:
     """Judge the last mass at a time `t_ns` of the grid.
 
     Args:
@@ -123,14 +138,27 @@ def judge(last: LastMass | None, t_ns: int, body: Body, valid_s: float) -> Valid
         body: with its empty mass, where that is known.
         valid_s: an older mass is old.
     """
+    empty = body.empty_mass_kg
+    limits = (0.0, math.inf)
+    if empty is not None:
+        limits = (LEAST_OF_EMPTY_1 * empty, MOST_OF_EMPTY_1 * empty)
+    return _judge(last, t_ns, valid_s, limits)
+
+
+def judge_spin(last: PooledEstimate | None, t_ns: int, valid_s: float) -> Validity:
+    """Judge the last inertia likewise; no limits are known but that it is positive."""
+    return _judge(last, t_ns, valid_s, (0.0, math.inf))
+
+
+def _judge(
+    last: PooledEstimate | None, t_ns: int, valid_s: float, limits: tuple[float, float]
+) -> Validity:
     if last is None:
         return "none_yet"
-    mass, u = float(last.estimate.theta[0]), float(last.estimate.std[0])
-    if not (math.isfinite(mass) and math.isfinite(u)) or u > LARGEST_U_1 * abs(mass):
+    value, u = float(last.estimate.theta[0]), float(last.estimate.std[0])
+    if not (math.isfinite(value) and math.isfinite(u)) or u > LARGEST_U_1 * abs(value):
         return "uncertain"
-    empty = body.empty_mass_kg
-    if mass <= 0.0 or (
-        empty is not None and not LEAST_OF_EMPTY_1 * empty <= mass <= MOST_OF_EMPTY_1 * empty
-    ):
+    least, most = limits
+    if value <= 0.0 or not least <= value <= most:
         return "implausible"
     return "valid" if t_ns - last.t_ns <= valid_s * 1e9 else "old"

@@ -7,6 +7,7 @@ that what a reader takes from it can be compared with what was driven.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -99,30 +100,46 @@ class Style:
     tail: str = ""
     encoding: str = "utf-8"
 
-    def cell(self, value: Any) -> str:
-        """A cell."""
-        text = value if isinstance(value, str) else f"{value:.{self.digits}f}"
-        if not isinstance(value, str):
-            text = text.replace(".", self.decimal)
-        return f'"{text}"' if self.quote else text
+    def cells(self, column: Sequence[Any]) -> Sequence[str]:
+        """The cells of a column."""
+        if isinstance(column, np.ndarray) and column.dtype == np.float64:
+            texts = _written_numbers(column.tobytes(), self.digits, self.decimal)
+        else:
+            texts = [
+                each if isinstance(each, str) else _written(each, self.digits, self.decimal)
+                for each in column
+            ]
+        return [f'"{text}"' for text in texts] if self.quote else texts
 
     def table(self, columns: Sequence[Any], head: Sequence[str]) -> bytes:
         """Lines above, and the rows."""
-        rows = [
-            self.separator.join(map(self.cell, row)) + self.tail
-            for row in zip(*columns, strict=True)
-        ]
-        return (self.end.join([*head, *rows]) + self.end).encode(self.encoding)
+        rows = map(self.separator.join, zip(*map(self.cells, columns), strict=True))
+        ends = f"{self.tail}{self.end}"
+        return "".join(
+            [*(f"{line}{self.end}" for line in head), *(f"{row}{ends}" for row in rows)]
+        ).encode(self.encoding)
 
 
-def stamps(form: str, begin: datetime = BEGIN) -> list[str]:
+def _written(value: float, digits: int, decimal: str) -> str:
+    return f"{value:.{digits}f}".replace(".", decimal)
+
+
+@cache
+def _written_numbers(column: bytes, digits: int, decimal: str) -> tuple[str, ...]:
+    """A column of the drive, which many dialects write alike."""
+    values: list[float] = np.frombuffer(column).tolist()
+    return tuple(_written(value, digits, decimal) for value in values)
+
+
+@cache
+def stamps(form: str, begin: datetime = BEGIN) -> tuple[str, ...]:
     """The rows' times as text; `%3f` has milliseconds."""
     found: list[str] = []
     for k in range(ROWS):
         moment = begin + timedelta(seconds=k / RATE_HZ)
         milli = f"{moment.microsecond // 1000:03d}"
         found.append(moment.strftime(form.replace("%3f", milli)))
-    return found
+    return tuple(found)
 
 
 def as_integers(values: NDArray[Any], scale: float = 1.0) -> list[str]:

@@ -19,6 +19,7 @@ from estimators.numerics.rolling import sum_windows, window_ends
 from estimators.numerics.sandwich import window_deviation
 from estimators.numerics.small_systems import (
     condition_number,
+    entry_rows,
     factor,
     pack,
     packed_index,
@@ -108,9 +109,10 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
 def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
     """Solve (G - λI) x = h, x (p, m), with the λ (m,) so far; `shifted` gets G - λI."""
     q = columns_of(C)
+    rows = entry_rows(q)
     for i in range(q - 1):
-        shifted[packed_index(i, i, q)] = C[packed_index(i, i, q)] - lam
-    x = C[[packed_index(i, q - 1, q) for i in range(q - 1)]]
+        shifted[rows[i][i]] = C[rows[i][i]] - lam
+    x = C[list(rows[q - 1][: q - 1])]
     substitute(*factor(shifted, q, q - 1), x)
     return x
 

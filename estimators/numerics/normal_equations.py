@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.numerics.small_systems import factor, packed_index, substitute
+from estimators.numerics.small_systems import entry_rows, factor, substitute
 
 
 class Solution(NamedTuple):
@@ -27,10 +27,10 @@ def solve(products: Floats) -> Solution:
     q = columns_of(products)
     p = q - 1
     L, inverse = factor(products, q, p)
-    sides = [packed_index(i, p, q) for i in range(p)]
+    *sides, square = entry_rows(q)[p]
     theta = products[sides]
     substitute(L, inverse, theta)
-    rss = products[packed_index(p, p, q)].copy()
+    rss = products[square].copy()
     for side, x in zip(sides, theta, strict=True):
         rss -= products[side] * x
     return Solution(theta, L, inverse, np.maximum(rss, 0.0))
@@ -39,15 +39,16 @@ def solve(products: Floats) -> Solution:
 def residual_squares(products: Floats, theta: Floats) -> Floats:
     """Residual sums of squares (m,) of any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
     p = len(theta)
-    rss = products[packed_index(p, p, p + 1)].copy()
+    rows = entry_rows(p + 1)
+    rss = products[rows[p][p]].copy()
     for i in range(p):
-        rss -= 2.0 * theta[i] * products[packed_index(i, p, p + 1)]
+        rss -= 2.0 * theta[i] * products[rows[i][p]]
         for j in range(p):
-            rss += theta[i] * theta[j] * products[packed_index(min(i, j), max(i, j), p + 1)]
+            rss += theta[i] * theta[j] * products[rows[i][j]]
     return np.maximum(rss, 0.0)
 
 
 def gram(products: Floats) -> Floats:
     """AᵀA alone, packed (p(p+1)/2, m), out of the products of [A f]."""
-    q = columns_of(products)
-    return products[[packed_index(i, j, q) for i in range(q - 1) for j in range(i, q - 1)]]
+    p = columns_of(products) - 1
+    return products[[entry for i, row in enumerate(entry_rows(p + 1)[:p]) for entry in row[i:p]]]

@@ -6,9 +6,11 @@ alone. A symmetric matrix is packed: its upper triangle row by row, entry (i, j)
 `packed_index(i, j, size)`.
 """
 
+from functools import cache
+
 import numpy as np
 
-from estimators.arrays import Floats
+from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.
@@ -240,18 +242,30 @@ def _rotate(N: Floats, p: int, i: int, j: int, m: int) -> None:
                 y[k] = sine[k] * old + cosine[k] * y[k]
 
 
+@cache
+def entry_rows(size: int) -> tuple[tuple[int, ...], ...]:
+    """The row of each entry (i, j) of a packed symmetric matrix of `size` columns, by i and j.
+
+    On board they are asked for many times a step, where a call of a compiled loop each is dear.
+    """
+    each = range(size)
+    return tuple(tuple(packed_index(min(i, j), max(i, j), size) for j in each) for i in each)
+
+
+@cache
+def _upper(size: int) -> tuple[Ints, Ints]:
+    rows, columns = np.triu_indices(size)
+    return rows, columns
+
+
 def pack(G: Floats) -> Floats:
     """One symmetric matrix (size, size), packed (entries,)."""
-    return np.asarray(G[np.triu_indices(len(G))], np.float64)
+    return np.asarray(G[_upper(len(G))], np.float64)
 
 
 def unpack(entries: Floats, size: int, p: int) -> Floats:
     """The leading (p, p) of one packed symmetric matrix of `size` columns."""
-    G = np.empty((p, p))
-    for i in range(p):
-        for j in range(i, p):
-            G[i, j] = G[j, i] = entries[packed_index(i, j, size)]
-    return G
+    return entries[[row[:p] for row in entry_rows(size)[:p]]]
 
 
 def solve_spd(G: Floats, h: Floats) -> Floats:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,6 +25,9 @@ _READER: Final = Path(__file__).with_name("parquet_process.py")
 _PATIENCE_S: Final = 60.0
 #: Bytes of JSON that tables may become.
 _MOST_OUTPUT: Final = 256 << 20
+#: Bytes of tables whose reading is kept: those of evidence have some kB, and are read again with
+#: the evidence after it and with the chain.
+_MOST_KEPT: Final = 1 << 20
 #: What `write_table` makes of a column, by Arrow's name: the reader's process has Arrow, not ours.
 _ARROW: Final[Mapping[type[pl.DataType], str]] = {
     pl.String: "string",
@@ -81,27 +85,41 @@ def read_tables(tables: Sequence[UntrustedTable]) -> list[pl.DataFrame | str]:
 
 def _read_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] | None:
     """What the reader's process says of each; None where it ended without a word."""
-    asked = [
-        {
-            "bytes": len(table.data),
-            "columns": [[name, _ARROW[dtype]] for name, dtype in table.schema.items()],
-        }
-        for table in tables
-    ]
+    asked = json.dumps(
+        [
+            {
+                "bytes": len(table.data),
+                "columns": [[name, _ARROW[dtype]] for name, dtype in table.schema.items()],
+            }
+            for table in tables
+        ]
+    )
+    data = b"".join(table.data for table in tables)
+    ask = _ask_once if len(data) <= _MOST_KEPT else _ask_reader
+    out = ask(asked, data)
+    return None if out is None else json.loads(out)
+
+
+def _ask_reader(asked: str, data: bytes) -> bytes | None:
+    """Start the reader; its JSON, or None where it ended without a word."""
     # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
-        [sys.executable, "-I", str(_READER), json.dumps(asked)],
+        [sys.executable, "-I", str(_READER), asked],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
     try:
-        out, _ = child.communicate(b"".join(t.data for t in tables), timeout=_PATIENCE_S)
+        out, _ = child.communicate(data, timeout=_PATIENCE_S)
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
         return None
-    return None if child.returncode or len(out) > _MOST_OUTPUT else json.loads(out)
+    return None if child.returncode or len(out) > _MOST_OUTPUT else out
+
+
+#: The same bytes hold the same, and the reader takes a quarter of a second to start.
+_ask_once: Final = lru_cache(maxsize=16)(_ask_reader)
 
 
 def _make_frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:

@@ -7,9 +7,10 @@ compares. It has no script, and forbids itself to load anything.
 import datetime as dt
 import math
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
@@ -29,6 +30,9 @@ from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import learnt_rows
 from recordings.report.svg_shapes import WIDTH
 
+if TYPE_CHECKING:
+    from jinja2 import Template
+
 TEMPLATE: Final = "report.html.j2"
 _NONE: Final = "–"
 
@@ -41,14 +45,7 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         readings: frame `readings`.
         points: frame of the points, a row a run.
     """
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(
-        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["kg"] = kilograms
-    source = files("recordings.calibration").joinpath(TEMPLATE).read_text(encoding="utf-8")
-    return environment.from_string(source).render(
+    return _template().render(
         e=document,
         fitted=document.calibration,
         title=title_of(document),
@@ -70,6 +67,19 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         runs=_runs(document, readings),
         estimator=ESTIMATORS.get(document.estimator.name, document.estimator.name),
     )
+
+
+@cache
+def _template() -> "Template":
+    """The page's template; compiling it takes longer than filling it in."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["kg"] = kilograms
+    source = files("recordings.calibration").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    return environment.from_string(source)
 
 
 def report_pdf(html: str, path: Path) -> str:

@@ -3,13 +3,17 @@
 import base64
 import hashlib
 from collections.abc import Sequence
+from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import one_line
 from recordings.report.number_text import number
 from recordings.report.svg_shapes import WIDTH
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 _HERE: Final = "recordings.report"
 _PAGE: Final = "page.html.j2"
@@ -28,6 +32,15 @@ def page_html(package: str, template: str, *, scripts: Sequence[str] = (), **val
         scripts: names of scripts of its own beside it.
         values: that it shows.
     """
+    environment, digest = _templates(package, tuple(scripts))
+    return environment.get_template(template).render(
+        width=WIDTH, version=version("payscope"), script_hash=f"sha256-{digest}", **values
+    )
+
+
+@cache
+def _templates(package: str, scripts: tuple[str, ...]) -> "tuple[Environment, str]":
+    """The templates of a package, each compiled once, and the digest of the page's script."""
     from jinja2 import DictLoader, Environment, StrictUndefined
 
     # our own files, so part of the template: no text of a log is in them
@@ -53,10 +66,7 @@ def page_html(package: str, template: str, *, scripts: Sequence[str] = (), **val
     )
     environment.filters["number"] = number
     environment.filters["percent"] = _percent
-    digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
-    return environment.get_template(template).render(
-        width=WIDTH, version=version("payscope"), script_hash=f"sha256-{digest}", **values
-    )
+    return environment, base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
 
 
 def _strip_control_characters(value: object) -> object:

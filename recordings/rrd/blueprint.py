@@ -1,6 +1,6 @@
 """The layout that a recording opens in: the tabs of the table, without what this run lacks."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
@@ -10,9 +10,8 @@ from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.finding_text import findings_of
 from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, drawn_of, span_ns
-from recordings.rrd.plane_pictures import BOUNDS, plane_pictures
+from recordings.rrd.plane_pictures import BOUNDS, PlanePicture
 from recordings.rrd.recording_table import TABS, TIME, Kind, Methods, Tab, View, component_name
-from recordings.rrd.recording_texts import texts
 from recordings.rrd.stored_frames import entity_path
 
 if TYPE_CHECKING:
@@ -94,22 +93,31 @@ class Page:
         return [each if isinstance(each, tuple) else (each,) for each in self.panels]
 
 
-def blueprint(run: Run, shown: Mapping[str, pl.DataFrame], under: str = "") -> "rrb.Blueprint":
+def blueprint(
+    run: Run,
+    shown: Mapping[str, pl.DataFrame],
+    texts: Collection[str],
+    pictures: Mapping[str, PlanePicture],
+    under: str = "",
+) -> "rrb.Blueprint":
     """Lay out a run in tabs, the overview first, with the whole log in view and time paused.
 
     Args:
         run: the run.
         shown: its `display_frames`.
+        texts: names of its `texts`.
+        pictures: its `plane_pictures`.
         under: the entity that all of it lies under; empty: none.
     """
-    written, drawn = texts(run), plane_pictures(run)
     pages = [
         Page(
             tab.name,
             tab_panels(tab, run, shown),
-            tuple(name for name in tab.texts if name in written),
+            tuple(name for name in tab.texts if name in texts),
             events=tab.events and bool(findings_of(run)),
-            pictures=tuple((name, drawn[name].title) for name in tab.pictures if name in drawn),
+            pictures=tuple(
+                (name, pictures[name].title) for name in tab.pictures if name in pictures
+            ),
         )
         for tab in TABS
         # what is not there needs no signals beside it

@@ -115,8 +115,9 @@ def scene_of(run: Run, under: str = "") -> Scene:
         )
         for each in findings_of(run)
     )
-    layout = blueprint(run, shown, under)
-    return Scene(name, shown, layout, texts(run), tuple(events), plane_pictures(run))
+    written, pictures = texts(run), plane_pictures(run)
+    layout = blueprint(run, shown, written, pictures, under)
+    return Scene(name, shown, layout, written, tuple(events), pictures)
 
 
 def write_scene(

@@ -73,10 +73,11 @@ def command(
     from recordings import read_recording
     from recordings.rrd.viewer_server import viewer_server
     from replay.commands.follow_panel import FollowPanel
+    from replay.commands.progress_bar import COMPILING, warn_on_slow_compile
     from replay.follow.agreement import FollowedDigests, record_followed
     from replay.follow.follow_logs import Following, follow_logs
     from replay.follow.followed_outputs import FollowedOutputs
-    from replay.follow.report_file import mass_text, time_text
+    from replay.follow.report_file import event_text, time_text
     from replay.machines.machine_file import load_machine
     from replay.runs.run_logs import RecordTo
 
@@ -103,6 +104,7 @@ def command(
             force=force,
         )
         opened.callback(outputs.close)
+        opened.enter_context(warn_on_slow_compile(lambda: typer.echo(COMPILING, err=True)))
         panel = opened.enter_context(FollowPanel())
 
         def show(following: Following, rows: list[FollowedRow]) -> None:
@@ -111,8 +113,8 @@ def command(
             for report in made:
                 if as_json:
                     typer.echo(json.dumps(report.to_dict(), allow_nan=False))
-                elif report.event == "manoeuvre":
-                    typer.echo(f"{time_text(report.unix_ns)}  {mass_text(report)}")
+                elif text := event_text(report):
+                    typer.echo(f"{time_text(report.unix_ns)}  {text}")
             panel.show(following, made)
 
         following = follow_logs(
@@ -127,9 +129,10 @@ def command(
     for loss in following.losses:
         tell(str(loss))
     follower = following.follower
+    spins = f", inertia of {_count(follower.spins, 'spin')}" if follower.spins else ""
     typer.echo(
-        f"{following.ended}: {follower.rows_stepped:,} rows, masses of {follower.manoeuvres:,} "
-        "manoeuvre" + "s" * (follower.manoeuvres != 1),
+        f"{following.ended}: {follower.rows_stepped:,} rows, masses of "
+        f"{_count(follower.manoeuvres, 'manoeuvre')}{spins}",
         err=True,
     )
     if output is not None:
@@ -138,6 +141,10 @@ def command(
         for each in agreements:
             typer.echo(_agreement_text(each), err=True)
         typer.echo(f"recorded: {output}", err=True)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}" + "s" * (number != 1)
 
 
 def _agreement_text(each: "Agreement") -> str:

@@ -13,7 +13,7 @@ from rich.text import Text
 from analysis.model.methods import METHODS
 from analysis.online.online_report import OnlineReport
 from replay.follow.follow_logs import Following
-from replay.follow.report_file import mass_text, progress_text, time_text
+from replay.follow.report_file import mass_text, progress_text, spin_text, time_text
 
 #: Manoeuvres that are shown.
 _SHOWN: Final = 5
@@ -71,6 +71,8 @@ class FollowPanel:
         parts += [_motion(self._last), _answer(self._last)]
         if progress := progress_text(self._last):
             parts.append(Text(progress))
+        if spun := spin_text(self._last):
+            parts.append(Text(spun))
         parts.append(_methods(following))
         if self._masses:
             parts.append(_manoeuvres(list(self._masses)))

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 #: Compiling is worth a line when it has taken this long.
 LONG_S: Final = 2.0
-_COMPILING: Final = (
+COMPILING: Final = (
     "payscope: compiling numerical code for this version, once; up to a minute "
     "(payscope warm-up does it ahead)"
 )
@@ -51,7 +51,7 @@ class Stages:
         tell = self._bar.console.print
         if self._warns:
             self._until_exit.enter_context(
-                warn_on_slow_compile(lambda: tell(_COMPILING, highlight=False, soft_wrap=True))
+                warn_on_slow_compile(lambda: tell(COMPILING, highlight=False, soft_wrap=True))
             )
         return self
 

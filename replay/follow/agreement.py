@@ -15,6 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.answer import Answer
+from analysis.model.axes import Axis, X, Z, axes, rows_of, theta_of
 from analysis.model.schema import REASON
 from analysis.online.follower import FollowedRow
 from recordings import read_recording
@@ -25,7 +26,6 @@ GATE: Final = "gate"
 _MINUTE_NS: Final = 60 * 10**9
 #: Sums that differ by a smaller share differ by rounding: nine digits.
 _ROUNDING_1: Final = 1e-9
-_THETA: Final = ("mass_kg", "friction_x_N_s_m", "coulomb_x_N")
 _REASONS: Final = {name: number for number, name in enumerate(REASON.categories)}
 CAUSAL: Final = "settings.filter.causal=true"
 
@@ -35,7 +35,7 @@ class Agreement:
     """Of the gate or of a method.
 
     Attributes:
-        name: `gate`, or the method.
+        name: `gate` or the method, and of which axis if it is of spins.
         rows: that were followed.
         replayed: that the replay has.
         differs_from_s: from the first row; None where all rows are the same bit for bit.
@@ -105,11 +105,15 @@ class FollowedDigests:
     def add(self, rows: Iterable[FollowedRow]) -> None:
         """Take the next rows."""
         for row in rows:
-            if row.gate is not None:
-                code = np.array([_REASONS[row.gate.reason]], np.float64)
-                self._of(GATE).add(row.t_ns, code)
-            for method, (t_ns, estimate) in row.estimates.items():
-                self._of(method).add(t_ns, estimate.theta)
+            for axis, gate, estimates in (
+                (X, row.gate, row.estimates),
+                (Z, row.spin_gate, row.spin_estimates),
+            ):
+                if gate is not None:
+                    code = np.array([_REASONS[gate.reason]], np.float64)
+                    self._of(_name(GATE, axis)).add(row.t_ns, code)
+                for method, (t_ns, estimate) in estimates.items():
+                    self._of(_name(method, axis)).add(t_ns, estimate.theta)
 
     def compare(self, frames: Mapping[str, pl.DataFrame]) -> list[Agreement]:
         """Compare with the frames of a replay."""
@@ -123,16 +127,23 @@ class FollowedDigests:
 
 
 def _replayed_rows(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Minutes]:
-    gate = frames["gate"]
-    codes = gate["reason_x"].cast(pl.String).replace_strict(_REASONS, return_dtype=pl.Float64)
-    found = {GATE: _digest_rows(gate["t_ns"], codes.to_numpy()[:, None])}
-    for name, frame in frames.items():
-        method = name.removeprefix("estimates/")
-        if method != name and "mass_kg" in frame.columns:
-            frame = frame.drop_nulls("t_ns")
-            theta = frame.select(c for c in _THETA if c in frame.columns).cast(pl.Float64)
-            found[method] = _digest_rows(frame["t_ns"], theta.fill_null(np.nan).to_numpy())
+    found: dict[str, _Minutes] = {}
+    for axis in axes(frames["excitation"]):
+        gate = frames["gate"]
+        codes = gate[f"reason_{axis.letter}"].cast(pl.String)
+        codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)
+        found[_name(GATE, axis)] = _digest_rows(gate["t_ns"], codes.to_numpy()[:, None])
+        for name, frame in frames.items():
+            method = name.removeprefix("estimates/")
+            if method != name and axis.parameters[0][0] in frame.columns:
+                rows = rows_of(axis, frame).drop_nulls("t_ns")
+                theta, _ = theta_of(axis, rows)
+                found[_name(method, axis)] = _digest_rows(rows["t_ns"], theta)
     return found
+
+
+def _name(name: str, axis: Axis) -> str:
+    return name if axis is X else f"{name} of spins"
 
 
 def _digest_rows(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _Minutes:

@@ -1,8 +1,9 @@
 """The command `follow`: a growing log and a machine in, rows and reports out as they come."""
 
+import gc
 import time
 from collections.abc import Callable, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -14,15 +15,17 @@ from analysis.model.machine import Machine
 from analysis.online.follower import FollowedRow, Follower
 from analysis.online.growing_log import causal_machine
 from analysis.online.online_report import VALID_S
+from analysis.online.rehearsal import rehearse
 from estimators.errors import DataError, LogError
+from estimators.interpreted import compile_at_once
 from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import GrowingLogFile, follow_log
 from replay.machines.machine_file import time_axis
 
-#: Seconds between two looks at the log: half of the latency that a display is allowed, and each
-#: look at something new costs some milliseconds of the processor.
-LOOK_S: Final = 0.05
+#: Seconds between two looks at the log: a row is at most as late as this and a look take, 50 ms in
+#: all, and each look at something new costs some milliseconds of the processor.
+LOOK_S: Final = 0.04
 #: Seconds without growth after which a log counts as ended, unless the caller says otherwise.
 IDLE_S: Final = 10.0
 
@@ -90,7 +93,14 @@ def follow_logs(
     fields = channel_fields(causal_machine(machine))
     follower = Follower(machine, noise, valid_s=valid_s, until_u_kg=until_u_kg)
     following = Following(paths, follower)
-    with closing(follow_log(paths, fields, time_axis(machine))) as log:
+    with ExitStack() as opened:
+        log = opened.enter_context(closing(follow_log(paths, fields, time_axis(machine))))
+        opened.enter_context(compile_at_once())
+        rehearse(follower.log.machine.settings, noise)
+        # what libraries hold is for ever: looking through it takes 0.1 s, and rows would wait
+        gc.collect()
+        gc.freeze()
+        opened.callback(gc.unfreeze)
         try:
             following.ended = _follow(log, following, on_rows, idle_s)
         except KeyboardInterrupt:

@@ -170,6 +170,30 @@ def mass_text(report: OnlineReport) -> str:
     )
 
 
+def spin_text(report: OnlineReport) -> str:
+    """Inertia and friction of turning likewise; empty before the first spin."""
+    if not report.spins:
+        return ""
+    if report.inertia_z_kg_m2 is None:
+        return f"inertia {report.spin_validity}"
+    return (
+        f"inertia {report.inertia_z_kg_m2:,.0f} ± {report.inertia_u_kg_m2:,.0f} kg·m², friction "
+        f"{report.friction_z_N_m_s:,.0f} ± {report.friction_z_u_N_m_s:,.0f} N·m·s, "
+        f"{report.spin_validity}"
+    )
+
+
+def event_text(report: OnlineReport) -> str:
+    """What a manoeuvre or a spin gave; empty for another event."""
+    match report.event:
+        case "manoeuvre":
+            return mass_text(report)
+        case "spin":
+            return spin_text(report)
+        case _:
+            return ""
+
+
 def progress_text(report: OnlineReport) -> str:
     """How far from an answer, and what is missing; empty where nothing says how sure to be."""
     if report.until_u_kg is None or report.percent is None:
@@ -191,7 +215,7 @@ def page_text(report: OnlineReport) -> str:
     return (
         f"# {mass_text(report)}\n\n"
         f"Last manoeuvre{age}; {report.manoeuvres:,} gave a mass so far.\n\n"
-        f"{progress_text(report)}\n\n"
+        f"{progress_text(report)}\n\n{spin_text(report)}\n\n"
         f"{time_text(report.unix_ns)} UTC: {report.phase or 'unknown'}, gate "
         f"{report.gate.replace('_', ' ')}.\n\n"
         "Recorded as it is followed: random uncertainties, no load states. When the log ends, its "

@@ -155,13 +155,22 @@ def machine(without=(), imu=None, **settings):
     )
 
 
+def excitation(said, loader=None):
+    """What the estimators are fed of what the sensors say."""
+    return _to_excitation(said, loader or machine())[1]
+
+
+def _to_excitation(said, loader):
+    channels, _ = derive(read_measured({"table": said}, loader)[0], loader)
+    aligned, _ = align(channels, loader)
+    return aligned, forces(smooth(aligned, loader.settings.smooth), loader)
+
+
 def replayed(said, loader=None):
     """Every stage of what the sensors say, by name."""
     loader = loader or machine()
     settings = loader.settings
-    channels, _ = derive(read_measured({"table": said}, loader)[0], loader)
-    aligned, _ = align(channels, loader)
-    excitation = forces(smooth(aligned, settings.smooth), loader)
+    aligned, excitation = _to_excitation(said, loader)
     noise = channel_noise(aligned, excitation, loader)
     gated = gate(excitation, settings, noise)
     estimates = trace(excitation, gated, settings, noise)

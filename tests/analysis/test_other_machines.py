@@ -6,33 +6,35 @@ import pytest
 
 from tests.analysis.other_machine_logs import replayed
 from tests.trials.other_machines import OTHER_MACHINES, arm, bus, cart, electric_car
+from tests.twins import mark_slow_after
 
 #: Masses on board, in kg, a file each.
 SEVEN_KG = (0.0, 700.0, 1400.0, 2100.0, 2800.0, 3500.0, 4200.0)
 SHUFFLED = (3, 0, 6, 2, 5, 1, 4)
 
 
+@pytest.mark.parametrize("seed", mark_slow_after(1, range(2)))
 @pytest.mark.parametrize("name", OTHER_MACHINES)
-def test_there_is_no_pile(name: str, tmp_path: Path) -> None:
-    for seed in range(2):
-        made = replayed(OTHER_MACHINES[name](seed), tmp_path)
-        assert made.frames["digging"].is_empty()
-        assert "external_force" not in set(made.frames["findings"]["cause"])
+def test_there_is_no_pile(name: str, seed: int, tmp_path: Path) -> None:
+    made = replayed(OTHER_MACHINES[name](seed), tmp_path)
+    assert made.frames["digging"].is_empty()
+    assert "external_force" not in set(made.frames["findings"]["cause"])
 
 
+@pytest.mark.parametrize("seed", mark_slow_after(1, (100, 101, 102)))
 @pytest.mark.parametrize(
     "name", ["a car whose motor brakes", "a bus that never stands", "a cart", "a rack"]
 )
-def test_a_load_that_stays_is_one_load(name: str, tmp_path: Path) -> None:
-    for seed in (100, 101, 102):
-        scenario = OTHER_MACHINES[name](seed)
-        (load,) = replayed(scenario, tmp_path).frames["loads"].to_dicts()
-        if not load["withheld"]:
-            assert abs(load["mass_kg"] - scenario.machine.mass_kg) < 3.0 * load["u_kg"]
+def test_a_load_that_stays_is_one_load(name: str, seed: int, tmp_path: Path) -> None:
+    scenario = OTHER_MACHINES[name](seed)
+    (load,) = replayed(scenario, tmp_path).frames["loads"].to_dicts()
+    if not load["withheld"]:
+        assert abs(load["mass_kg"] - scenario.machine.mass_kg) < 3.0 * load["u_kg"]
 
 
 @pytest.mark.parametrize(
-    ("seed", "order"), [(1, (0, 1, 2, 3, 4, 5, 6)), (2, (0, 1, 2, 3, 4, 5, 6)), (5, SHUFFLED)]
+    ("seed", "order"),
+    mark_slow_after(1, [(5, SHUFFLED), (1, (0, 1, 2, 3, 4, 5, 6)), (2, (0, 1, 2, 3, 4, 5, 6))]),
 )
 def test_seven_loads_of_a_bus_are_told_where_its_files_end(
     seed: int, order: tuple[int, ...], tmp_path: Path

@@ -165,7 +165,14 @@ def test_a_table_that_says_nothing_is_drafted(seed: int, tmp_path: Path) -> None
     assert not payscope.faults, "\n".join(payscope.faults)
 
 
-@pytest.mark.parametrize("case", ONCE_FAULTS)
+#: Half a minute, where the others take a second each.
+LONG = "loads of which a fit says nothing"
+
+
+@pytest.mark.parametrize(
+    "case",
+    [case for case in ONCE_FAULTS if case != LONG] + [pytest.param(LONG, marks=pytest.mark.slow)],
+)
 def test_what_once_ended_in_a_fault_does_not(case: str, tmp_path: Path) -> None:
     seed, job = ONCE_FAULTS[case]
     payscope = Driven(tmp_path)

@@ -3,6 +3,7 @@
 import pytest
 
 from benchmarks.other_machines import Told, draw_machine, told
+from tests.twins import mark_slow_after
 
 #: Numbers of the campaign: what each of a car with gears, a rack and an arm once had wrong.
 ONCE_WRONG = {
@@ -12,7 +13,7 @@ ONCE_WRONG = {
 }
 
 
-@pytest.mark.parametrize("case", ONCE_WRONG)
+@pytest.mark.parametrize("case", mark_slow_after(1, ONCE_WRONG))
 def test_each_file_has_its_load(case: str) -> None:
     mine = draw_machine(ONCE_WRONG[case], files=True)
     found = told(mine)

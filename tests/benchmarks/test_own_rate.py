@@ -3,6 +3,7 @@
 import pytest
 
 from benchmarks.own_rate import MASS_KG, Cell, cells, logged, machine_of, weighed
+from tests.twins import mark_slow_after
 
 #: Where the noise came out at up to 1e14 m/s², or rows between samples counted.
 HARD = (
@@ -17,7 +18,7 @@ HARD = (
 )
 
 
-@pytest.mark.parametrize("cell", HARD, ids=str)
+@pytest.mark.parametrize("cell", mark_slow_after(4, HARD[::-1]), ids=str)
 def test_it_opens_as_with_its_true_noise_stated_and_the_interval_holds(cell: Cell) -> None:
     table = logged(cell, 101)
     stated, own = (weighed(table, machine_of(cell, stated=how)) for how in (True, False))

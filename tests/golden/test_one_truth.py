@@ -7,6 +7,7 @@ import pytest
 from benchmarks.degenerate_tables import Driven, disagreements
 from replay.commands import progress_bar
 from tests.golden.golden import FOLDER, LOGS
+from tests.twins import mark_slow_after
 
 #: What is set beside a golden log, which may leave it without a mass.
 TOLD = {
@@ -20,8 +21,12 @@ TOLD = {
 }
 
 
-@pytest.mark.parametrize("case", TOLD)
-@pytest.mark.parametrize("log", LOGS)
+#: Every log as it is, and one in every way.
+FAST = [(log, case) for log in LOGS for case in TOLD if case == "as it is" or log == "table.csv"]
+MORE = [(log, case) for log in LOGS for case in TOLD if (log, case) not in FAST]
+
+
+@pytest.mark.parametrize(("log", "case"), mark_slow_after(len(FAST), FAST + MORE))
 def test_a_golden_log_is_weighed_or_not_by_text_json_exit_status_and_recording_alike(
     log: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

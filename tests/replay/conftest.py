@@ -7,23 +7,31 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 
 from replay.commands import progress_bar
-from replay.commands.cli import main
+from replay.commands.cli import app, main
 from tests.replay.made_evidence import Made
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
 
 
+@pytest.fixture(scope="session")
+def commands() -> Any:
+    """The commands with their options, which typer puts together anew at every call."""
+    return typer.main.get_command(app)  # pyright: ignore
+
+
 @pytest.fixture
-def payscope(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Payscope:
+def payscope(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, commands: Any
+) -> Payscope:
     """Run the command line as a user would; the exit status, stdout and stderr."""
 
-    app = main.__globals__["app"]
     raised: list[Exception] = []
 
     def noted(**options: Any) -> Any:
         try:
-            return app(**options)
+            return commands(**options)
         except Exception as error:
             raised.append(error)
             raise

@@ -11,6 +11,7 @@ import pytest
 
 from recordings.report.atomic_output import check_output
 from tests.replay.sledge import MACHINE, sledge
+from tests.twins import mark_slow_after
 
 SCRIPT = Path(sys.executable).with_name("payscope")
 
@@ -130,7 +131,7 @@ def test_ended_in_the_middle_it_leaves_no_half_file(tmp_path: Path, number: sign
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell is needed")
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", mark_slow_after(2, [">&-", "<&- >&- 2>&-", "<&-", "2>&-"]))
 def test_streams_that_are_closed_from_the_beginning_are_no_fault(
     log: Path, machine_file: Path, tmp_path: Path, closed: str
 ) -> None:

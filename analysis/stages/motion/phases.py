@@ -4,6 +4,7 @@ A slope of 5° alone puts 0.85 m/s² on the accelerometer, so it cannot tell bra
 """
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -153,5 +154,10 @@ def first_that_holds(
         labels: of the series.
     """
     # numbers, since rows of text are slow to make
-    choices = pl.Series([*conditions, otherwise], dtype=labels)
-    return choices.gather(first_index(list(conditions.values())))
+    choices = _labels((*conditions, otherwise), labels)
+    return choices[first_index(list(conditions.values()))]
+
+
+@cache
+def _labels(names: tuple[str | None, ...], labels: pl.Enum) -> pl.Series:
+    return pl.Series(names, dtype=labels)

@@ -200,14 +200,15 @@ class _KnownInstants:
     ) -> None:
         self.series, self.grid, self.late_ns = series, grid, late_ns
         self.names = frozenset[str]().union(*rates.regressors(machine)) & set(series)
+        self.newest = {name: each.newest(grid + late_ns) for name, each in series.items()}
         self.shared = grid
         for name in self.names:
-            self.shared = np.minimum(self.shared, series[name].newest(grid + late_ns))
+            self.shared = np.minimum(self.shared, self.newest[name])
 
     def of(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
         """The instants (rows,) of a channel, and where its newest sample is too old."""
         each = self.series[name]
-        newest = each.newest(self.grid + self.late_ns)
+        newest = self.newest[name]
         usual = self.grid - max(0, round(each.lag_ns) - self.late_ns)
         instants = self.shared if name in self.names else np.minimum(self.grid, newest)
         return instants, usual - newest > each.longest_ns

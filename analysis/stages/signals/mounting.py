@@ -27,6 +27,8 @@ def rotation(imu: ImuMounting) -> Floats:
 
 def is_rotated(imu: ImuMounting) -> bool:
     """Whether the IMU's axes are not the machine's; less than 1e-12 rad counts as none."""
+    if not (imu.roll_deg or imu.pitch_deg or imu.yaw_deg):
+        return False
     return not np.allclose(rotation(imu), np.eye(3), rtol=0.0, atol=1e-12)
 
 

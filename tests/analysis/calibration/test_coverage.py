@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.calibration import PLANS, Plan, outcomes, paper_outcomes
+from tests.twins import mark_slow_after
 
 #: Campaigns of each plan: a coverage of 0.95 is known to 1.1 % (one deviation).
 FEW = 400
@@ -18,11 +19,14 @@ def held(plan, campaigns=FEW):
 
 @pytest.mark.parametrize(
     "plan",
-    [
-        Plan(1, day_known=True),
-        Plan(5, references="unequal"),
-        Plan(5, references="shared"),
-    ],
+    mark_slow_after(
+        2,
+        [
+            Plan(1, day_known=True),
+            Plan(5, references="unequal"),
+            Plan(5, references="shared"),
+        ],
+    ),
     ids=str,
 )
 def test_calibrated_masses_lie_in_their_intervals(plan):
@@ -33,7 +37,7 @@ def test_calibrated_masses_lie_in_their_intervals(plan):
     assert alone < 0.8
 
 
-@pytest.mark.parametrize("days", [2, 3])
+@pytest.mark.parametrize("days", mark_slow_after(1, [2, 3]))
 def test_few_days_are_no_excuse(days):
     ours, without_u, _, _ = held(Plan(days, day_kg=25.0))
     assert 0.905 <= without_u <= ours

@@ -22,9 +22,11 @@ UPDATE: Final = "make findings-kept"
 #: Size of the faults by the seed of a machine whose logs are short: just seen, where it drives both
 #: ways, and plain, where it drives forward.
 SIZES: Final[Mapping[int, float]] = {11: 1.0, 9: 3.0}
+#: The machine on which every fault is plain.
+PLAIN: Final = 9
 #: Kilograms are alike within so much of their ±: another processor changes less.
 ALIKE_1: Final = 0.1
-_OR: Final = " or "
+OR: Final = " or "
 #: Causes of a finding, its kilograms and their ±.
 Kept = tuple[str, float | None, float | None]
 
@@ -33,9 +35,17 @@ def findings(seed: int) -> dict[str, list[Kept]]:
     """What is found of each fault, by log."""
     found: dict[str, list[Kept]] = {}
     for fault in FAULTS:
-        size = min(SIZES[seed], fault.largest or SIZES[seed])
-        found[f"machine {seed}, {fault.name}, size {size:g}"] = _found(seed, fault, size)
+        found[log_name(seed, fault)] = _found(seed, fault, _size(seed, fault))
     return found
+
+
+def log_name(seed: int, fault: Fault) -> str:
+    """What a log with a fault is kept under."""
+    return f"machine {seed}, {fault.name}, size {_size(seed, fault):g}"
+
+
+def _size(seed: int, fault: Fault) -> float:
+    return min(SIZES[seed], fault.largest or SIZES[seed])
 
 
 def _found(seed: int, fault: Fault, size: float) -> list[Kept]:
@@ -45,7 +55,7 @@ def _found(seed: int, fault: Fault, size: float) -> list[Kept]:
     rows = replayed(sections, [(fault, size)]).frames["findings"].to_dicts()
     return [
         (
-            _OR.join([row["cause"], *filter(None, row["alternatives"].split(", "))]),
+            OR.join([row["cause"], *filter(None, row["alternatives"].split(", "))]),
             _digits(row["mass_change_kg"]),
             _digits(row["mass_change_u_kg"]),
         )
@@ -87,7 +97,7 @@ def _alike(before: list[Kept], after: list[Kept]) -> bool:
 
 def _alike_causes(before: str, after: str) -> bool:
     """Each names the other's first cause: who else is of a class, a last bit may decide."""
-    one, other = before.split(_OR), after.split(_OR)
+    one, other = before.split(OR), after.split(OR)
     return one[0] in other and other[0] in one
 
 

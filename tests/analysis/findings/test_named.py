@@ -6,8 +6,10 @@ import pytest
 from analysis.findings import CAUSES
 from benchmarks.findings_rows import AXES, design, needed, replayed
 from tests.analysis.findings.conftest import BY_NAME, Named
+from tests.analysis.findings.kept import OR, PLAIN, log_name, read_kept
 from tests.trials.drawn_designs import join_designs
-from tests.trials.fault_injection import FAULTS
+from tests.trials.fault_injection import FAULTS, Fault
+from tests.twins import mark_slow_after
 
 #: Sizes that are found on this machine with a margin; those of others are as they are said.
 SIZES = {
@@ -32,14 +34,22 @@ OTHERS = 3.0
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
-def test_a_fault_is_named_first_by_itself_or_with_its_class(named: Named, fault) -> None:
+def test_a_fault_is_named_first_in_what_is_kept(fault: Fault) -> None:
+    """`test_kept.py` replays these logs, and finds what is kept."""
+    first, *_ = read_kept(PLAIN)[log_name(PLAIN, fault)]
+    assert set(first[0].split(OR)) & set(fault.causes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_a_fault_is_named_first_by_itself_or_with_its_class(named: Named, fault: Fault) -> None:
     found = named((fault.name, SIZES.get(fault.name, OTHERS)))
     first = found.row(0, named=True)
     told = {first["cause"], *first["alternatives"].split(", ")}
     assert told & set(fault.causes), found.select("cause", "evidence").rows()
 
 
-@pytest.mark.parametrize("seed", [7, 8, 11])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [7, 8, 11]))
 def test_a_log_without_a_fault_has_no_finding(named: Named, seed: int) -> None:
     assert named(seed=seed).is_empty()
 
@@ -59,7 +69,10 @@ def test_a_payload_in_the_last_start_is_no_wind_up() -> None:
     assert "wind_up" not in found["cause"]
 
 
-@pytest.mark.parametrize("other", [("force late", 8.0), ("IMU biased", 5.0)])
+@pytest.mark.parametrize(
+    "other",
+    mark_slow_after(1, [pytest.param(("force late", 8.0)), pytest.param(("IMU biased", 5.0))]),
+)
 def test_what_a_recursion_forgets_is_seen_beside_a_fault_that_bends_its_estimate(
     named: Named, other: tuple[str, float]
 ) -> None:
@@ -73,7 +86,7 @@ def test_a_recursion_that_forgets_only_what_is_renewed_does_not_wind_up() -> Non
     assert "wind_up" not in found["cause"]
 
 
-@pytest.mark.parametrize("seed", [9, 36])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [9, 36]))
 def test_a_recursion_behind_the_gate_does_not_wind_up(seed: int) -> None:
     methods = ['settings.trace.methods=["rls", "rtls"]']
     found = replayed(design(seed, odd=False), (), AXES, methods).frames["findings"]
@@ -91,7 +104,7 @@ def test_two_faults_are_among_the_first_three(named: Named) -> None:
     assert {"delay", "wheel_radius"} <= set(found["cause"][:3])
 
 
-@pytest.mark.parametrize("seed", [8_000_015, 8_100_024])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [8_000_015, 8_100_024]))
 def test_wheels_that_turn_slower_than_the_ground_are_larger_and_do_not_slip(
     named: Named, seed: int
 ) -> None:
@@ -100,7 +113,7 @@ def test_wheels_that_turn_slower_than_the_ground_are_larger_and_do_not_slip(
     assert "slip" not in row["alternatives"]
 
 
-@pytest.mark.parametrize("seed", [8_000_000, 8_000_016])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [8_000_000, 8_000_016]))
 def test_a_load_that_grows_is_seen_by_the_force_that_brings_it_to_speed(
     named: Named, seed: int
 ) -> None:
@@ -112,13 +125,13 @@ def test_a_load_that_grows_is_seen_by_the_force_that_brings_it_to_speed(
     assert said == pytest.approx(grows, rel=0.2)
 
 
-@pytest.mark.parametrize("seed", [8_400_001, 8_500_007])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [8_400_001, 8_500_007]))
 def test_the_end_of_a_minutes_drive_is_no_load_that_falls(named: Named, seed: int) -> None:
     found = named(("a recursion ungated", 3.0), seed=seed)
     assert found["cause"].to_list() == ["wind_up"]
 
 
-@pytest.mark.parametrize("seed", [8_400_000, 8_500_022, 8_900_001])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [8_400_000, 8_500_022, 8_900_001]))
 def test_the_knock_of_a_load_that_stops_pouring_is_not_the_reason_for_it(
     named: Named, seed: int
 ) -> None:
@@ -127,7 +140,8 @@ def test_the_knock_of_a_load_that_stops_pouring_is_not_the_reason_for_it(
 
 
 @pytest.mark.parametrize(
-    ("seed", "size"), [(8_400_000, 3.0), (8_500_000, 10.0), (8_500_010, 10.0), (8_700_017, 1.0)]
+    ("seed", "size"),
+    mark_slow_after(1, [(8_400_000, 3.0), (8_500_000, 10.0), (8_500_010, 10.0), (8_700_017, 1.0)]),
 )
 def test_a_pile_is_named_first_where_it_leaves_nothing_to_weigh_by(
     named: Named, seed: int, size: float
@@ -135,7 +149,9 @@ def test_a_pile_is_named_first_where_it_leaves_nothing_to_weigh_by(
     assert named(("a pile", size), seed=seed)["cause"][0] == "external_force"
 
 
-@pytest.mark.parametrize(("seed", "size"), [(9_000_004, 4.9), (9_000_006, 2.45)])
+@pytest.mark.parametrize(
+    ("seed", "size"), mark_slow_after(1, [(9_000_004, 4.9), (9_000_006, 2.45)])
+)
 def test_a_load_transfer_that_looks_like_loads_by_direction_is_named_with_them(
     named: Named, seed: int, size: float
 ) -> None:
@@ -145,7 +161,7 @@ def test_a_load_transfer_that_looks_like_loads_by_direction_is_named_with_them(
     assert row["mass_change_kg"] is None
 
 
-@pytest.mark.parametrize("seed", [9_200_000, 9_200_004])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [9_200_000, 9_200_004]))
 def test_loads_at_every_second_start_are_no_load_transfer(seed: int) -> None:
     machine = design(seed, odd=False)
     carried = {"change_kg": 0.25 * machine["machine"]["mass_kg"], "alternating": True}
@@ -153,7 +169,7 @@ def test_loads_at_every_second_start_are_no_load_transfer(seed: int) -> None:
     assert replayed(log).frames["findings"].is_empty()
 
 
-@pytest.mark.parametrize("seed", [9_200_001, 9_200_003])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [9_200_001, 9_200_003]))
 def test_a_load_transfer_beside_a_load_taken_once_keeps_its_kilograms(seed: int) -> None:
     machine = needed(design(seed, odd=False), [BY_NAME["load transfer"]])
     half = {
@@ -167,7 +183,7 @@ def test_a_load_transfer_beside_a_load_taken_once_keeps_its_kilograms(seed: int)
     assert row["mass_change_kg"] is not None
 
 
-@pytest.mark.parametrize("seed", [8_700_003, 8_700_013])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [8_700_003, 8_700_013]))
 def test_what_hardly_moves_has_no_wrong_sign(named: Named, seed: int) -> None:
     found = named(("weak starts", 10.0), seed=seed)
     assert found["cause"].to_list() == ["too_little_excitation"]
@@ -180,7 +196,7 @@ def test_steps_of_a_coarse_speed_are_no_spikes_and_hide_none(named: Named) -> No
     assert channels["quantised"].startswith("speed")
 
 
-@pytest.mark.parametrize("seed", [8_600_207, 8_600_311])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [8_600_207, 8_600_311]))
 def test_a_speed_of_a_fifth_of_a_metre_a_second_is_a_finding_and_no_fault(
     named: Named, seed: int
 ) -> None:
@@ -203,7 +219,7 @@ def test_a_swing_stands_before_what_it_makes_of_noise_and_mass(named: Named) -> 
     assert "heteroscedastic" in set(found["cause"])
 
 
-@pytest.mark.parametrize("seed", [8_000_000, 8_000_017, 8_100_010])
+@pytest.mark.parametrize("seed", mark_slow_after(1, [8_000_000, 8_000_017, 8_100_010]))
 def test_the_stop_of_what_hardly_moves_is_no_spike(named: Named, seed: int) -> None:
     found = named(("weak starts", 10.0), seed=seed)
     assert found["cause"][0] == "too_little_excitation"
@@ -211,7 +227,8 @@ def test_the_stop_of_what_hardly_moves_is_no_spike(named: Named, seed: int) -> N
 
 
 @pytest.mark.parametrize(
-    ("fault", "size"), [("force clock jumps", 10.0), ("speed coarse", 10.0), ("force late", 8.0)]
+    ("fault", "size"),
+    mark_slow_after(1, [("force clock jumps", 10.0), ("speed coarse", 10.0), ("force late", 8.0)]),
 )
 def test_what_steps_leave_at_low_frequencies_is_no_swing(
     named: Named, fault: str, size: float
@@ -226,7 +243,8 @@ def test_a_slow_swing_is_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("noise", "size"), [("slow noise", 10.0), ("noise that grows with the force", 10.0)]
+    ("noise", "size"),
+    mark_slow_after(1, [("slow noise", 10.0), ("noise that grows with the force", 10.0)]),
 )
 def test_a_late_accelerometer_is_told_from_early_wheels_under_a_noisy_force(
     named: Named, noise: str, size: float

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
+from analysis.model.axes import X, Z, rows_of, theta_of
 from analysis.model.methods import METHODS
 from analysis.model.settings import Settings
 from analysis.online import on_board as online
@@ -16,46 +17,48 @@ from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
 from analysis.stages.gating.segments import pooled_samples
 from analysis.stages.noise.channel_noise import channel_noise
+from tests.analysis import plane_drives as plane
 from tests.analysis.noisy_logs import noisy_log
 from tests.analysis.settings_by_name import settings_of
 
 EVERY = tuple(METHODS)
-THETA = ("mass_kg", "friction_x_N_s_m", "coulomb_x_N")
 MANOEUVRES = ("standstill", "start", "cruise", "brake")
 
 
-def on_board(excitation, settings, noise=None):
+def on_board(excitation, settings, noise=None, axis=X):
     """Every step, the estimates by method as (row, θ), and the state after the last row."""
     state = online.start(settings, noise)
     rows_of_gate, found = [], {method: [] for method in settings.trace.methods}
     for row in excitation.iter_rows(named=True):
         step = online.step(state, row)
         state = step.state
-        rows_of_gate.append(step.gate)
-        for method, (at, estimate) in step.estimates.items():
+        seen = step.straight if axis is X else step.spin
+        rows_of_gate.append(seen.gate)
+        for method, (at, estimate) in seen.estimates.items():
             found[method].append((at, estimate))
-    for late in online.finish(state):
-        for method, (at, estimate) in late.items():
+    for of, late in online.finish(state):
+        for method, (at, estimate) in late.items() if of is axis else ():
             found[method].append((at, estimate))
     return rows_of_gate, found, state
 
 
-def assert_as_in_replay(excitation, settings, noise=None):
+def assert_as_in_replay(excitation, settings, noise=None, axis=X):
     gated = gate(excitation, settings, noise)
     frames = trace(excitation, gated, settings, noise)
-    rows_of_gate, found, _ = on_board(excitation, settings, noise)
-    assert [m.reason for m in rows_of_gate] == gated["reason_x"].to_list()
-    for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "noise_share_x_1", "ksg_x_nat"):
+    rows_of_gate, found, _ = on_board(excitation, settings, noise, axis)
+    assert [m.reason for m in rows_of_gate] == gated[f"reason_{axis.letter}"].to_list()
+    for name in rows_of_gate[0].columns(axis):
         if name in gated.columns:
             expected = gated[name].fill_null(np.nan).to_numpy()
-            np.testing.assert_array_equal([getattr(m, name) for m in rows_of_gate], expected)
+            mine = [m.columns(axis)[name] for m in rows_of_gate]
+            np.testing.assert_array_equal(mine, expected)
     times = excitation["t_ns"].to_numpy()
     for method, rows in found.items():
-        frame = frames[method]
+        frame = rows_of(axis, frames[method])
         assert [times[at] for at, _ in rows] == frame["t_ns"].to_list(), method
-        expected = frame.select(c for c in THETA if c in frame.columns).fill_null(np.nan)
+        expected, _ = theta_of(axis, frame)
         theta = np.array([e.theta for _, e in rows]).reshape(expected.shape)
-        np.testing.assert_array_equal(theta, expected.to_numpy(), err_msg=method)
+        np.testing.assert_array_equal(theta, expected, err_msg=method)
     return gated, found
 
 
@@ -197,7 +200,7 @@ def test_with_the_gate_of_nearest_neighbours(two_starts):
 def test_a_log_without_an_accelerometer_or_any_row(two_starts):
     settings = Settings(trace={"methods": EVERY})
     assert_as_in_replay(two_starts.drop("specific_force_x_m_s2"), settings)
-    assert list(online.finish(online.start(settings))) == [{}]
+    assert list(online.finish(online.start(settings))) == []
 
 
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
@@ -241,3 +244,53 @@ def test_the_deviations_are_those_of_a_moving_mean_over_white_noise(drive, excit
         mine = np.array([e.std for _, e in rows])[:, 0]
         ratio = np.median(mine / frames[method]["mass_std_kg"].to_numpy())
         assert 0.5 < ratio < 2.0, method
+
+
+@st.composite
+def drives_in_the_plane(draw):
+    """Spins to both sides, starts, arcs and joint motion in any order, with holes."""
+    kinds = {
+        "spin": lambda sign: plane.braked(plane.spin(sign, seconds=3.0)),
+        "start": lambda sign: plane.braked(plane.start(sign, seconds=3.0)),
+        "arc": lambda sign: plane.arc(1.2, 0.5 * sign, seconds=2.0),
+        "joint": lambda _: [plane.joint(4.0), plane.hold(1.0)],
+    }
+    one = st.tuples(st.sampled_from(sorted(kinds)), st.sampled_from([1.0, -1.0]))
+    chosen = [("spin", 1.0), *draw(st.lists(one, min_size=1, max_size=3))]
+    said = plane.sensors([part for kind, sign in chosen for part in kinds[kind](sign)])
+    rows = st.tuples(st.integers(0, said.height), st.integers(0, 30), st.booleans())
+    return said, draw(st.lists(rows, max_size=1))
+
+
+@pytest.fixture(scope="module")
+def yaw_noise():
+    return plane.replayed(plane.sensors(plane.spins()))["noise"]
+
+
+@given(log=drives_in_the_plane(), settings=choices(), known=st.booleans())
+@examples(8)
+def test_spins_and_straight_motion_of_one_drive_equal_the_replays(yaw_noise, log, settings, known):
+    said, holes = log
+    excitation = holes_in(plane.excitation(said), holes)
+    for axis in (X, Z):
+        assert_as_in_replay(excitation, settings, yaw_noise if known else None, axis)
+
+
+def test_spins_give_the_inertia_on_board(yaw_noise):
+    excitation = plane.excitation(plane.sensors(plane.spins()))
+    settings = Settings(trace={"methods": EVERY})
+    gated, found = assert_as_in_replay(excitation, settings, yaw_noise, Z)
+    assert gated["accepted_z"].sum() > 100
+    inertia = [estimate.theta[0] for _, estimate in found["pooled"]]
+    assert len(inertia) == 4
+    np.testing.assert_allclose(inertia, plane.LOADER[1], rtol=0.03)
+
+
+def test_a_spin_that_slows_down_is_pooled_only_where_braking_is_welcome(yaw_noise):
+    excitation = plane.excitation(plane.sensors(plane.spins()))
+    samples = {}
+    for welcome in (False, True):
+        settings = settings_of(exclude_braking=not welcome, methods=("pooled",))
+        gated, _ = assert_as_in_replay(excitation, settings, yaw_noise, Z)
+        samples[welcome] = gated["accepted_z"].sum()
+    assert samples[True] > samples[False] > 0

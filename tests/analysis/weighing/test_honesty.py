@@ -9,6 +9,7 @@ from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 from tests.trials.drawn_designs import brought_to_size, draw_design, join_designs
 from tests.trials.situations import SITUATIONS, sections
+from tests.twins import mark_slow_after
 
 SEEDS = (11, 12)
 #: The fit has a term, or a part of the budget, for each of these; many of them must be weighed.
@@ -50,7 +51,7 @@ def holds(load, true_kg):
     return load["withheld"] or abs(load["mass_kg"] - true_kg) <= 3.0 * load["u_kg"]
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", mark_slow_after(1, SEEDS))
 @pytest.mark.parametrize("name", FAULTY)
 def test_a_fault_is_in_the_interval(name, seed, machine):
     scenario = Scenario.model_validate(sections(name, sensors={"seed": seed}))

@@ -42,15 +42,17 @@ def replay_shift(log: ShiftLog, folder: Path) -> Run:
     ("seed", "share", "habits"),
     [
         # each load is tipped out over a metre or two: a third of the tonnes, 11 U off
-        (95013, 0.4, {"creeps to dump"}),
+        pytest.param(95013, 0.4, {"creeps to dump"}, marks=pytest.mark.slow),
         # an edge between two grounds hid every load where only turning tells of them
         (95025, 0.3, {"no boom", "no digging", "reverses out"}),
         # half of the loads are taken on the near side of an edge of the ground: 3 U off
-        (114010, 0.4, {"no digging", "short cycles"}),
+        pytest.param(114010, 0.4, {"no digging", "short cycles"}, marks=pytest.mark.slow),
         # a fit of one load fits no edge, and its masses scatter by more than the loads: no cycle
         (118049, 0.4, {"no boom", "no digging", "reverses out"}),
         # starts that miss an edge "lost" five times the load: 18 cycles of 23
-        (118049, 0.6, {"no boom", "no digging", "reverses out"}),
+        pytest.param(
+            *(118049, 0.6, {"no boom", "no digging", "reverses out"}), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_the_tonnes_of_a_shift_hold(

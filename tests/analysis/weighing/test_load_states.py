@@ -19,6 +19,7 @@ from estimators.joint.group_effects import HINTED, NAMED
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
+from tests.twins import mark_slow_after
 
 #: The first two of four manoeuvres, and the others.
 LEFT = np.array([1.0, 1.0, -1.0, -1.0])
@@ -176,7 +177,7 @@ def test_throttles_that_differ_by_a_third_are_one_state(name):
     assert whole_states(name, 0) == (1, False)
 
 
-@pytest.mark.parametrize("arm", ["boom_rad", "bucket_rad"])
+@pytest.mark.parametrize("arm", mark_slow_after(1, ["boom_rad", "bucket_rad"]))
 def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
     """Of the same manoeuvres, with an angle that stays and one that differs from log to log."""
     frames = loaded([0.0, 250.0, 120.0, 370.0, 180.0], 1).frames

@@ -98,6 +98,7 @@ def test_it_keeps_no_frames_and_says_so(drives, tmp_path: Path) -> None:
     "one_log",
     [pytest.param(True, id="one log"), pytest.param(False, id="two logs", marks=pytest.mark.slow)],
 )
+@pytest.mark.usefixtures("small_viewer")
 class TestViewer:
     pytestmark = VIEWER
 

@@ -9,9 +9,10 @@ import pytest
 
 from analysis import Run
 from recordings import write_recording
-from recordings.rrd.blueprint import Page, Panel, _shares, blueprint, tab_panels
+from recordings.rrd.blueprint import Page, Panel, _shares, tab_panels
 from recordings.rrd.display_frames import DisplayColumn, display_frames
 from recordings.rrd.recording_table import TABS, Kind, Methods, Tab
+from recordings.rrd.writer import scene_of
 from tests.recordings.conftest import METHODS
 
 
@@ -75,7 +76,7 @@ def _view_names(container) -> list[str]:
 
 
 def _tabs(run: Run) -> dict[str, list[str]]:
-    root = blueprint(run, display_frames(run)).root_container
+    root = scene_of(run).layout.root_container
     return {tab.name: _view_names(tab) for tab in root.contents}
 
 

@@ -35,6 +35,7 @@ class TestViewer:
             pytest.param({"accepted": False}, id="nothing accepted", marks=pytest.mark.slow),
         ],
     )
+    @pytest.mark.usefixtures("small_viewer")
     def test_every_tab_activated_in_turn_is_drawn_without_one_view_error(
         self, drives, tmp_path: Path, options: dict
     ):

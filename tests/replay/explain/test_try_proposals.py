@@ -5,6 +5,7 @@ import pytest
 from benchmarks.findings_trials import BY_NAME, base
 from benchmarks.mended import AXES, MendedTrial, table, trial
 from tests.trials.drawn_designs import Sections, join_designs
+from tests.twins import mark_slow_after
 
 #: Of what has one of its own in no design.
 SIZE = 3.0
@@ -29,13 +30,16 @@ def off_kg(mended: MendedTrial) -> float:
 
 @pytest.mark.parametrize(
     ("name", "size", "cause"),
-    [
-        ("speed late", 4.0, "delay"),
-        ("sides swapped", 3.0, "swapped_sides"),
-        ("wheels larger", 6.0, "wheel_radius"),
-        ("IMU turned", 3.0, "imu_misaligned"),
-        ("slope, no gravity", 3.0, "slope"),
-    ],
+    mark_slow_after(
+        2,
+        [
+            ("speed late", 4.0, "delay"),
+            ("sides swapped", 3.0, "swapped_sides"),
+            ("wheels larger", 6.0, "wheel_radius"),
+            ("IMU turned", 3.0, "imu_misaligned"),
+            ("slope, no gravity", 3.0, "slope"),
+        ],
+    ),
 )
 def test_a_mended_machine_file_gives_the_mass_back(name: str, size: float, cause: str) -> None:
     mended = trial(BY_NAME[name], design(name), size)

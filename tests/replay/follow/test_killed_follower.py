@@ -25,6 +25,7 @@ from replay.simulation.simulate_logs import simulate
 from tests.one_line import assert_one_line
 from tests.replay.follow.recorders import Recording, mcap_recorder, rosbag2_recorder
 from tests.replay.sledge import Payscope
+from tests.twins import mark_slow_after
 
 REPO = Path(__file__).resolve().parents[3]
 DRIVE: dict[str, Any] = {"campaign": {"loads_kg": [150], "runs": 2}}
@@ -96,7 +97,9 @@ def reports_of(topic: Path) -> list[dict[str, Any]]:
         return [json.loads(each.data) for *_, each in make_reader(file).iter_messages()]
 
 
-def assert_goes_on(log: str, recording: Recording, kills: int, seed: int) -> None:
+def assert_goes_on(
+    log: str, recording: Recording, kills: int, seed: int, payscope: Payscope
+) -> None:
     """Kill at random moments, each third time while it starts; compare with one never killed."""
     rng = np.random.default_rng(seed)
     words = ("-o", "out.rrd", "--reports", "mass.mcap", "--json")
@@ -128,8 +131,8 @@ def assert_goes_on(log: str, recording: Recording, kills: int, seed: int) -> Non
     assert resumed
     assert "gate: " in err
     assert "differ" not in err
-    whole = started(log, "--json")
-    reference = [json.loads(line) for line in whole.communicate()[0].splitlines()]
+    whole = payscope("follow", log, *MACHINE, "--json")
+    reference = [json.loads(line) for line in whole.out.splitlines()]
     assert reports_of(Path("mass.mcap")) == reference
     # a kill between disc and line costs the line
     printed = [json.loads(line) for line in lines.read_text().splitlines()]
@@ -139,27 +142,29 @@ def assert_goes_on(log: str, recording: Recording, kills: int, seed: int) -> Non
     assert all(each in reference for each in printed)
 
 
-def test_a_killed_follower_goes_on(sources: dict[str, Path], tmp_path: Path) -> None:
+def test_a_killed_follower_goes_on(
+    sources: dict[str, Path], tmp_path: Path, payscope: Payscope
+) -> None:
     target = tmp_path / "drive.mcap"
     recorder = mcap_recorder(sources[".mcap"], target, CompressionType.ZSTD)
     with Recording(recorder, target, SLOW_S) as recording:
-        assert_goes_on(target.name, recording, kills=3, seed=4)
+        assert_goes_on(target.name, recording, kills=3, seed=4, payscope=payscope)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_followers_killed_at_many_moments_go_on(
-    seed: int, sources: dict[str, Path], tmp_path: Path
+    seed: int, sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
     target = tmp_path / "drive"
     recorder = rosbag2_recorder(sources[".db3"], target, rows_a_file=1500)
     with Recording(recorder, target, SLOW_S) as recording:
         time.sleep(1.0)
-        assert_goes_on(target.name, recording, kills=5, seed=seed)
+        assert_goes_on(target.name, recording, kills=5, seed=seed, payscope=payscope)
 
 
 def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
-    sources: dict[str, Path], tmp_path: Path
+    sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
     data = sources[".mcap"].read_bytes()
     target = tmp_path / "drive.mcap"
@@ -175,15 +180,14 @@ def test_after_ctrl_c_a_log_that_has_grown_is_followed_on(
     assert "interrupted" in err
     assert not is_unfinished(Path("out.rrd"))
     until_s = json.loads(out.splitlines()[-1])["t_s"]
-    refused = started("drive.mcap", "-o", "out.rrd")
-    assert "exists already" in refused.communicate()[1], "nothing has come since"
+    refused = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd")
+    assert "exists already" in refused.err, "nothing has come since"
     target.write_bytes(data)
-    again = started("drive.mcap", "-o", "out.rrd", "--json")
-    out, err = again.communicate()
-    assert again.returncode == 0, err
-    assert "is not repeated" in err
-    assert "differ" not in err
-    stamps = [json.loads(line)["t_s"] for line in out.splitlines()]
+    again = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd", "--json")
+    assert again.status == 0, again.err
+    assert "is not repeated" in again.err
+    assert "differ" not in again.err
+    stamps = [json.loads(line)["t_s"] for line in again.out.splitlines()]
     assert min(stamps) > until_s
     assert [path.name for path in tmp_path.glob(".payscope*")] == []
 
@@ -201,7 +205,7 @@ def test_a_recording_of_another_log_or_of_other_settings_is_not_continued(
         assert_one_line(said.error)
 
 
-@pytest.mark.parametrize("place", [0.6, 0.95])
+@pytest.mark.parametrize("place", mark_slow_after(1, [0.6, 0.95]))
 def test_a_recording_cut_anywhere_goes_on_behind_its_last_whole_second(
     place: float, sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
@@ -226,7 +230,7 @@ def rows_of_cut(data: bytes, size: int) -> list[int]:
 
 
 def test_a_disc_that_fills_ends_the_outputs_and_not_the_following(
-    sources: dict[str, Path], tmp_path: Path
+    sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
     """With room for files of 400 kB, the recording ends whole; the lines go on."""
     (tmp_path / "drive.mcap").write_bytes(sources[".mcap"].read_bytes())
@@ -246,16 +250,15 @@ def test_a_disc_that_fills_ends_the_outputs_and_not_the_following(
     data = Path("out.rrd").read_bytes()
     assert 300_000 < len(data) == [*find_messages(data)][-1].end
     rows = rows_of(Path("out.rrd"))
-    again = started("drive.mcap", "-o", "out.rrd", "--json")
-    out, err = again.communicate()
-    assert again.returncode == 0, err
-    assert min(json.loads(line)["unix_ns"] for line in out.splitlines()) > 0
-    assert json.loads(out.splitlines()[0])["t_s"] > rows[-1] / 1e9
-    assert "differ" not in err
+    again = payscope("follow", "drive.mcap", *MACHINE, "-o", "out.rrd", "--json")
+    assert again.status == 0, again.err
+    assert min(json.loads(line)["unix_ns"] for line in again.out.splitlines()) > 0
+    assert json.loads(again.out.splitlines()[0])["t_s"] > rows[-1] / 1e9
+    assert "differ" not in again.err
 
 
 def test_reports_that_do_not_fit_are_given_up_whole(
-    sources: dict[str, Path], tmp_path: Path
+    sources: dict[str, Path], tmp_path: Path, payscope: Payscope
 ) -> None:
     (tmp_path / "drive.mcap").write_bytes(sources[".mcap"].read_bytes())
 
@@ -267,8 +270,7 @@ def test_reports_that_do_not_fit_are_given_up_whole(
     out, err = process.communicate()
     assert process.returncode == 0
     assert len([line for line in err.splitlines() if "written no further" in line]) == 1
-    again = started("drive.mcap", "--reports", "mass.mcap", "--json")
-    rest, _ = again.communicate()
+    rest = payscope("follow", "drive.mcap", *MACHINE, "--reports", "mass.mcap", "--json").out
     everything = [json.loads(line) for line in out.splitlines()]
     assert reports_of(Path("mass.mcap")) == everything
     assert 0 < len(rest.splitlines()) < len(everything)

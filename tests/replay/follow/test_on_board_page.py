@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from analysis.online.online_report import LastMass, OnlineReport, judge
+from analysis.online.online_report import OnlineReport, PooledEstimate, judge, judge_spin
 from analysis.simulation import Scenario
 from estimators.estimate import Estimate
 from replay import load_machine, open_log
@@ -134,8 +134,25 @@ def test_a_mass_that_is_not_worth_its_name_is_not_valid(
 ) -> None:
     estimate = Estimate(np.array([mass_kg, 900.0]), np.array([u_kg, 3.0]), 60.0, 3.0)
     body = load_machine("cat262c.toml").machine
-    assert judge(LastMass(0, estimate), 10**9, body, 60.0) == validity
+    assert judge(PooledEstimate(0, estimate), 10**9, body, 60.0) == validity
     assert judge(None, 10**9, body, 60.0) == "none_yet"
+
+
+@pytest.mark.parametrize(
+    ("inertia_kg_m2", "u_kg_m2", "at_s", "validity"),
+    [
+        (4300.0, 80.0, 1.0, "valid"),
+        (4300.0, 80.0, 61.0, "old"),
+        (4300.0, 500.0, 1.0, "uncertain"),
+        (-4300.0, 80.0, 1.0, "implausible"),
+    ],
+)
+def test_an_inertia_that_is_not_worth_its_name_is_not_valid(
+    inertia_kg_m2: float, u_kg_m2: float, at_s: float, validity: str
+) -> None:
+    estimate = Estimate(np.array([inertia_kg_m2, 5000.0]), np.array([u_kg_m2, 40.0]), 37.0, 1.9)
+    assert judge_spin(PooledEstimate(0, estimate), int(at_s * 1e9), 60.0) == validity
+    assert judge_spin(None, 10**9, 60.0) == "none_yet"
 
 
 @pytest.mark.usefixtures("demo")

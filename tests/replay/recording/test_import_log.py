@@ -207,6 +207,7 @@ def test_a_log_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     assert left.stderr.decode().count("\n") == 1
 
 
+@pytest.mark.usefixtures("small_viewer")
 class TestViewer:
     pytestmark = VIEWER
 

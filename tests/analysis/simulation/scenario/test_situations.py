@@ -1,5 +1,7 @@
 """Every situation is a scenario of the one simulator, and not the plain one."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -10,13 +12,18 @@ from tests.trials.situations import SITUATIONS, sections
 SHORT = {"campaign": {"runs": 2, "standstill_s": 1.0}}
 
 
+@cache
+def plain_log(loads_kg):
+    """The first log with so many loads and nothing else about it."""
+    plain = {"campaign": {**SHORT["campaign"], "loads_kg": list(loads_kg)}}
+    return next(simulate_campaign(Scenario.model_validate(plain)))
+
+
 @pytest.mark.parametrize("name", SITUATIONS)
 def test_a_situation_is_simulated_and_differs_from_the_plain_log(name, tmp_path):
     made = Scenario.model_validate(sections(name, **SHORT))
     log, again = (next(simulate_campaign(made)) for _ in range(2))
-    loads_kg = list(made.campaign.loads_kg)
-    plain = {"campaign": {**SHORT["campaign"], "loads_kg": loads_kg}}
-    without = next(simulate_campaign(Scenario.model_validate(plain)))
+    without = plain_log(made.campaign.loads_kg)
     differs = [not log.topics[topic].equals(without.topics[topic]) for topic in log.topics]
     # another load may make the difference only from a later start on
     changes_late = made.loading.change_before_start >= made.campaign.runs

@@ -12,6 +12,7 @@ from analysis.stages.gating.digging import digging, without_digging
 from replay import load_machine, open_log, run
 from replay.logs import TimeAxis
 from tests.analysis.without_bucket import WITHOUT_BUCKET
+from tests.twins import mark_slow_after
 
 MACHINE = load_machine(Path("cat262c.toml"))
 RATE_HZ = 100
@@ -193,13 +194,13 @@ def test_a_machine_that_drives_on_is_in_no_pile() -> None:
     assert digging(rolling, MACHINE).height <= 1
 
 
+@pytest.mark.parametrize("seed", mark_slow_after(1, range(3)))
 @pytest.mark.parametrize("name", WITHOUT_BUCKET)
-def test_machines_without_a_bucket_have_no_pile(name: str, tmp_path: Path) -> None:
-    for seed in range(3):
-        drawn = WITHOUT_BUCKET[name](seed)
-        path = tmp_path / f"{seed}.parquet"
-        drawn.table.write_parquet(path)
-        with open_log(path, time=TimeAxis("t")) as log:
-            made = run(log, drawn.machine)
-        assert made.frames["digging"].is_empty()
-        assert "external_force" not in set(made.frames["findings"]["cause"])
+def test_machines_without_a_bucket_have_no_pile(name: str, seed: int, tmp_path: Path) -> None:
+    drawn = WITHOUT_BUCKET[name](seed)
+    path = tmp_path / "drawn.parquet"
+    drawn.table.write_parquet(path)
+    with open_log(path, time=TimeAxis("t")) as log:
+        made = run(log, drawn.machine)
+    assert made.frames["digging"].is_empty()
+    assert "external_force" not in set(made.frames["findings"]["cause"])
