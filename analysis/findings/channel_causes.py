@@ -81,10 +81,11 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     for begin, end in (span for spans in of_channel.values() for span in spans):
         holds |= (t >= begin) & (t <= end)
     found = inputs.check_inputs.left_out.get("frozen")
+    times = "for" if len(spans) == 1 else f"{len(spans)} times, for"
     return [
         Symptom(
             total_s[name] / _FROZEN_S,
-            f"it repeats one reading {_how_often(len(spans), total_s[name])} while others "
+            f"it repeats one reading {times} {total_s[name]:.1f} s in all, while others "
             f"change{_outcome_of_refit(found)}",
             channel=name,
             span_ns=inputs.since_start(*spans[0]),
@@ -93,10 +94,6 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
             explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
         )
     ]
-
-
-def _how_often(times: int, total_s: float) -> str:
-    return f"for {total_s:.1f} s" if times == 1 else f"{times} times, {total_s:.1f} s in all,"
 
 
 def _outcome_of_refit(found: ExcludedStretches | None) -> str:

@@ -98,15 +98,15 @@ def rows_to_search(found: JointFit, rows: FitRows) -> tuple[FitRows, ...]:
         n for n, term in enumerate(found.terms) if term.source == BY_PLACE and not term.by_load
     ]
     if found.count == 1 or states is None:
-        return rows, _with_weight(rows, place, theta[place] / found.mass_kg)
+        return rows, add_weight(rows, place, theta[place] / found.mass_kg)
     grows = [n for n, term in enumerate(found.terms) if term.source == BY_PLACE and term.by_load]
     usual_kg = float(np.mean(found.masses_kg[states.membership]))
-    taken = _with_weight(rows, place, theta[grows] / usual_kg)
+    taken = add_weight(rows, place, theta[grows] / usual_kg)
     taken.A[:, 2 + np.array(grows)] = 0.0
     return (taken,)
 
 
-def _with_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
+def add_weight(rows: FitRows, place: list[int], weight_m_s2: Floats) -> FitRows:
     """The same rows with weight by the place, per kg, in what multiplies the mass."""
     A = rows.A.copy()
     A[:, 0] += rows.A[:, 2:][:, place] @ weight_m_s2

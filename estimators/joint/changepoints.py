@@ -98,14 +98,14 @@ def partitions(
     if not others:
         return Partitions(single, single, None, probability)
     several, posterior = max(others, key=lambda each: each[0].log_posterior)
-    several = _move_to_record_ends(several, posterior)
+    several = move_to_record_ends(several, posterior)
     best = single
     if several.log_posterior > single.log_posterior:
         best = _drop_unsure_changes(several, posterior)
     return Partitions(best, single, best if best.states > 1 else several, probability)
 
 
-def _move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Partition:
+def move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Partition:
     """The same with each change at the next end of a record either way, where that is likelier.
 
     The searches take one probability of a change for all places; the posterior knows their kinds.
