@@ -169,7 +169,8 @@ def find_growing_loads(
         kg.size - 1
     )
     # what no machine carries is no load, however surely the manoeuvre misses the model
-    carried = np.abs(kg) < _most_growth_kg(fit)
+    carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
+    carried &= kg > -_most_lost_kg(fit)
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
         LoadGrowth(
@@ -182,12 +183,11 @@ def find_growing_loads(
     )
 
 
-def _most_growth_kg(fit: JointFit) -> float:
-    """What a load may change by: the machine's mass, or twice the range of the loads found."""
-    by_mass = LIMITS.max_growth_fraction * abs(fit.mass_kg)
+def _most_lost_kg(fit: JointFit) -> float:
+    """What a load may fall by: by what is carried, as far as other loads of the log tell it."""
     if fit.count == 1:
-        return by_mass
-    return min(by_mass, LIMITS.max_growth_load_ratio * float(np.ptp(fit.masses_kg)))
+        return float("inf")
+    return LIMITS.max_loss_load_ratio * float(np.ptp(fit.masses_kg))
 
 
 def find_creeps(fit: JointFit) -> Ints:
