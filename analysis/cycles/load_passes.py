@@ -13,6 +13,7 @@ import polars as pl
 from analysis.cycles.boom_dumps import NO_DUMPS, BoomDumps, find_boom_dumps
 from analysis.cycles.cycle_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
+from analysis.weighing.fit_columns import are_possible
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -103,7 +104,7 @@ def passes(
     last = np.append(first[1:] - 1, of.size - 1)
     dumping = _is_dumping(begin, end, dumps)
     spilled = _carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
-    left = np.where(dumping | spilled, 0.0, weight)
+    left = np.where(dumping | spilled | ~are_possible(mass_kg)[state], 0.0, weight)
     # a pass that has no other keeps what it has
     weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
     total = np.bincount(of, weight)
@@ -244,9 +245,11 @@ def loaded_states(
         times_ns: (manoeuvres,) when each begins, and ends.
         digs: `digging`: what comes before a start that digs is empty, what comes after is loaded.
     """
-    return _classify_by_border(
-        mass_kg, u_kg, _digging_labels(mass_kg, u_kg, state, *times_ns, digs)
-    )
+    label = _digging_labels(mass_kg, u_kg, state, *times_ns, digs)
+    possible = are_possible(mass_kg)
+    found = _classify_by_border(mass_kg[possible], u_kg[possible], label[possible])
+    # a mass that no machine has tells of no change of the load
+    return None if found is None else found[(np.cumsum(possible) - 1).clip(0)]
 
 
 def _digging_labels(

@@ -27,6 +27,11 @@ from estimators.numerics.group_sums import NoiseMoments
 from estimators.threads import map_in_threads
 
 
+def are_possible(mass_kg: Floats) -> Bools:
+    """(n,) which masses a machine can have beside the others: none carries its own mass."""
+    return (mass_kg > 0.0) & (mass_kg < LIMITS.max_mass_over_median * np.median(mass_kg))
+
+
 @dataclass(frozen=True, slots=True)
 class RelativeLoads:
     """The mass that each manoeuvre moves over a reference mass, less 1.
@@ -44,7 +49,11 @@ class RelativeLoads:
 
     @classmethod
     def of(cls, unit: Ints, mass_kg: Floats, weight_shares: tuple[float, float]) -> Self | None:
-        """Relate (units,) masses to their mean; None where they are no masses."""
+        """Relate (units,) masses to their mean; None where they are no masses.
+
+        One that is none is taken for a usual one: it would be the contrast of all loads.
+        """
+        mass_kg = np.where(are_possible(mass_kg), mass_kg, np.median(mass_kg))
         reference_kg = float(np.mean(mass_kg))
         if not reference_kg > 0.0:
             return None

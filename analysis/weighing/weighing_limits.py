@@ -87,6 +87,9 @@ class WeighingLimits:
     row_clip_std: float = 4.0
     #: Probability that any manoeuvre of a log is reported by chance.
     growth_false_alarm_probability: float = 0.01
+    #: A mass of so many times the median of all is none: beside one of 76 t, 2.2 and 2.7 t had no
+    #: border, and their difference was a fifth too small.
+    max_mass_over_median: float = 2.0
     #: Largest change of a load, as a share of the machine's mass: a bucket that goes on filling
     #: holds more than the rated third of it, and no loader carries its own mass.
     max_growth_fraction: float = 1.0
