@@ -11,10 +11,14 @@ STATE_U_KG = 24.0
 NO_DIGGING = pl.DataFrame(schema={"start_t_ns": pl.Int64, "end_t_ns": pl.Int64})
 
 
-def classified(payload_kg: float, seed: int, scatter_kg: float) -> np.ndarray | None:
-    """Of one manoeuvre a state, every second one with a load."""
+def classified(
+    payload_kg: float, seed: int, scatter_kg: float, wrong: dict[int, float] | None = None
+) -> np.ndarray | None:
+    """Of one manoeuvre a state, every second one with a load; some with a wrong mass in kg."""
     loads = payload_kg * (np.arange(STATES) % 2)
     mass_kg = 1670.0 + loads + np.random.default_rng(seed).normal(0.0, scatter_kg, STATES)
+    for state, wrong_kg in (wrong or {}).items():
+        mass_kg[state] = wrong_kg
     begin = np.arange(STATES) * 10**10
     times_ns = (begin, begin + 5 * 10**9)
     return loaded_states(
@@ -28,6 +32,15 @@ def test_small_loads_that_take_turns_are_told_by_that(seed: int) -> None:
     loaded = classified(3.75 * STATE_U_KG, seed, STATE_U_KG / 2.0)
     assert loaded is not None
     assert (loaded == (np.arange(STATES) % 2 == 1)).all()
+
+
+@pytest.mark.parametrize("wrong_kg", [76_016.0, -4_000.0])
+@pytest.mark.parametrize("state", [0, 15, STATES - 1])
+def test_a_mass_that_no_machine_has_draws_no_border(state: int, wrong_kg: float) -> None:
+    loaded = classified(400.0, 0, STATE_U_KG, {state: wrong_kg})
+    assert loaded is not None
+    others = np.arange(STATES) != state
+    assert (loaded == (np.arange(STATES) % 2 == 1))[others].all()
 
 
 @pytest.mark.parametrize("seed", range(10))

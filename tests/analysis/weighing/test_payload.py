@@ -110,3 +110,12 @@ class TestRelativeLoads:
 
     def test_masses_that_are_none_have_no_relation(self):
         assert RelativeLoads.of(np.array([0]), np.array([-5.0]), (0.5, 0.5)) is None
+
+    def test_a_mass_that_no_machine_has_is_taken_for_a_usual_one(self) -> None:
+        masses_kg = np.array([2_200.0, 2_700.0, 2_200.0, 76_000.0, 2_700.0, 2_200.0])
+        usual_kg = np.where(masses_kg < 5_000.0, masses_kg, np.median(masses_kg))
+        unit = np.arange(masses_kg.size)
+        found, usual = (RelativeLoads.of(unit, each, (0.5, 0.5)) for each in (masses_kg, usual_kg))
+        assert found is not None
+        assert usual is not None
+        np.testing.assert_array_equal(found.contrast_at(unit), usual.contrast_at(unit))
