@@ -47,6 +47,8 @@ class Route:
         ends_m = motion.driven_m[(np.searchsorted(motion.unit, unit, "right") - 1).clip(0, last)]
         fills_m = begins_m[1:][loaded[1:] & ~loaded[:-1]]
         dumps = ~loaded[1:] & loaded[:-1]
+        if not dumps.any():
+            return None
         dumps_m = _place_dumps(ends_m[:-1][dumps], begins_m[1:][dumps])
         before = np.searchsorted(fills_m, dumps_m) - 1
         if not (before >= 0).any():
@@ -71,8 +73,6 @@ def _place_dumps(arrives_m: Floats, leaves_m: Floats) -> Floats:
         arrives_m: (dumps,) the end of the last manoeuvre with the load.
         leaves_m: (dumps,) the begin of the first without it.
     """
-    if not arrives_m.size:
-        return leaves_m
     stops_m = leaves_m - arrives_m
     usual_m = float(np.median(stops_m))
     return np.where(stops_m > _LONGEST_STOP * usual_m, arrives_m + usual_m, leaves_m)

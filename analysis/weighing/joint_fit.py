@@ -299,10 +299,12 @@ def add_load_states(
     if not np.isfinite(found.theta).all():
         return _withhold_masses(found)
     settled = _settle_states(found, of, repeatability_kg)
-    hints = places(found.motion) > 1
     misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
     uneven = found.motion.manoeuvres >= FEWEST
-    if settled.count > 1 or settled.states is None or not (misfits and uneven and hints.any()):
+    if settled.count > 1 or settled.states is None or not (misfits and uneven):
+        return settled
+    hints = places(found.motion) > 1
+    if not hints.any():
         return settled
     of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
     hinted = replace(settled.states, membership=np.append(0, np.cumsum(hints)), other=None)
