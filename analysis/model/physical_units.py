@@ -59,8 +59,8 @@ def to_si(unit: str, si: str) -> tuple[float, float]:
 
 #: How people write units beside their numbers, by pint's name of each.
 _SPELLINGS: Final[Mapping[str, str]] = {
-    "m/s": "m/s m/sec mps m_s m*s^-1 ms-1 м/с 米/秒",
-    "km/h": "km/h kmh kph km/hr kmph km_h км/ч km/sa km/u km/t 公里/小时 千米/时",
+    "m/s": "m/s m/sec mps m_s m*s^-1 ms-1 м/с м/сек m/giây 米/秒",
+    "km/h": "km/h kmh kph km/hr kmph km_h км/ч км/год km/sa km/u km/t 公里/小时 千米/时",
     "mph": "mph mi/h",
     "knot": "kn knot knots kt kts",
     "ft/s": "ft/s fps",
@@ -80,6 +80,7 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "kN": "kN кН 千牛",
     "daN": "daN",
     "lbf": "lbf",
+    "kip": "klbf kip kips",
     "kgf": "kgf кгс",
     "N*m": "Nm N*m N-m N.m N_m newton-meter newtonmeter Нм Н*м Н.м",
     "kN*m": "kNm kN*m kN-m kN_m кНм кН*м",
@@ -107,7 +108,8 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "cm": "cm",
     "km": "km",
     "ft": "ft feet",
-    "s": "s sec secs second seconds с sn 秒 초",
+    "inch": "in inch inches",
+    "s": "s sec secs second seconds с сек sn giây 秒 초",
     "ms": "ms msec msecs millisecond milliseconds мс 毫秒",
     "us": "us µs usec usecs microsecond microseconds мкс 微秒",
     "ns": "ns nsec nsecs nanosecond nanoseconds",
@@ -140,12 +142,17 @@ def spelt_unit(text: str) -> str | None:
     bare = text.strip().strip("[](){}<>").strip().translate(_SIGNS).replace(" ", "")
     if unit := _EXACT.get(bare):
         return unit
+    if bare.startswith("%"):
+        # percent of what stands behind: % Mn, %FLA
+        return "percent"
     # a lone v or a is the name of a column more often than volts or amperes
     unit = _LOWER.get(bare.lower()) if len(bare) > 1 else None
     # milli or mega: a capital tells, and without it neither is taken
     return None if unit in _MILLI_OR_MEGA else unit
 
 
+#: Behind a name a serial number, not a Turkish second, and what flows in, not an inch.
+_WORDS_BEHIND: Final = ("sn", "in")
 #: Words of a unit behind a name: rad_s2, N_m.
 _SUFFIX_WORDS: Final = 3
 
@@ -154,8 +161,8 @@ def unit_behind(name: str) -> tuple[str, str | None]:
     """A name without the unit behind it, and the unit: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
     words = re.split(r"[_\s.]+", name)
     for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):
-        # behind a name it is a serial number, not a Turkish second
-        unit = None if words[-1].lower() == "sn" else spelt_unit("_".join(words[-count:]))
+        is_word = words[-1].lower() in _WORDS_BEHIND
+        unit = None if is_word else spelt_unit("_".join(words[-count:]))
         # a lone letter at the end is an axis or a side more often than tonnes
         if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
             return "_".join(words[:-count]), unit

@@ -12,6 +12,8 @@ from benchmarks.dialects import (
     drawn_last_files,
     drawn_next_files,
     drawn_once_more_files,
+    drawn_sixth_files,
+    drawn_sixth_sites,
     later_files,
     logger_files,
     recorder_files,
@@ -33,12 +35,17 @@ SETS: Final = {
     "drawn when it was frozen a third time": tuple(drawn_once_more_files.dialect_files()),
     "drawn when it was frozen a fourth time": tuple(drawn_anew_files.dialect_files()),
     "drawn when it was frozen a fifth time": tuple(drawn_fifth_files.dialect_files()),
+    "strangers, frozen a sixth time": (
+        *drawn_sixth_files.dialect_files(),
+        *drawn_sixth_sites.dialect_files(),
+    ),
 }
 _ANSWERS: Final = {
     "GEAR": GEAR,
     "TORQUE_CONSTANT": NM_PER_A,
     "POLE_PAIRS": POLE_PAIRS,
     "EFFICIENCY": 1.0,
+    "RATED_TORQUE": 23.9,
 }
 _ASKED: Final = re.compile(r"# \[channels\.(?P<channel>\w+)\]")
 _COMMENT: Final = re.compile(r"# (?=\[channels|topic = |field = |unit = |derive = )")

@@ -54,6 +54,7 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from a motor's torque, or from its current."""
     for quantity, unit, name, factor in (
         ("torque", "N*m", "motor_torque_N_m", ""),
+        ("torque", "percent", "torque_percent", " * RATED_TORQUE [N*m]"),
         ("current", "A", "motor_current_A", " * TORQUE_CONSTANT [N*m/A]"),
     ):
         fitting = [
@@ -63,8 +64,7 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
             and c.said.side is None
             # what flows into a drive is power over voltage, not torque
             and not (quantity == "current" and c.said.is_of_supply)
-            # a current is in amperes where nothing is stated, as motor controllers write it
-            and (c.is_in(unit) or (unit == "A" and c.unit is None))
+            and _is_in(c, unit)
         ]
         fitting.sort(key=lambda c: c.said.part != "motor")
         if not fitting:
@@ -85,10 +85,19 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
         found.sketch("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)
         found.ask("gear", _GEAR.format("force_x_N"))
         if factor:
-            found.ask("gear", "the motor's TORQUE_CONSTANT in N*m/A, in the same line")
+            word, _, of = factor.removeprefix(" * ").partition(" ")
+            found.ask("gear", f"the motor's {word} in {of.strip('[]')}, in the same line")
         found.ask("radius", _RADIUS)
         return True
     return False
+
+
+def _is_in(column: LogColumn, unit: str) -> bool:
+    """Whether a column is in N*m, A or percent, which is no angle though it has no dimension."""
+    if unit == "percent":
+        return column.unit == unit
+    # a current is in amperes where nothing is stated, as motor controllers write it
+    return column.is_in(unit) or (unit == "A" and column.unit is None)
 
 
 def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:
@@ -118,14 +127,17 @@ def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> boo
 
 def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from the drive's power, or from the battery's current and voltage, over the speed."""
-    power = next((c for c in columns if c.quantity == "power" and c.is_in("W")), None)
-    if power is not None:
+    current = next((c for c in columns if c.said.is_of_supply and c.is_in("A")), None)
+    voltage = next((c for c in columns if c.is_in("V")), None)
+    powers = [c for c in columns if c.quantity == "power" and (c.unit is None or c.is_in("W"))]
+    power = min(powers, key=lambda c: c.unit is None, default=None)
+    if power is not None and not (power.unit is None and current and voltage):
         reason = f"{power.field}: a power; over the speed it is a force; needs the efficiency"
-        found.sketch_source(power, "power_W", power.unit, reason)
+        found.sketch_source(power, "power_W", power.unit or "?", reason)
+        if power.unit is None:
+            found.ask("unit", f"the unit of '{power.field}', in channels.power_W.unit")
         watts = "power_W"
     else:
-        current = next((c for c in columns if c.said.is_of_supply and c.is_in("A")), None)
-        voltage = next((c for c in columns if c.is_in("V")), None)
         if current is None or voltage is None:
             return False
         reason = f"{current.field}, {voltage.field}: a power; over the speed it is a force"

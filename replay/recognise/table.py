@@ -23,7 +23,7 @@ from replay.recognise.correlations import (
 )
 from replay.recognise.drives import propose_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import meaning
+from replay.recognise.words import has_side, meaning
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -80,8 +80,8 @@ def recognise(log: Log) -> Recognition:
     for channel, each in claims.items():
         _settle(log, channel, each, found)
     _by_unit_alone(columns, found)
-    propose_drives(columns, found)
     _without_unit(columns, found)
+    propose_drives(columns, found)
     return add_correlations(log, columns, found)
 
 
@@ -109,11 +109,14 @@ def _list_columns(log: Log) -> list[LogColumn]:
     for row in log.topics().iter_rows(named=True):
         units = log.units(row["topic"])
         topic = None if row["topic"] == TABLE else row["topic"]
+        names = frozenset(row["fields"])
         for name in row["fields"]:
             said, unit = (
                 meaning(_name_without_unit(name)),
                 units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
             )
+            if said.side and not has_side(name, names):
+                said = replace(said, side=None)
             if said.is_no_reading:
                 said = replace(said, quantity=None)
                 found.append(LogColumn(topic, name, unit, said, None))
@@ -236,7 +239,8 @@ def _without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
             continue
         for column in columns:
             said = column.said
-            whole = said.side is None and said.part is None and said.axis in (None, "x")
+            part = said.part if quantity != "speed" or said.part == "motor" else None
+            whole = said.side is None and part is None and said.axis in (None, "x")
             if column.quantity == quantity and column.unit is None and whole:
                 found.sketch_source(column, channel, "?", f"{column.field}: its unit is not stated")
                 found.ask("unit", f"the unit of '{column.field}', in channels.{channel}.unit")

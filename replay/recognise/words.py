@@ -1,6 +1,7 @@
 """The words of column names: which quantity, of which part and side, along which axis."""
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -11,7 +12,7 @@ _QUANTITIES: Final = (
     ("erpm", ("erpm",)),
     ("force", ("force", "kraft", "drawbar", "pull", "traction", "drawbarpull", "fuerza", "thrust",
                "loadcell", "усилие", "сила", "тяга", "kuvvet", "força", "forza", "siła", "kracht",
-               "voima", "牵引力", "견인력")),
+               "voima", "forță", "vonóerő", "lựckéo", "gaya", "牵引力", "견인력", "けん引力")),
     ("torque", ("torque", "drehmoment", "moment", "trq", "tq", "mz", "my", "couple", "effort", "nm",
                 "момент", "tork", "koppel")),
     ("current", ("current", "strom", "amps", "amp", "iq", "courant", "corriente")),
@@ -21,7 +22,8 @@ _QUANTITIES: Final = (
     ("yaw rate", ("yawrate", "gyroz", "gierrate", "omegaz")),
     ("speed", ("speed", "velocity", "vel", "spd", "geschwindigkeit", "geschw", "velocidad",
                "vitesse", "drehzahl", "rpm", "kph", "kmh", "mph", "скорость", "hız", "velocidade",
-               "velocità", "prędkość", "snelheid", "hastighet", "nopeus", "rychlost", "速度",
+               "velocità", "prędkość", "snelheid", "hastighet", "nopeus", "rychlost", "швидкість",
+               "sebesség", "viteză", "vậntốc", "kecepatan", "速度",
                "车速", "속도")),
     ("position", ("position", "pos", "distance", "dist", "weg", "odometer", "travel",
                   "displacement", "stroke", "crosshead")),
@@ -60,6 +62,24 @@ def _parts(words: tuple[str, ...]) -> re.Pattern[str] | None:
 
 
 _KNOWN: Final = tuple((name, frozenset(words), _parts(words)) for name, words in _QUANTITIES)
+
+
+#: A letter before a capital: the type of a variable (rSpeed is a REAL) more often than a side.
+_PREFIX: Final = re.compile(r"(?:(?<=[^A-Za-z])|^)[lr](?=[A-Z])")
+
+
+def has_side(name: str, names: Collection[str]) -> bool:
+    """Whether the side that a name has is one: a prefix `r` is, where one with `l` stands beside.
+
+    Args:
+        name: of a column.
+        names: of all columns.
+    """
+    match = _PREFIX.search(name)
+    if match is None:
+        return True
+    other = "l" if match[0] == "r" else "r"
+    return f"{name[: match.start()]}{other}{name[match.end() :]}" in names
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,7 +50,8 @@ _NAMES: Final = (
     ),
     *("uhrzeit", "temps", "heure", "tiempo", "hora", "tempo", "ora", "czas", "tijd", "tid", "aika"),
     *("datahora", "dataora", "fechahora", "dateheure", "datumuhrzeit", "datumzeit", "dateandtime"),
-    *("zaman", "время", "时间", "時間", "時刻", "시간"),
+    *("zaman", "время", "час", "idő", "timp", "čas", "thờigian", "waktu"),
+    *("时间", "時間", "時刻", "시간"),
 )
 _DATES: Final = ("date", "day", "datum", "dateutc", "utcdate")
 _UNITS: Final = {

@@ -12,6 +12,8 @@ from analysis.model.physical_units import spelt_unit
 _EXPONENT: Final = r"(?:[eEdD][+-]?\d+)?"
 #: What may stand between thousands, by the decimal sign; no-break and narrow blanks too.
 _GROUPS: Final = {".": ",'’ \u00a0\u202f", ",": ".'’ \u00a0\u202f"}
+#: Numbers of India: 12,34,567. With points it may be a version or a date.
+_LAKHS: Final = {".": r"\d{1,2}(?:,\d{2})+,\d{3}", ",": r"\d{1,2}(?:'\d{2})+'\d{3}"}
 _NUMBERS: Final = {
     sign: re.compile(rf"[+-]?(?:\d+[{sign}]?\d*|[{sign}]\d+){_EXPONENT}") for sign in ".,"
 }
@@ -19,7 +21,8 @@ _WORDS_OF_NUMBERS: Final = frozenset({"nan", "inf", "-inf", "+inf", "-nan", "inf
 #: 1.234 may be one and a bit, or a thousand.
 _THOUSANDS: Final = {sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:[{sign}]\d{{3}})+") for sign in ".,"}
 _TIME: Final = re.compile(
-    r"(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T, ]*)?\d{1,2}:\d{2}(:\d{2}([.,:]\d+)?|[.,]\d+)?"
+    r"(\d{1,4}(?:[-/]|\. ?)\d{1,2}(?:[-/]|\. ?)\d{1,4}\.?[T, ]*)?"
+    r"\d{1,2}:\d{2}(:\d{2}([.,:;]\d+)?|[.,]\d+)?"
     r"\s*([AaPp]\.?\s?[Mm]\.?)?\s*(Z|UTC|GMT|[+-]\d{2}(:?\d{2})?)?"
     r"([, ]+\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})?"
     r"|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{8}T\d{6}([.,]\d+)?Z?"
@@ -134,7 +137,8 @@ def with_points(
 
 def grouped_number(decimal: str) -> str:
     """A number with signs between its thousands."""
-    return rf"[+-]?\d{{1,3}}(?:[{_GROUPS[decimal]}]\d{{3}})+(?:[{decimal}]\d*)?"
+    groups = rf"\d{{1,3}}(?:[{_GROUPS[decimal]}]\d{{3}})+|{_LAKHS[decimal]}"
+    return rf"[+-]?(?:{groups})(?:[{decimal}]\d*)?"
 
 
 def _surely_grouped(decimal: str) -> str:
@@ -144,6 +148,7 @@ def _surely_grouped(decimal: str) -> str:
     return (
         rf"[+-]?\d{{1,3}}(?:(?:[{blanks}]\d{{3}})+(?:[{decimal}]\d*)?"
         rf"|(?:[{ambiguous}]\d{{3}}){{2,}}(?:[{decimal}]\d*)?|[{ambiguous}]\d{{3}}[{decimal}]\d*)"
+        rf"|[+-]?{_LAKHS[decimal]}(?:[{decimal}]\d*)?"
     )
 
 

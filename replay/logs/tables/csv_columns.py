@@ -14,7 +14,14 @@ from replay.logs.tables.cells import is_numeric, kind, with_points
 from replay.logs.tables.dates import is_of_digits
 from replay.logs.tables.dialect import BLANKS, sniff, some_cells
 from replay.logs.tables.hints import TableHints
-from replay.logs.tables.text import Utf8Text, as_utf8, drop_torn_quote, head_lines, with_tabs
+from replay.logs.tables.text import (
+    Utf8Text,
+    as_utf8,
+    drop_torn_quote,
+    head_lines,
+    with_ascii_digits,
+    with_tabs,
+)
 
 #: Stands in no text: a line is one cell.
 _NO_SEPARATOR: Final = "\x1f"
@@ -48,15 +55,13 @@ class CsvColumns:
         """
         self._text = as_utf8(path, hints.encoding)
         try:
+            self._replace_text(with_ascii_digits(self._text))
             self._dialect = sniff(head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
-                text, self._text = self._text, with_tabs(self._text)
-                _remove_copy(text)
+                self._replace_text(with_tabs(self._text))
             whole = drop_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
-            if whole is not None:
-                text, self._text = self._text, whole
-                _remove_copy(text)
+            self._replace_text(whole)
         except BaseException:
             self.close()
             raise
@@ -78,6 +83,12 @@ class CsvColumns:
         }
         self._cell_units = dict(zip(self.names, self._dialect.cell_units, strict=False))
         self._quotes_are_paired = True
+
+    def _replace_text(self, new: Utf8Text | None) -> None:
+        """Read a copy from now on, if there is one, and remove the copy before it."""
+        if new is not None:
+            old, self._text = self._text, new
+            _remove_copy(old)
 
     def close(self) -> None:
         """Remove the copy of the text, if there is one."""

@@ -25,13 +25,13 @@ _MONTHS: Final = (
 _MONTH_OF: Final = {each: k for k, names in enumerate(_MONTHS, start=1) for each in names}
 _MONTH: Final = "(?i:" + "|".join(_MONTH_OF) + r")[^\W\d_]*"
 _CLOCK: Final = (
-    r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
+    r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{2})(?:[.,:;](?P<frac>\d{1,9})\d*)?)?"
     r"\s*(?P<half>[AaPp])?\.?\s?(?:[Mm]\.?)?\s*(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?"
 )
 #: Years first, as in ISO 8601; two numbers and a year; with the name of the month.
-_YEAR_FIRST: Final = r"(?P<y>\d{4})[-/.年](?P<m>\d{1,2})[-/.月](?P<d>\d{1,2})日?"
+_YEAR_FIRST: Final = r"(?P<y>\d{4})(?:[-/年]|\. ?)(?P<m>\d{1,2})(?:[-/月]|\. ?)(?P<d>\d{1,2})[.日]?"
 _YEAR_LAST: Final = r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})[-/.](?P<y>\d{4}|\d{2})"
-_DAY_MONTH: Final = rf"(?P<d>\d{{1,2}})[-/. ]+(?P<name>{_MONTH})[-/., ]+(?P<y>\d{{4}})"
+_DAY_MONTH: Final = rf"(?P<d>\d{{1,2}})[-/. ]+(?P<name>{_MONTH})[-/., ]+(?P<y>\d{{4}}|\d{{2}})"
 _MONTH_DAY: Final = rf"(?P<name>{_MONTH})[-/. ]+(?P<d>\d{{1,2}}),?[-/. ]+(?P<y>\d{{4}})"
 _COMPACT: Final = r"(?P<y>(?:19|20)\d{2})(?P<m>0[1-9]|1[0-2])(?P<d>0[1-9]|[12]\d|3[01])"
 _DATES: Final = (_YEAR_FIRST, _YEAR_LAST, _DAY_MONTH, _MONTH_DAY, _COMPACT)
@@ -181,6 +181,7 @@ def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Se
     if "one" in part.columns:
         part = _day_and_month(part, day_first, notes)
     if "name" in part.columns:
+        part = _short_year(part, day_first)
         begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
         months = zip(begins, _MONTH_OF.values(), strict=True)
         number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
@@ -195,6 +196,25 @@ def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Se
     written = pl.concat_str("y", pl.lit("-"), "m", pl.lit("-"), "d")
     day = written.str.to_date("%Y-%m-%d", strict=False)
     return part.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
+
+
+def _short_year(part: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
+    """Days with the name of the month, of which a year in two digits may be the first or the last.
+
+    Raises:
+        TimeError: which one it is was not said.
+    """
+    is_short = pl.col("y").str.len_chars() == 2
+    if not part.select(is_short.any()).item():
+        return part
+    if day_first is None:
+        first = part.filter(is_short).row(0, named=True)
+        raise TimeError(
+            f"'{first['d']}-{first['name']}-{first['y']}' has its year in two digits: set [log] "
+            "day_first = true for day, month, year, false for year, month, day"
+        )
+    day, year = ("d", "y") if day_first else ("y", "d")
+    return part.with_columns(pl.col(day).alias("d"), ("20" + pl.col(year)).alias("y"))
 
 
 def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.DataFrame:

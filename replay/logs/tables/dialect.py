@@ -7,7 +7,7 @@ have the same number of cells, or where cells are made of digits and signs and a
 import csv
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
@@ -179,7 +179,7 @@ def split_rows(lines: Sequence[str], separator: str) -> Iterator[TextRow]:
 
 
 def _readings(
-    lines: Sequence[str], separator: str, decimals: Iterable[str], hints: TableHints
+    lines: Sequence[str], separator: str, decimals: Sequence[str], hints: TableHints
 ) -> Iterator[_Reading]:
     if not any(separator in line for line in lines):
         return
@@ -196,7 +196,9 @@ def _readings(
         width = max(len(row.cells) for row in data)
         if width < 2:
             return
-    for decimal in decimals:
+    is_quoted = any('"' in line for line in lines)
+    # without quotes no cell holds the sign between the cells
+    for decimal in [d for d in decimals if d != separator or is_quoted] or decimals:
         reading = _reading(rows, later, width, (separator, decimal), below)
         if reading is not None:
             yield reading

@@ -10,7 +10,8 @@ from analysis.model.physical_units import spelt_unit, unit_behind
 _BRACKETS: Final = re.compile(r"(?s)(?P<name>.*?)[\s_]*[\[({<](?P<unit>[^\[\](){}<>]*)[\])}>]\s*")
 #: A form of times, not a unit: (hh:mm:ss.sss), [dd/mm/yyyy].
 _FORM: Final = re.compile(
-    r"(?s)(?P<name>.*?)[\s_]*[\[({<](?=[^\])}>]*(?i:hh|ss|yy))[\shHmMsSfFdDyY:/.,\-]+[\])}>]\s*"
+    r"(?s)(?P<name>.*?)[\s_]*[\[({<](?=[^\])}>]*(?i:hh|ss|yy))[\shHmMsSfFdDyY:/.,\-]+(?:UTC|GMT)?"
+    r"[\])}>]\s*"
 )
 #: A quantity over its unit, as DIN 1313 writes it: t/s, v/(km/h).
 _OVER: Final = re.compile(r"(?P<name>[^\s/]+)/(?P<unit>\([^()]+\)|[^\s()]+)")

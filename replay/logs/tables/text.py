@@ -32,6 +32,8 @@ _LARGEST_UNPACKED: Final = 4 << 30
 _PIECE: Final = 1 << 20
 #: Share of NUL bytes at even or at odd places of UTF-16 without a mark, of Western text.
 _MOSTLY_NUL: Final = 0.4
+#: The decimal sign, the sign between thousands and the percent of Arabic, and wide points.
+_OTHER_SIGNS: Final = {0x066B: ".", 0x066C: "’", 0x066A: "%", 0xFF0E: ".", 0xFF0D: "-"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +121,22 @@ def with_tabs(text: Utf8Text) -> Utf8Text:
     """A copy in which each run of blanks is a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _lines(text.path, "utf-8-sig"))
     return _copy_lines(text.path, lines, text.notes)
+
+
+def with_ascii_digits(text: Utf8Text) -> Utf8Text | None:
+    """A copy in which digits of other scripts are those of ASCII: ١٢٫٥, １２.５.
+
+    None where most digits of its beginning are of ASCII: then the others are in names.
+    """
+    with text.path.open("rb") as file:
+        head = file.read(_HEAD_BYTES)
+    digits = [] if head.isascii() else re.findall(r"\d", head.decode(errors="ignore"))
+    if 2 * sum(map(str.isascii, digits)) >= len(digits):
+        return None
+    beyond = map(chr, range(0x80, 0x10000))
+    table = {ord(each): str(int(each)) for each in beyond if each.isdecimal()}
+    lines = (line.translate(table | _OTHER_SIGNS) for line in _lines(text.path, "utf-8-sig"))
+    return _copy_lines(text.path, lines, (*text.notes, "its digits are of another script"))
 
 
 def drop_torn_quote(text: Utf8Text, separator: str) -> Utf8Text | None:

@@ -16,6 +16,7 @@ from tests.one_line import assert_one_line
 FILES = every_file()
 #: What is lost or moved in them is declared.
 DECLARED = (
+    "Siemens S7 data log: UTC Time to the second, //END",
     *("TwinCAT: EOF in the last line", "names again after each thousand rows"),
     *("shuffled rows", "a footer of sums", "the newest row first"),
     "readings that are missing as ---",
@@ -49,7 +50,8 @@ def test_a_dialect_is_read_as_it_was_driven(tmp_path: Path, file: DialectFile) -
         assert np.abs(t - expected_ns).max() < 20_000
         expected = DRIVE[quantity][: t.size] * factor
         digits = max(np.abs(expected).max() * 1e-4, 0.51)
-        found = frame[name].cast(float).to_numpy()
+        # a footer is a row where rows have no time of their own
+        found = frame[name].cast(float).to_numpy()[: expected.size]
         assert np.isnan(found).mean() < (0.03 if file.name in DECLARED else 1e-9)
         assert np.nanmax(np.abs(found - expected)) < digits, name
     assert not log.losses() or file.name in DECLARED
