@@ -56,15 +56,16 @@ def outcome(file: DialectFile, folder: Path) -> tuple[str, bool, str]:
 
 
 def is_asked(file: DialectFile, folder: Path) -> bool:
-    """Whether a file is refused without the keys that a person answers with."""
+    """Whether a file is refused, or `init` asks for its time, without a person's keys."""
     path = folder / f"log{file.suffix}"
     path.write_bytes(file.data)
     try:
         with open_log(path) as log:
             log.topics()
+            _, questions = draft_machine_file(log, None)
     except PayscopeError:
         return True
-    return False
+    return any("[log]" in each for each in questions)
 
 
 def _mass_kg(log: Log, machine: Machine) -> float:

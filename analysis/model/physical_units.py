@@ -59,14 +59,14 @@ def to_si(unit: str, si: str) -> tuple[float, float]:
 
 #: How people write units beside their numbers, by pint's name of each.
 _SPELLINGS: Final[Mapping[str, str]] = {
-    "m/s": "m/s m/sec mps m_s m*s^-1 ms-1 м/с м/сек m/giây 米/秒",
-    "km/h": "km/h kmh kph km/hr kmph km_h км/ч км/год km/sa km/u km/t 公里/小时 千米/时",
+    "m/s": "m/s m/sec mps meterspersec meterspersecond m_s m*s^-1 ms-1 м/с м/сек m/giây 米/秒",
+    "km/h": "km/h kmh kph km/hr kmph km_h км/ч км/год km/jam km/sa km/u km/t 公里/小时 千米/时",
     "mph": "mph mi/h",
     "knot": "kn knot knots kt kts",
     "ft/s": "ft/s fps",
     "mm/s": "mm/s mm_s",
     "cm/s": "cm/s cm_s",
-    "m/min": "m/min",
+    "m/min": "m/min m_min",
     "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 m_s2 m/s**2 m*s^-2 ms-2 м/с2 м/с^2",
     "standard_gravity": "g G g_n gee g's gs",
     "rad/s": "rad/s rad_s rad/sec",
@@ -109,7 +109,7 @@ _SPELLINGS: Final[Mapping[str, str]] = {
     "km": "km",
     "ft": "ft feet",
     "inch": "in inch inches",
-    "s": "s sec secs second seconds с сек sn giây 秒 초",
+    "s": "s sec secs second seconds с сек detik sn giây 秒 초",
     "ms": "ms msec msecs millisecond milliseconds мс 毫秒",
     "us": "us µs usec usecs microsecond microseconds мкс 微秒",
     "ns": "ns nsec nsecs nanosecond nanoseconds",
@@ -153,6 +153,11 @@ def spelt_unit(text: str) -> str | None:
 
 #: Behind a name a serial number, not a Turkish second, and what flows in, not an inch.
 _WORDS_BEHIND: Final = ("sn", "in")
+#: Where a capital begins a word of several letters: speedKmh, SpeedMetersPerSec; speedMin is the
+#: least one. Before a short unit a letter may be its prefix: torquekNm.
+_HUMP: Final = re.compile(r"(?<=[a-z]{2})(?=[A-Z]\w)")
+_LONG: Final = 3
+_PREFIXES: Final = "cdhkmnpu"
 #: Words of a unit behind a name: rad_s2, N_m.
 _SUFFIX_WORDS: Final = 3
 
@@ -166,4 +171,10 @@ def unit_behind(name: str) -> tuple[str, str | None]:
         # a lone letter at the end is an axis or a side more often than tonnes
         if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
             return "_".join(words[:-count]), unit
+    for hump in _HUMP.finditer(name):
+        last = name[hump.start() :]
+        if len(last) < _LONG and name[hump.start() - 1] in _PREFIXES:
+            continue
+        if last.isalnum() and last not in ("Min", "In") and (unit := spelt_unit(last)):
+            return name[: hump.start()], unit
     return name, None

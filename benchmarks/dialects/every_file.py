@@ -12,6 +12,7 @@ from benchmarks.dialects import (
     drawn_last_files,
     drawn_next_files,
     drawn_once_more_files,
+    drawn_seventh_files,
     drawn_sixth_files,
     drawn_sixth_sites,
     later_files,
@@ -39,6 +40,7 @@ SETS: Final = {
         *drawn_sixth_files.dialect_files(),
         *drawn_sixth_sites.dialect_files(),
     ),
+    "strangers, frozen a seventh time": tuple(drawn_seventh_files.dialect_files()),
 }
 _ANSWERS: Final = {
     "GEAR": GEAR,

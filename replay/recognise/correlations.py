@@ -22,6 +22,12 @@ _FEWEST: Final = 100
 _SAME: Final = 0.1
 #: A correlation that says something.
 _CLEAR: Final = 0.5
+#: A force and a speed of one machine show more than this, whatever the ground and the driver do.
+_NOTHING: Final = 0.1
+#: How many times as large the change of one may be as another's readings, where their units hold.
+_UNITS_HOLD: Final = (0.6, 1.7)
+#: Readings that tell that: those of a position change with the speed, not with noise.
+_ALIKE: Final = 0.9
 #: Gravity on an axis of an accelerometer, in m/s²: what it shows on a machine that may stand on a
 #: slope of 15 degrees, with the gain errors of a cheap one.
 _GRAVITY_M_S2: Final = (9.3, 10.2)
@@ -33,6 +39,13 @@ _SIGN: Final = (
     "scale = -1"
 )
 
+_APART: Final = (
+    "whether '{0}' moves the machine and '{1}' is its speed: they do not go together ({2:.2f})"
+)
+_UNITS_APART: Final = (
+    "the units of the time, '{0}' and '{1}': the change of '{1}' is {2:.3g} times '{0}'; where the "
+    "time is wrong, [log] time_unit or rate_hz"
+)
 _MIRRORED: Final = (
     "which way '{0}' and '{1}' are positive: they go against each other ({2:.2f}); where one is "
     "mounted mirrored, scale = -1 for it and its torque"
@@ -124,9 +137,9 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
     place = by_name.get("position_x_m") or next(
         (
-            ChannelProposal("position_x_m", c.topic, c.field, None, "")
+            ChannelProposal("position_x_m", c.topic, c.field, c.unit, "")
             for c in columns
-            if c.said.quantity == "position" and c.unit is not None
+            if c.said.quantity == "position" and c.is_in("m")
         ),
         None,
     )
@@ -143,9 +156,14 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
                 reason += f"; goes with the change of {speed.field}, {goes:.2f}"
                 if goes < -_CLEAR:
                     found.ask("sign", _SIGN.format(f"'{each.field}'", goes))
+                if is_force and abs(goes) < _NOTHING:
+                    found.ask("column", _APART.format(each.field, speed.field, goes))
+            if is_acceleration:
+                _ask_units(log, each, speed, found)
             if is_force:
                 _ask_without_sign(log, each, speed, found)
         if each is speed and place is not None:
+            _ask_units(log, each, place, found)
             goes = slope_correlation(log, each, place)
             if goes is not None and goes < -_CLEAR:
                 found.ask("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
@@ -169,6 +187,36 @@ def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Rec
         goes = _correlate(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
         if goes is not None and goes < -_CLEAR:
             found.ask("sign", _MIRRORED.format(left.field, right.field, goes))
+
+
+def _ask_units(log: Log, rate: ChannelProposal, other: ChannelProposal, found: Recognition) -> None:
+    """Ask for the units of a column and of what it is the change of, where their sizes disagree."""
+    if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
+        return
+    (t, x), (at, y) = try_series(log, rate), try_series(log, other)
+    if min(t.size, at.size) < _FEWEST:
+        return
+    change = _slope(t, at, y * _gain(other)) / _SPAN_S
+    x = x * _gain(rate)
+    goes = _correlate(x, change)
+    if goes is None or goes < _ALIKE:
+        return
+    times = float(change.std() / x.std())
+    if not _UNITS_HOLD[0] < times < _UNITS_HOLD[1]:
+        found.ask("unit", _UNITS_APART.format(rate.field, other.field, times))
+
+
+#: Units of channels of which one is the change of another.
+_SI: Final = {
+    "position_x_m": "m",
+    "speed_x_m_s": "m/s",
+    "acc_x_m_s2": "m/s²",
+    "specific_force_x_m_s2": "m/s²",
+}
+
+
+def _gain(each: ChannelProposal) -> float:
+    return to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
 
 
 def _ask_wrapped(log: Log, each: ChannelProposal, found: Recognition) -> None:

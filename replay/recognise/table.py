@@ -79,6 +79,7 @@ def recognise(log: Log) -> Recognition:
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
         _settle(log, channel, each, found)
+    _ask_more_torques(columns, found)
     _by_unit_alone(columns, found)
     _without_unit(columns, found)
     propose_drives(columns, found)
@@ -104,6 +105,21 @@ def _settle(log: Log, channel: str, claims: Sequence[Claim], found: Recognition)
     found.ask("column", f"which of {names} is channels.{channel}{together}")
 
 
+def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
+    """Ask whether further wheels drive, where a left and a right torque are taken for the force."""
+    if not {"torque_left_N_m", "torque_right_N_m"} <= found.taken:
+        return
+    more = [
+        f"'{each.field}'"
+        for each in columns
+        if each.quantity == "torque" and each.is_in("N*m")
+        if each.said.side is None and each.said.part != "motor" and each.said.axis is None
+    ]
+    if more:
+        names = ", ".join(more)
+        found.ask("column", f"whether {names} moves the machine as well: torques of wheels add up")
+
+
 def _list_columns(log: Log) -> list[LogColumn]:
     found: list[LogColumn] = []
     for row in log.topics().iter_rows(named=True):
@@ -117,7 +133,7 @@ def _list_columns(log: Log) -> list[LogColumn]:
             )
             if said.side and not has_side(name, names):
                 said = replace(said, side=None)
-            if said.is_no_reading:
+            if said.is_no_reading or said.is_elsewhere:
                 said = replace(said, quantity=None)
                 found.append(LogColumn(topic, name, unit, said, None))
                 continue
@@ -153,7 +169,8 @@ def _quantity_in(unit: str) -> str | None:
 
 
 def _speed(column: LogColumn) -> str | None:
-    if column.said.axis in ("y", "z") or column.said.part == "motor":
+    # what is in m/s is no turning of a motor
+    if column.said.axis in ("y", "z"):
         return None
     name = f"speed_{column.said.side}_m_s" if column.said.side else "speed_x_m_s"
     return name if column.fits(name) else None
@@ -211,15 +228,16 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
 
 def _by_unit_alone(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Columns whose names say nothing, the only ones in a unit of force or of speed."""
-    units = Counter(_quantity("", column.unit) for column in columns if column.unit)
-    for column in columns:
-        if column.said.quantity is not None or column.unit is None or column.unit in _TURNS:
-            continue
-        if column.said.is_no_reading:
+    own = [each for each in columns if each.unit and not each.said.is_elsewhere]
+    units = Counter(_quantity("", column.unit) for column in own)
+    for column in own:
+        said = column.said
+        if said.quantity is not None or column.unit in _TURNS or said.is_no_reading:
             continue
         quantity = _quantity("", column.unit)
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
-        if channel and units[quantity] == 1 and column.said.axis in (None, "x"):
+        is_wheel_load = quantity == "force" and said.part == "wheel"
+        if channel and units[quantity] == 1 and said.axis in (None, "x") and not is_wheel_load:
             found.fill(column, channel, f"in {column.unit}, the only {quantity}")
 
 

@@ -12,7 +12,8 @@ _QUANTITIES: Final = (
     ("erpm", ("erpm",)),
     ("force", ("force", "kraft", "drawbar", "pull", "traction", "drawbarpull", "fuerza", "thrust",
                "loadcell", "усилие", "сила", "тяга", "kuvvet", "força", "forza", "siła", "kracht",
-               "voima", "forță", "vonóerő", "lựckéo", "gaya", "牵引力", "견인력", "けん引力")),
+               "voima", "forță", "vonóerő", "lựckéo", "gaya", "δύναμη", "牵引力", "견인력",
+               "けん引力")),
     ("torque", ("torque", "drehmoment", "moment", "trq", "tq", "mz", "my", "couple", "effort", "nm",
                 "момент", "tork", "koppel")),
     ("current", ("current", "strom", "amps", "amp", "iq", "courant", "corriente")),
@@ -23,7 +24,8 @@ _QUANTITIES: Final = (
     ("speed", ("speed", "velocity", "vel", "spd", "geschwindigkeit", "geschw", "velocidad",
                "vitesse", "drehzahl", "rpm", "kph", "kmh", "mph", "скорость", "hız", "velocidade",
                "velocità", "prędkość", "snelheid", "hastighet", "nopeus", "rychlost", "швидкість",
-               "sebesség", "viteză", "vậntốc", "kecepatan", "速度",
+               "sebesség", "viteză", "vậntốc", "kecepatan", "brzina",
+               "ταχύτητα", "速度",
                "车速", "속도")),
     ("position", ("position", "pos", "distance", "dist", "weg", "odometer", "travel",
                   "displacement", "stroke", "crosshead")),
@@ -52,6 +54,13 @@ _NO_READING: Final = frozenset((
     "limits", "min", "max", "minimum", "maximum", "peak", "threshold", "error", "std", "deviation",
     "grenze", "grenzwert",
 ))  # fmt: skip
+#: Beginnings of words for what is not the machine's motion nor what moves it: wind, brakes, tools.
+_ELSEWHERE: Final = re.compile(
+    r"\b(?:wind|air\b|fan\b|lüfter|blower|pump|compressor|turbo|alternator|generator|brak|brems"
+    r"|frein|fren[oa]|pedal|steer|lenk|vertical|normal\b|preload|spring|damper|suspension|seat|door"
+    r"|valve|spool|piston|cylinder|zylinder|hubkraft|hubwerk|hoist|winch|crane|mast\b|belt|conveyor"
+    r"|grip|clamp|drum|roller|auger|cutter|pto\b)"
+)
 #: A long one may be a part of a compound: Zugkraft, Motordrehzahl.
 _LONG: Final = 4
 
@@ -94,6 +103,7 @@ class Meaning:
     is_without_gravity: bool = False  #: an acceleration that a program or a GPS made
     is_of_supply: bool = False  #: of the battery or of what feeds a drive
     is_no_reading: bool = False  #: wanted or allowed, or the end of an interval
+    is_elsewhere: bool = False  #: of the wind, the brakes, a tool: not of the machine's motion
 
 
 @lru_cache(maxsize=1 << 12)
@@ -127,4 +137,5 @@ def meaning(name: str) -> Meaning:
     of_motor = any(word.startswith("mot") for word in words)
     supply = not of_motor and any(word in _SUPPLY for word in words)
     no_reading = not own.isdisjoint(_NO_READING)
-    return Meaning(quantity, side, axis, part, linkage, without, supply, no_reading)
+    elsewhere = _ELSEWHERE.search(text) is not None
+    return Meaning(quantity, side, axis, part, linkage, without, supply, no_reading, elsewhere)

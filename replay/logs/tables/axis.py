@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -47,10 +47,11 @@ _NAMES: Final = (
         "runtime",
         "gpstime",
         "gpst",
+        "ts",
     ),
     *("uhrzeit", "temps", "heure", "tiempo", "hora", "tempo", "ora", "czas", "tijd", "tid", "aika"),
     *("datahora", "dataora", "fechahora", "dateheure", "datumuhrzeit", "datumzeit", "dateandtime"),
-    *("zaman", "время", "час", "idő", "timp", "čas", "thờigian", "waktu"),
+    *("zaman", "время", "час", "idő", "timp", "čas", "thờigian", "waktu", "vrijeme", "χρόνος"),
     *("时间", "時間", "時刻", "시간"),
 )
 _DATES: Final = ("date", "day", "datum", "dateutc", "utcdate")
@@ -187,9 +188,11 @@ def find_times(
         return [(_one_axis(columns, cells, place, unit, table), names)]
     if calendar := calendar_columns(columns):
         return [(TableTimes(None, calendar=calendar), names)]
-    found = _candidates(columns, cells)
-    if not found:
-        found = only_time(columns, cells)
+    found = (
+        _candidates(columns, cells)
+        or only_time(columns, cells)
+        or _candidates([_last_of_path(column) for column in columns], cells)
+    )
     if not found:
         return None
     first = found[0]
@@ -253,6 +256,11 @@ def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
         elif (bare in _DATES or "time" in bare) and any(map(is_clock, cells(place)[:5])):
             ranked.append((_repeats(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
+
+
+def _last_of_path(column: ColumnName) -> ColumnName:
+    """A column by the last part of its name: payload.ts, /robot/time."""
+    return replace(column, bare=re.split(r"[./]", column.bare)[-1])
 
 
 def _repeats(cells: Sequence[str]) -> bool:

@@ -30,7 +30,7 @@ _CLOCK: Final = (
 )
 #: Years first, as in ISO 8601; two numbers and a year; with the name of the month.
 _YEAR_FIRST: Final = r"(?P<y>\d{4})(?:[-/年]|\. ?)(?P<m>\d{1,2})(?:[-/月]|\. ?)(?P<d>\d{1,2})[.日]?"
-_YEAR_LAST: Final = r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})[-/.](?P<y>\d{4}|\d{2})"
+_YEAR_LAST: Final = r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})[-/.](?P<y>\d{4}|\d{2})\.?"
 _DAY_MONTH: Final = rf"(?P<d>\d{{1,2}})[-/. ]+(?P<name>{_MONTH})[-/., ]+(?P<y>\d{{4}}|\d{{2}})"
 _MONTH_DAY: Final = rf"(?P<name>{_MONTH})[-/. ]+(?P<d>\d{{1,2}}),?[-/. ]+(?P<y>\d{{4}})"
 _COMPACT: Final = r"(?P<y>(?:19|20)\d{2})(?P<m>0[1-9]|1[0-2])(?P<d>0[1-9]|[12]\d|3[01])"

@@ -14,7 +14,7 @@ from typing import Final
 
 from replay.logs.tables.cells import common_unit, is_numeric, is_signed, kind
 from replay.logs.tables.dates import is_clock, is_date
-from replay.logs.tables.header import ColumnName, column_names
+from replay.logs.tables.header import ColumnName, column_names, refuse_two_units
 from replay.logs.tables.header_rows import TextRow, header_row, rows_behind_words, rows_of_names
 from replay.logs.tables.hints import DialectError, TableHints
 
@@ -329,6 +329,8 @@ def _find_head_rows(reading: _Reading, lines: Sequence[str], hints: TableHints) 
             f"separated by {_NAMED.get(separator, separator)}; set [log] separator and decimal, "
             "or header_row"
         )
+    if units is not None and hints.units_row is None:
+        refuse_two_units(cells, units.cells, units.line + 1)
     cell_units = tuple(
         common_unit([row[k] for row in data[:_ROWS] if k < len(row) and row[k]], reading.decimal)
         for k in range(width)

@@ -2,10 +2,13 @@
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
-from analysis.model.physical_units import spelt_unit, unit_behind
+from analysis.model.physical_units import spelt_unit, to_si, unit_behind
+from estimators.errors import MachineError
+from replay.logs.tables.hints import DialectError
 
 _BRACKETS: Final = re.compile(r"(?s)(?P<name>.*?)[\s_]*[\[({<](?P<unit>[^\[\](){}<>]*)[\])}>]\s*")
 #: A form of times, not a unit: (hh:mm:ss.sss), [dd/mm/yyyy].
@@ -67,6 +70,26 @@ def column_names(cells: Sequence[str], units: Sequence[str] = ()) -> list[Column
         row_unit = units[number - 1] if number <= len(units) else ""
         found.append(ColumnName(name, bare, spelt_unit(row_unit) or unit))
     return found
+
+
+def refuse_two_units(cells: Sequence[str], units: Sequence[str], line: int) -> None:
+    """Refuse a column that is in one unit by its name, and in another by a row of units.
+
+    A unit of another dimension was none: `v_N` in rpm is the speed of N.
+
+    Raises:
+        DialectError: there is one.
+    """
+    for cell, stated in zip(cells, units, strict=False):
+        name, row = split_unit(" ".join(cell.split()))[1], spelt_unit(stated)
+        if name is None or row is None or name == row:
+            continue
+        with suppress(MachineError):
+            to_si(name, row)
+            raise DialectError(
+                f"column '{cell}' is in {name} by its name, in {row} by line {line}: set "
+                f"[log] units_row = {line} or, where the name holds, 0"
+            )
 
 
 def split_unit(name: str) -> tuple[str, str | None]:
