@@ -154,8 +154,8 @@ def spelt_unit(text: str) -> str | None:
 #: Behind a name a serial number, not a Turkish second, and what flows in, not an inch.
 _WORDS_BEHIND: Final = ("sn", "in")
 #: Where a capital begins a word of several letters: speedKmh, SpeedMetersPerSec; speedMin is the
-#: least one. Before a short unit a letter may be its prefix: torquekNm.
-_HUMP: Final = re.compile(r"(?<=[a-z]{2})(?=[A-Z]\w)")
+#: least one. Before a short unit a letter may be its prefix (torquekNm); TimeUS is one word.
+_HUMP: Final = re.compile(r"(?<=[a-z]{2})(?=[A-Z](?:[a-z0-9]|\w\w))")
 _LONG: Final = 3
 _PREFIXES: Final = "cdhkmnpu"
 #: Words of a unit behind a name: rad_s2, N_m.

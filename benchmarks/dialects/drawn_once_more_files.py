@@ -15,7 +15,6 @@ from benchmarks.dialects.dialect_file import (
     V_KMH,
     V_M_S,
     DialectFile,
-    Floats,
     Style,
     as_integers,
     stamps,
@@ -27,10 +26,6 @@ _TAPS: Final = {
     "speed_x_m_s": 'field = "CH1"\nscale = 10.0',
     "force_x_N": 'field = "CH2"\nscale = 1000.0',
 }
-
-
-def _thousandths(values: Floats) -> list[str]:
-    return [f"{x:.3f}" for x in values]
 
 
 def _recorders() -> list[DialectFile]:

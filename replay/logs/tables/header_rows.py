@@ -83,17 +83,20 @@ def rows_of_names(
         ):
             return third, second
     last, before = wide[-1], wide[-2] if len(wide) > 1 else None
-    if stated is not None or hints.units_row == 0 or before is None:
+    if before is None or stated is not None:
         return last, stated
-    adjacent = last.line - before.line <= 2
-    if adjacent and is_units(last.cells) and is_units(before.cells):
+    if hints.units_row == 0:
+        return (before if is_units(last.cells) else last), None
+    if last.line - before.line > 2:
+        return last, None
+    if is_units(last.cells) and is_units(before.cells):
         raise DialectError(
             f"lines {before.line + 1} and {last.line + 1} may both be its units; set [log] "
             "units_row and header_row"
         )
-    if adjacent and is_units(last.cells):
+    if is_units(last.cells):
         return before, last
-    return last, before if adjacent and is_units(before.cells) else None
+    return last, before if is_units(before.cells) else None
 
 
 def rows_behind_words(

@@ -22,6 +22,8 @@ DECLARED = (
     "readings that are missing as ---",
     "TunerStudio: two lines of head, tabs, units below, marks between",
 )
+#: Their time is asked for by `init`, since an accelerometer contradicts it.
+ASKED_BY_THE_DRAFT = ("ticks of a tenth of a millisecond", "seconds by the name, milliseconds")
 #: Answered by a person: steps of 1,000 µs, not the drive's.
 STEP_NS = {"steps of 1000 are asked for": 10**6}
 
@@ -35,7 +37,7 @@ def written(tmp_path: Path, file: DialectFile) -> Path:
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 def test_a_dialect_is_read_as_it_was_driven(tmp_path: Path, file: DialectFile) -> None:
     path = written(tmp_path, file)
-    if file.keys:
+    if file.keys and not file.name.startswith(ASKED_BY_THE_DRAFT):
         with pytest.raises(LogError, match=r"\[log\]") as asked:
             open_log(path).topics()
         assert_one_line(asked.value)

@@ -3,11 +3,13 @@
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from estimators.errors import LogError
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import open_log
+from replay.logs.tables.hints import TableHints, TimeAxis
 from tests.one_line import assert_one_line
 
 BEGIN = datetime(2026, 11, 13, 8, 15, 30, tzinfo=UTC)
@@ -128,3 +130,40 @@ def test_negative_numbers_are_no_losses(tmp_path: Path, form: str) -> None:
     found = log.read("table", ["force_N"])["force_N"].to_list()
     assert found == [(k % 9 + 0.5) * (-1 if k % 2 else 1) for k in range(ROWS)]
     assert not log.losses()
+
+
+def test_a_year_of_two_digits_beside_a_month_is_asked(tmp_path: Path) -> None:
+    path = tmp_path / "pi.csv"
+    path.write_text("Time,a\n" + "".join(f"13-Nov-26 08:15:{s:02d},{s}\n" for s in range(9)))
+    with pytest.raises(LogError, match="day_first = true for day, month, year") as asked:
+        open_log(path).topics()
+    assert_one_line(asked.value)
+    for is_first, day in ((True, "2026-11-13"), (False, "2013-11-26")):
+        axis = TimeAxis(None, None, TableHints(day_first=is_first))
+        start_ns = open_log(path, time=axis).topics()["start_ns"][0]
+        assert np.datetime64(start_ns, "ns") == np.datetime64(f"{day}T08:15:00")
+
+
+def test_a_unit_that_name_and_row_state_differently_is_asked(tmp_path: Path) -> None:
+    path = tmp_path / "two_units.csv"
+    rows = "".join(f"{k / 50};{k}\n" for k in range(99))
+    path.write_text(f"time_s;speed_kmh\ns;m/s\n{rows}")
+    with pytest.raises(
+        LogError, match=r"in km/h by its name, in m/s by line 2: set \[log\]"
+    ) as asked:
+        open_log(path)
+    assert_one_line(asked.value)
+    for line, unit in ((2, "m/s"), (0, "km/h")):
+        log = open_log(path, time=TimeAxis(None, None, TableHints(units_row=line)))
+        assert log.units("table")["speed_kmh"] == unit
+
+
+def test_digits_of_another_script_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "persian.csv"
+    table = str.maketrans("0123456789.", "۰۱۲۳۴۵۶۷۸۹٫")
+    path.write_text(
+        "time_s;a\n" + "".join(f"{k / 50:.2f};-{k}.5\n".translate(table) for k in range(60))
+    )
+    log = open_log(path)
+    assert log.read("table", ["a"])["a"].to_list() == [-k - 0.5 for k in range(60)]
+    assert any("another script" in note for note in log.notes())

@@ -8,6 +8,7 @@ import polars as pl
 import pytest
 
 from analysis.model.machine import Machine
+from analysis.model.physical_units import unit_behind
 from replay.init.guess_machine import draft_machine_file
 from replay.logs import open_log
 from replay.recognise.proposals import ChannelProposal
@@ -230,3 +231,56 @@ def test_the_input_current_of_a_controller_is_not_its_motors(tmp_path: Path) -> 
     columns = {"input_current": A * 0.6, "motor_current": A, "erpm": V * 1000}
     channels, _ = proposed(tmp_path, **columns)
     assert channels["motor_current_A"].field == "motor_current"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["Wind speed__m/s", "Brake force__kN", "Wheel load__kN", "Pedal force__N", "Windkraft__N"],
+)
+def test_what_is_not_the_machines_is_not_taken(tmp_path: Path, name: str) -> None:
+    channels, _ = proposed(tmp_path, **{name: V})
+    assert not {"force_x_N", "speed_x_m_s"} & set(channels)
+
+
+def test_a_force_that_does_not_go_with_the_speed_is_a_question(tmp_path: Path) -> None:
+    noise = np.random.default_rng(3).normal(0, 100, T.size)
+    _, questions = proposed(tmp_path, speed_m_s=V, force_N=noise)
+    (asked,) = questions
+    assert "whether 'force_N' moves the machine and 'speed_m_s' is its speed" in asked
+
+
+def test_units_that_an_accelerometer_contradicts_are_a_question(tmp_path: Path) -> None:
+    columns = {"speed_m_s": V, "Long. acceleration__m/s2": 10 * A, "force_N": 1000 * A}
+    _, questions = proposed(tmp_path, **columns)
+    (asked,) = questions
+    assert "the change of 'speed_m_s' is 0.0" in asked
+    assert "[log] time_unit" in asked
+
+
+def test_the_type_of_a_variable_is_no_side(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, **{"Plc.rSpeed__m/s": V, "Plc.rForce__N": 1000 * A})
+    assert {"speed_x_m_s", "force_x_N"} <= set(channels)
+    assert questions == []
+    channels, _ = proposed(tmp_path, **{"rSpeed__m/s": V, "lSpeed__m/s": V})
+    assert set(channels) == {"speed_left_m_s", "speed_right_m_s"}
+
+
+def test_a_third_wheels_torque_is_a_question(tmp_path: Path) -> None:
+    _, questions = proposed(tmp_path, speed_m_s=V, left_Nm=A, right_Nm=A, rear_torque_Nm=A)
+    assert any("whether 'rear_torque_Nm' moves the machine as well" in each for each in questions)
+
+
+def test_a_torque_in_percent_needs_the_rated_one(tmp_path: Path) -> None:
+    channels, questions = proposed(tmp_path, **{"Drehzahl__rpm": V, "Drehmoment__% Mn": 100 * A})
+    assert channels["force_x_N"].derive is not None
+    assert "torque_percent * RATED_TORQUE [N*m]" in channels["force_x_N"].derive
+    assert any("RATED_TORQUE in N*m" in each for each in questions)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("SpeedMetersPerSec", "m/s"), ("wheelRPM", "rpm"), ("torqueNm", "N*m"), ("torquekNm", None),
+     ("speedMin", None), ("TimeUS", None), ("Pull (mN)", None)],
+)  # fmt: skip
+def test_a_unit_behind_a_capital(name: str, unit: str | None) -> None:
+    assert unit_behind(name)[1] == unit
