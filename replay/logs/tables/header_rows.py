@@ -82,10 +82,21 @@ def rows_of_names(
             and not is_units(first.cells + third.cells)
         ):
             return third, second
-    last, before = wide[-1], wide[-2] if len(wide) > 1 else None
-    if before is None or stated is not None:
-        return last, stated
-    if hints.units_row == 0:
+    if stated is not None or len(wide) == 1:
+        return wide[-1], stated
+    return _last_two_rows(*wide[-2:], has_no_units=hints.units_row == 0)
+
+
+def _last_two_rows(
+    before: TextRow, last: TextRow, *, has_no_units: bool
+) -> tuple[TextRow, TextRow | None]:
+    """Names, and units if one of the last rows above the data holds nothing else.
+
+    Raises:
+        DialectError: both do.
+    """
+    if has_no_units:
+        # there are none, and what looks like them holds no names either
         return (before if is_units(last.cells) else last), None
     if last.line - before.line > 2:
         return last, None
