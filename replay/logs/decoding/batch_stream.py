@@ -28,7 +28,8 @@ class Stream:
     def __init__(self, decoder: Decoder, schema: pl.Schema) -> None:
         self.tally = Tally()
         self._decoder = decoder
-        self._frames = [pl.DataFrame(schema=schema)]
+        self._empty = pl.DataFrame(schema=schema)
+        self._frames = [self._empty]
         #: put aside until they are worth the overhead of a batch
         self._few: list[RawBatch] = []
         self._rows = self._bytes = 0
@@ -75,8 +76,12 @@ class Stream:
         if not frame.height:
             return frame
         ready = _rows_until(frame, min([floor_ns, *waiting]))
-        self._frames = [frame[ready:]]
-        return frame[:ready]
+        if ready == frame.height:
+            self._frames = [self._empty]
+            return frame
+        # slices by brackets take longer than finding where
+        self._frames = [frame.slice(ready)]
+        return frame.slice(0, ready)
 
     def finish(self) -> pl.DataFrame:
         """Everything that was taken."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -16,6 +16,7 @@ from replay.logs.decoding.decoder import DecodedBatch, Submit, at_once, schema_o
 from replay.logs.decoding.direct_fields import DirectFields, direct_fields
 from replay.logs.decoding.field_columns import Columns
 from replay.logs.decoding.one_pass import one_pass, room_for
+from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.walk_program import (
     FAULTS,
     TOO_SHORT,
@@ -155,10 +156,17 @@ class Plan:
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
         #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
         self._wires: dict[int, Wire] = {0: ROS1} if ros1 else ENCAPSULATIONS
-        self._programs = {
-            wire: _compile_program(compile_program(record, wanted, wire), self._asked)
-            for wire in dict.fromkeys(self._wires.values())
-        }
+        self._record, self._wanted = record, wanted
+        self._programs: dict[Wire, _CompiledProgram] = {}
+        # what has no plan in the first encoding is decoded by a library
+        self._program(next(iter(self._wires.values())))
+
+    def _program(self, wire: Wire) -> "_CompiledProgram":
+        """The program of an encoding, which is compiled when a message has it."""
+        if wire not in self._programs:
+            program = compile_program(self._record, self._wanted, wire)
+            self._programs[wire] = _with_direct_fields(program, self._asked)
+        return self._programs[wire]
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
         """Decode messages at once; one that is not whole costs its row."""
@@ -202,7 +210,16 @@ class Plan:
     def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _Part]:
         """Begin to decode messages of one encapsulation."""
         wire = self._wires[kind]
-        program, direct, places = self._programs[wire]
+        try:
+            program, direct, places = self._program(wire)
+        except NoPlanError as error:
+            faulty = _Part(
+                pl.DataFrame(schema=schema_of(self._fields)),
+                np.empty(0, np.int64),
+                np.arange(batch.rows),
+                str(error),
+            )
+            return lambda: faulty
         batch_pass = BatchPass(
             program,
             direct,
@@ -236,10 +253,11 @@ class Plan:
         return _Part(pl.DataFrame(table), np.flatnonzero(whole), faulty, walked.first_fault)
 
 
-def _compile_program(
-    program: Program, fields: tuple[Field, ...]
-) -> tuple[Program, DirectFields, tuple[int | None, ...]]:
-    """A program, what it gathers on the way, and where each of the fields is among that."""
+#: A program, what it gathers on the way, and where each of the fields is among that.
+_CompiledProgram: TypeAlias = tuple[Program, DirectFields, tuple[int | None, ...]]
+
+
+def _with_direct_fields(program: Program, fields: tuple[Field, ...]) -> _CompiledProgram:
     direct = direct_fields(program.root, fields)
     places = {steps: place for place, steps in enumerate(direct.steps)}
     return program, direct, tuple(places.get(field.steps) for field in fields)

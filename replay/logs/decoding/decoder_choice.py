@@ -1,6 +1,7 @@
 """The decoder of a type: by columns, or message by message where no plan can express it."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import polars as pl
@@ -93,9 +94,10 @@ def decoder_name(kind: MessageType) -> str:
 def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
     """Make the columnar decoder, or a library's for a type that it cannot express."""
     # numba is slow to import, and a log can be described without it
-    if decoder_name(kind) == "columnar":
+    if kind.library is ROSBAGS:
         from replay.logs.decoding.decode_plan import Plan
 
-        return Plan(kind.record, ros1=kind.ros1, fields=fields)
+        with suppress(NoPlanError):
+            return Plan(kind.record, ros1=kind.ros1, fields=fields)
 
     return PerMessageDecoder(kind, fields)

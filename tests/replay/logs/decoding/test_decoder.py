@@ -126,3 +126,15 @@ def test_describing_a_log_does_not_wait_for_the_compiler(own_data: Path) -> None
     log = own_data / "logs/husky_asphalt.bag"
     command = [sys.executable, "-c", code, str(log)]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_a_type_with_a_plan_in_one_encoding_alone_is_decoded_in_that() -> None:
+    # in XCDR2 a list of records has its size before it, which has no place in an array of nothing
+    ruler = "=" * 80
+    definition = f"int8 n\nB[0] b\n{ruler}\nMSG: t/B\nint8 y\nC[2] c\n{ruler}\nMSG: t/C\nint8 z\n"
+    kind = compile_type(Connection(0, "/t", "t/msg/A", "cdr", definition, "ros2msg"))
+    plan = Plan(kind.record, ros1=False, fields=[resolve("n", kind.record)])
+    cdr, xcdr2 = (plan.decode(batch_of([head + b"\x05"])) for head in (b"\0\1\0\0", b"\0\7\0\0"))
+    assert cdr.frame["n"].to_list() == [5]
+    assert (xcdr2.frame.height, xcdr2.undecodable) == (0, 1)
+    assert "length 0" in xcdr2.first_fault
