@@ -6,6 +6,7 @@ from typing import Final
 from benchmarks.dialects import (
     controller_files,
     drawn_anew_files,
+    drawn_eighth_files,
     drawn_fifth_files,
     drawn_files,
     drawn_frozen_files,
@@ -41,6 +42,7 @@ SETS: Final = {
         *drawn_sixth_sites.dialect_files(),
     ),
     "strangers, frozen a seventh time": tuple(drawn_seventh_files.dialect_files()),
+    "strangers, frozen an eighth time": tuple(drawn_eighth_files.dialect_files()),
 }
 _ANSWERS: Final = {
     "GEAR": GEAR,

@@ -98,8 +98,13 @@ class TableLog(Log):
 
     def units(self, topic: str) -> dict[str, str]:
         """The units that names, a row of units or metadata state, by field."""
-        inside = set(self._fields(topic)) if topic in self._parts else set[str]()
-        return {c.name: c.unit for c in self._columns.columns if c.unit and c.name in inside}
+        if topic not in self._parts:
+            return {}
+        inside = set(self._fields(topic))
+        found = {c.name: c.unit for c in self._columns.columns if c.unit and c.name in inside}
+        axis, _ = self._parts[topic]
+        # "Time (s) - Speed (m/s)": the unit behind is its channel's
+        return found | ({axis.time: axis.unit} if axis.time and axis.unit else {})
 
     def _open(self, copies: ExitStack) -> "CsvColumns | ParquetColumns":
         if self._suffix in ("parquet", "arrow", "feather"):

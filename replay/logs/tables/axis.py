@@ -121,7 +121,8 @@ class TableTimes:
         if self.calendar:
             names = ", ".join(self.calendar)
             note = f"its times are made of {names}" + ", as UTC" * (len(self.calendar) > 3)
-            return RowTimes(calendar_times([cells[name] for name in self.calendar]), (note,))
+            whole = RowTimes(calendar_times([cells[name] for name in self.calendar]), (note,))
+            return self._with_fractions(whole, cells)
         if self.time is None:
             assert self.rate_hz is not None
             every_ns = 10**9 / self.rate_hz
@@ -129,7 +130,10 @@ class TableTimes:
             stamps = (counted.cast(pl.Float64) * every_ns).round().cast(pl.Int64)
             note = f"the rows have no time: they are taken as {self.rate_hz:g} a second"
             return RowTimes(stamps.alias("log_time_ns"), (note,))
-        whole = self._of_one_column(cells)
+        return self._with_fractions(self._of_one_column(cells), cells)
+
+    def _with_fractions(self, whole: RowTimes, cells: Mapping[str, pl.Series]) -> RowTimes:
+        """Times of whole seconds with their fractions, where another column has them."""
         if self.fraction is None:
             return whole
         fractions, unit = fractions_ns(cells[self.fraction])
@@ -187,12 +191,13 @@ def find_times(
             unit = unit_of_name(columns[place])
         return [(_one_axis(columns, cells, place, unit, table), names)]
     if calendar := calendar_columns(columns):
-        return [(TableTimes(None, calendar=calendar), names)]
-    found = (
-        _candidates(columns, cells)
-        or only_time(columns, cells)
-        or _candidates([_last_of_path(column) for column in columns], cells)
-    )
+        fraction = fraction_column(columns, cells, names.index(calendar[-1]))
+        return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
+    found = _candidates(columns, cells) or only_time(columns, cells)
+    for part in (_last_of_path, _before_dash) if not found else ():
+        columns = [part(column) for column in columns]
+        if found := _candidates(columns, cells):
+            break
     if not found:
         return None
     first = found[0]
@@ -261,6 +266,12 @@ def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
 def _last_of_path(column: ColumnName) -> ColumnName:
     """A column by the last part of its name: payload.ts, /robot/time."""
     return replace(column, bare=re.split(r"[./]", column.bare)[-1])
+
+
+def _before_dash(column: ColumnName) -> ColumnName:
+    """A column by what stands before the name of its channel: Time (s) - Speed (m/s)."""
+    bare, unit = split_unit(column.name.partition(" - ")[0])
+    return replace(column, bare=bare, unit=unit)
 
 
 def _repeats(cells: Sequence[str]) -> bool:

@@ -74,12 +74,11 @@ class CsvColumns:
         self._once: dict[str, pl.Series] = {}
         heads = {name: some_cells(self._dialect, k) for k, name in enumerate(self.names)}
         self._types = {name: _kind(cells) for name, cells in heads.items()}
-        decimal = self._dialect.decimal
         #: Columns of numbers, or of which the beginning tells nothing.
         self._numeric = {
             name
             for name, cells in heads.items()
-            if is_numeric([kind(cell, decimal) for cell in cells], empty=True)
+            if is_numeric([self._kind(cell) for cell in cells], empty=True)
         }
         self._cell_units = dict(zip(self.names, self._dialect.cell_units, strict=False))
         self._quotes_are_paired = True
@@ -89,6 +88,12 @@ class CsvColumns:
         if new is not None:
             old, self._text = self._text, new
             _remove_copy(old)
+
+    def _kind(self, cell: str) -> str:
+        """What a cell is, by what the whole table has said of its signs."""
+        found = kind(cell, self._dialect.decimal)
+        is_grouped = found == "maybe grouped" and self._dialect.is_grouped
+        return "grouped" if is_grouped else found
 
     def close(self) -> None:
         """Remove the copy of the text, if there is one."""
@@ -193,7 +198,8 @@ class CsvColumns:
 
     def _plain(self, column: pl.Series) -> pl.Series:
         """Numbers as they are read everywhere: with points, and nothing between or behind."""
-        if column.dtype != pl.String or column.name not in self._numeric:
+        is_text = column.name not in self._numeric and self._dialect.decimal == "."
+        if column.dtype != pl.String or is_text:
             return column
         unit = self._cell_units.get(column.name)
         return with_points(column, self._dialect.decimal, unit, is_grouped=self._dialect.is_grouped)

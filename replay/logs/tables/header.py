@@ -17,7 +17,7 @@ _FORM: Final = re.compile(
     r"[\])}>]\s*"
 )
 #: A quantity over its unit, as DIN 1313 writes it: t/s, v/(km/h).
-_OVER: Final = re.compile(r"(?P<name>[^\s/]+)/(?P<unit>\([^()]+\)|[^\s()]+)")
+_OVER: Final = re.compile(r"(?P<name>[^/]+)/(?P<unit>\([^()]+\)|[^\s()]+)")
 #: "Speed / km/h", "Speed in km/h", "Speed, km/h".
 _BEHIND: Final = re.compile(r"(?s)(?P<name>.*?)(?:\s+/\s*|\s+in\s+|,\s*)(?P<unit>\S+)\s*")
 #: A multiple of a unit, which no number of the table is in: "[0.1 ms]", "(x10 N)", "/100 ms".

@@ -73,7 +73,9 @@ def fraction_column(
         return None
     is_clock = any(":" in cell for cell in own)
     names = [letters(columns[place].name)]
-    if not is_clock and not any(name in ("sec", "secs", "seconds", "s") for name in names):
+    if not is_clock and not any(
+        name in ("sec", "secs", "second", "seconds", "s", "ss") for name in names
+    ):
         return None
     return next(
         (

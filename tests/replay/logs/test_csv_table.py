@@ -87,3 +87,20 @@ def test_cut_anywhere_every_whole_row_is_read_and_a_torn_one_is_a_loss(
     assert told(log) == (
         [f"its last row (line {len(lines) + 2}) is torn and not read"] if is_torn and last else []
     )
+
+
+@pytest.mark.parametrize(("decimal", "between"), [(",", "."), (".", ",")])
+def test_thousands_are_told_by_the_decimal_sign_of_other_columns(
+    tmp_path: Path, decimal: str, between: str
+) -> None:
+    """4.919 beside 0,0213 is four thousand: half of a column below a million has one sign alone."""
+    numbers = [k * 1000 + 7 for k in range(2000)]
+    rows = (
+        f"{f'{k / 50:.4f}'.replace('.', decimal)};{f'{number:,}'.replace(',', between)}"
+        for k, number in enumerate(numbers)
+    )
+    path = tmp_path / "thousands.csv"
+    path.write_text("\n".join(["time_s;force_mN", *rows]) + "\n")
+    log = open_log(path)
+    assert log.read("table", ["force_mN"])["force_mN"].to_list() == numbers
+    assert not log.losses()
