@@ -156,6 +156,7 @@ _WORDS_BEHIND: Final = ("sn", "in")
 #: Where a capital begins a word of several letters: speedKmh, SpeedMetersPerSec; speedMin is the
 #: least one. Before a short unit a letter may be its prefix (torquekNm); TimeUS is one word.
 _HUMP: Final = re.compile(r"(?<=[a-z]{2})(?=[A-Z](?:[a-z0-9]|\w\w))")
+#: Letters of a unit that no letter before it turns into another one: cKmh is none, cNm is.
 _LONG: Final = 3
 _PREFIXES: Final = "cdhkmnpu"
 #: Words of a unit behind a name: rad_s2, N_m.

@@ -196,8 +196,8 @@ def _ask_units(log: Log, rate: ChannelProposal, other: ChannelProposal, found: R
     (t, x), (at, y) = try_series(log, rate), try_series(log, other)
     if min(t.size, at.size) < _FEWEST:
         return
-    change = _slope(t, at, y * _gain(other)) / _SPAN_S
-    x = x * _gain(rate)
+    gains = [to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0 for each in (rate, other)]
+    x, change = x * gains[0], _slope(t, at, y * gains[1]) / _SPAN_S
     goes = _correlate(x, change)
     if goes is None or goes < _ALIKE:
         return
@@ -213,10 +213,6 @@ _SI: Final = {
     "acc_x_m_s2": "m/s²",
     "specific_force_x_m_s2": "m/s²",
 }
-
-
-def _gain(each: ChannelProposal) -> float:
-    return to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0
 
 
 def _ask_wrapped(log: Log, each: ChannelProposal, found: Recognition) -> None:

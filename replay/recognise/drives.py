@@ -64,7 +64,8 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
             and c.said.side is None
             # what flows into a drive is power over voltage, not torque
             and not (quantity == "current" and c.said.is_of_supply)
-            and _is_in(c, unit)
+            # a current is in amperes where nothing is stated, as motor controllers write it
+            and (c.is_in(unit) or (unit, c.unit) == ("A", None))
         ]
         fitting.sort(key=lambda c: c.said.part != "motor")
         if not fitting:
@@ -90,14 +91,6 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
         found.ask("radius", _RADIUS)
         return True
     return False
-
-
-def _is_in(column: LogColumn, unit: str) -> bool:
-    """Whether a column is in N*m, A or percent, which is no angle though it has no dimension."""
-    if unit == "percent":
-        return column.unit == unit
-    # a current is in amperes where nothing is stated, as motor controllers write it
-    return column.is_in(unit) or (unit == "A" and column.unit is None)
 
 
 def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> bool:

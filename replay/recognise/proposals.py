@@ -31,8 +31,9 @@ class LogColumn:
         return self.is_in(unit_of(channel))
 
     def is_in(self, unit: str) -> bool:
-        """Whether the unit is of the dimension of another."""
-        return self.unit is not None and _converts(self.unit, unit)
+        """Whether the unit is of the dimension of another; percent are no angle."""
+        is_alike = self.unit == unit or "percent" not in (self.unit, unit)
+        return self.unit is not None and is_alike and _converts(self.unit, unit)
 
 
 @cache

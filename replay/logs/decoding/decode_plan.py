@@ -165,7 +165,10 @@ class Plan:
         """The program of an encoding, which is compiled when a message has it."""
         if wire not in self._programs:
             program = compile_program(self._record, self._wanted, wire)
-            self._programs[wire] = _with_direct_fields(program, self._asked)
+            direct = direct_fields(program.root, self._asked)
+            place_of = {steps: place for place, steps in enumerate(direct.steps)}
+            places = tuple(place_of.get(field.steps) for field in self._asked)
+            self._programs[wire] = program, direct, places
         return self._programs[wire]
 
     def decode(self, batch: RawBatch) -> DecodedBatch:
@@ -255,12 +258,6 @@ class Plan:
 
 #: A program, what it gathers on the way, and where each of the fields is among that.
 _CompiledProgram: TypeAlias = tuple[Program, DirectFields, tuple[int | None, ...]]
-
-
-def _with_direct_fields(program: Program, fields: tuple[Field, ...]) -> _CompiledProgram:
-    direct = direct_fields(program.root, fields)
-    places = {steps: place for place, steps in enumerate(direct.steps)}
-    return program, direct, tuple(places.get(field.steps) for field in fields)
 
 
 def _want(wanted: Wanted, field: Field) -> None:

@@ -45,12 +45,12 @@ _MEASURE: Final = re.compile(
 _MOSTLY: Final = 0.8
 
 
-def kind(cell: str, decimal: str) -> str:
+def kind(cell: str, decimal: str, *, is_grouped: bool = False) -> str:
     """What a cell is: empty, number, grouped, measure, time, odd or text.
 
     A grouped one is a number with signs between its thousands: surely, or where the decimal sign
-    of the others leaves no other reading (`maybe grouped`). An odd one is made of digits and signs
-    and is no number. A measure has its unit behind it.
+    of the others leaves no other reading (`maybe grouped`, which `is_grouped` settles). An odd one
+    is made of digits and signs and is no number. A measure has its unit behind it.
     """
     if not cell:
         return "empty"
@@ -67,7 +67,7 @@ def kind(cell: str, decimal: str) -> str:
     if _SURELY[decimal].fullmatch(cell):
         return "grouped"
     if _GROUPED[decimal].fullmatch(cell):
-        return "maybe grouped"
+        return "grouped" if is_grouped else "maybe grouped"
     if _LABEL.fullmatch(cell):
         return "text"
     if _NUMBERLIKE.fullmatch(cell):

@@ -74,11 +74,14 @@ class CsvColumns:
         self._once: dict[str, pl.Series] = {}
         heads = {name: some_cells(self._dialect, k) for k, name in enumerate(self.names)}
         self._types = {name: _kind(cells) for name, cells in heads.items()}
+        decimal, is_grouped = self._dialect.decimal, self._dialect.is_grouped
         #: Columns of numbers, or of which the beginning tells nothing.
         self._numeric = {
             name
             for name, cells in heads.items()
-            if is_numeric([self._kind(cell) for cell in cells], empty=True)
+            if is_numeric(
+                [kind(cell, decimal, is_grouped=is_grouped) for cell in cells], empty=True
+            )
         }
         self._cell_units = dict(zip(self.names, self._dialect.cell_units, strict=False))
         self._quotes_are_paired = True
@@ -88,12 +91,6 @@ class CsvColumns:
         if new is not None:
             old, self._text = self._text, new
             _remove_copy(old)
-
-    def _kind(self, cell: str) -> str:
-        """What a cell is, by what the whole table has said of its signs."""
-        found = kind(cell, self._dialect.decimal)
-        is_grouped = found == "maybe grouped" and self._dialect.is_grouped
-        return "grouped" if is_grouped else found
 
     def close(self) -> None:
         """Remove the copy of the text, if there is one."""
