@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -10,7 +10,14 @@ import polars as pl
 
 from estimators.arrays import Floats
 from replay.logs.tables.dates import clock_times, is_clock, is_date
-from replay.logs.tables.header import ColumnName, split_unit, states_multiple, zone_s
+from replay.logs.tables.header import (
+    ColumnName,
+    before_dash,
+    last_of_path,
+    split_unit,
+    states_multiple,
+    zone_s,
+)
 from replay.logs.tables.hints import DialectError, TableHints, TimeAxis
 from replay.logs.tables.only_time import only_time
 from replay.logs.tables.time_parts import (
@@ -194,7 +201,7 @@ def find_times(
         fraction = fraction_column(columns, cells, names.index(calendar[-1]))
         return [(TableTimes(None, fraction=fraction, calendar=calendar), names)]
     found = _candidates(columns, cells) or only_time(columns, cells)
-    for part in (_last_of_path, _before_dash) if not found else ():
+    for part in (last_of_path, before_dash) if not found else ():
         columns = [part(column) for column in columns]
         if found := _candidates(columns, cells):
             break
@@ -261,17 +268,6 @@ def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
         elif (bare in _DATES or "time" in bare) and any(map(is_clock, cells(place)[:5])):
             ranked.append((_repeats(cells(place)), 10, bare not in _DATES, place))
     return [place for *_, place in sorted(ranked)]
-
-
-def _last_of_path(column: ColumnName) -> ColumnName:
-    """A column by the last part of its name: payload.ts, /robot/time."""
-    return replace(column, bare=re.split(r"[./]", column.bare)[-1])
-
-
-def _before_dash(column: ColumnName) -> ColumnName:
-    """A column by what stands before the name of its channel: Time (s) - Speed (m/s)."""
-    bare, unit = split_unit(column.name.partition(" - ")[0])
-    return replace(column, bare=bare, unit=unit)
 
 
 def _repeats(cells: Sequence[str]) -> bool:

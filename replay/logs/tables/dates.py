@@ -181,7 +181,7 @@ def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Se
     if "one" in part.columns:
         part = _day_and_month(part, day_first, notes)
     if "name" in part.columns:
-        part = _short_year(part, day_first)
+        part = expand_short_years(part, day_first)
         begins = [pl.col("name").str.to_lowercase().str.starts_with(each) for each in _MONTH_OF]
         months = zip(begins, _MONTH_OF.values(), strict=True)
         number = pl.coalesce(pl.when(fits).then(month) for fits, month in months)
@@ -198,7 +198,7 @@ def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Se
     return part.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
 
 
-def _short_year(part: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
+def expand_short_years(part: pl.DataFrame, day_first: bool | None) -> pl.DataFrame:
     """Days with the name of the month, of which a year in two digits may be the first or the last.
 
     Raises:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from analysis.model.physical_units import spelt_unit, to_si, unit_behind
@@ -113,6 +113,17 @@ def split_unit(name: str) -> tuple[str, str | None]:
         if unit:
             return remarked["name"].strip(), unit
     return unit_behind(name)
+
+
+def last_of_path(column: ColumnName) -> ColumnName:
+    """A column by the last part of its name: payload.ts, /robot/time."""
+    return replace(column, bare=re.split(r"[./]", column.bare)[-1])
+
+
+def before_dash(column: ColumnName) -> ColumnName:
+    """A column by what stands before the name of its channel: Time (s) - Speed (m/s)."""
+    bare, unit = split_unit(column.name.partition(" - ")[0])
+    return replace(column, bare=bare, unit=unit)
 
 
 def states_multiple(name: str) -> bool:
