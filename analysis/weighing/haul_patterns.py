@@ -74,12 +74,13 @@ def _find_visits(begins_m: Floats, forwards: Bools) -> list[Bools]:
     near = between[:, None] == between
     tolerance_m = _SAME_PLACE * _medians_by_kind(since_m + until_m, between)
     for way_m in (since_m, until_m):
-        # where there is no turn before or behind, a stand is at no place
-        near &= np.abs(way_m[:, None] - way_m) <= tolerance_m
+        # before the first turn and behind the last one the other way tells alone
+        near &= ~(np.abs(way_m[:, None] - way_m) > tolerance_m)
+    known = np.isfinite(since_m + until_m)
     left, found = np.ones(here_m.size, np.bool_), list[Bools]()
     fewest = max(_FEWEST_VISITS, turns.size / _RUNS_A_VISIT)
     for _ in range(_MOST_PLACES):
-        alike = (near & left).sum(axis=1) * left
+        alike = (near & left).sum(axis=1) * (left & known)
         most = int(np.argmax(alike))
         if alike[most] < fewest:
             break

@@ -43,6 +43,14 @@ def test_a_mass_that_no_machine_has_draws_no_border(state: int, wrong_kg: float)
     assert (loaded == (np.arange(STATES) % 2 == 1))[others].all()
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_two_masses_far_above_the_others_are_not_the_only_loads(seed: int) -> None:
+    """Two states three and six loads heavier than empty: fits of few samples have such masses."""
+    loaded = classified(200.0, seed, STATE_U_KG, {7: 2270.0, 21: 2870.0})
+    assert loaded is not None
+    assert (loaded == (np.arange(STATES) % 2 == 1)).all()
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_masses_that_differ_by_chance_are_not_told(seed: int) -> None:
     assert classified(0.0, seed, STATE_U_KG) is None
