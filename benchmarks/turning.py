@@ -19,7 +19,7 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.diagnosis import CheckInputs, verdict
+from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import planar
@@ -75,7 +75,7 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     excitation = forces(smooth(aligned, settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine)
     gated = gate(excitation, settings, noise)
-    opinion = Verdict.of(verdict(CheckInputs(excitation, gated, machine)))
+    opinion = Verdict.of(judge_checks(CheckInputs(excitation, gated, machine)))
     return planar(excitation, gated, opinion, machine, noise)[0]
 
 

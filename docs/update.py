@@ -20,8 +20,8 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from analysis.calibration.campaign.campaign_plan import (
-    AskedLimits,
     CalibratedMachine,
+    CampaignLimits,
     CampaignMethod,
     CampaignRun,
     Conditions,
@@ -151,7 +151,7 @@ def campaign_tables() -> str:
             ("`[[runs]]`", CampaignRun),
             ("`[method]`", CampaignMethod),
             ("`[[method.stated]]`", StatedComponent),
-            ("`[decision]`", AskedLimits),
+            ("`[decision]`", CampaignLimits),
             ("`[notary]`", NotaryStretch),
             ("`[[notary.left_out]]`", LeftOutLog),
         ]

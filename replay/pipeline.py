@@ -11,17 +11,17 @@ from analysis.cycles.shift_totals import shift
 from analysis.diagnosis import (
     CheckInputs,
     disagreements,
+    judge_checks,
+    measured_signals,
     refit_without_stretches,
-    signals,
-    verdict,
     withhold_by_findings,
 )
 from analysis.findings import (
     FindingInputs,
     add_masked_findings,
-    drop_work_findings,
-    findings,
-    first_findings,
+    drop_findings_of_work,
+    find_causes,
+    findings_of_first_hour,
 )
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
@@ -165,7 +165,7 @@ def run(
             "budget": budget_frame(weighing, machine),
             "masses": withhold(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
-            "findings": drop_work_findings(causes, hauled.cycles),
+            "findings": drop_findings_of_work(causes, hauled.cycles),
         },
         provenance=provenance(
             logs,
@@ -213,7 +213,7 @@ def _run_stages(
     digs = digging(excitation, machine)  # what pushes back is no mass
     gated = without_digging(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
-    seen = signals(raw, read)
+    seen = measured_signals(raw, read)
     told = (
         refit_without_stretches(  # nor is what repeats itself, if the answer is the same without it
             seen,
@@ -241,7 +241,7 @@ def _run_stages(
         noise,
         told.named,
     )
-    judged = verdict(evidence)
+    judged = judge_checks(evidence)
     contradicted = [each.method for each in disagreements(evidence) if each.contradicted]
     return _Stages(
         {
@@ -265,14 +265,14 @@ def _run_stages(
 
 def _causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
     """The causes that show; behind one that hides the others, those of the log without it."""
-    part = first_findings(raw)
+    part = findings_of_first_hour(raw)
 
     def look(changed: Machine) -> pl.DataFrame | None:
         try:
             placed = _TopicChannels.of(part, changed)
-            return findings(_run_stages(part, placed, changed, lambda _: None).case)
+            return find_causes(_run_stages(part, placed, changed, lambda _: None).case)
         except DataError:  # the first hour of a log may hold less than the whole
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw.items())
-    return add_masked_findings(findings(seen.case), machine, look, whole=whole)
+    return add_masked_findings(find_causes(seen.case), machine, look, whole=whole)

@@ -89,7 +89,7 @@ def test_every_key_of_a_campaign_file_is_documented_with_its_meaning() -> None:
             campaign_plan.ReferenceMass,
         ),
         *(campaign_plan.Conditions, campaign_plan.CampaignRun, campaign_plan.CampaignMethod),
-        *(campaign_plan.StatedComponent, campaign_plan.AskedLimits),
+        *(campaign_plan.StatedComponent, campaign_plan.CampaignLimits),
     ):
         for name, field in model.model_fields.items():
             assert f"| `{name}` |" in page

@@ -16,7 +16,7 @@ from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
     Prediction,
-    condition,
+    condition_number,
     noise_of,
     predict,
 )
@@ -102,7 +102,7 @@ class Design:
     best: Score | None
 
     @property
-    def reached(self) -> bool:
+    def is_reached(self) -> bool:
         """Whether the best waveform is as accurate as asked for."""
         return self.best is not None and self.best.relative_error <= self.accuracy
 
@@ -114,10 +114,10 @@ class Design:
         """
         if self.best is None:
             raise DataError("no waveform fits the yard")
-        return driving(base, Rest(duration_s=2.0), self.best.manoeuvre)
+        return with_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
 
 
-def driving(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
+def with_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
     """The same scenario with these manoeuvres as its trial."""
     campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
     return base.model_copy(update={"campaign": campaign})
@@ -136,15 +136,15 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
             force=ForceWave(lowest_N=full[0] / 2, highest_N=full[0] / 2),
-            duration_s=_long_s(inertia, friction, key, scenario),
+            duration_s=_settling_time_s(inertia, friction, key, scenario),
         )
     else:
         inertia, friction, key = body.inertia_z_kg_m2, body.friction_z_N_m_s, "friction_z_N_m_s"
         step = Excite(
             torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
-            duration_s=_long_s(inertia, friction, key, scenario),
+            duration_s=_settling_time_s(inertia, friction, key, scenario),
         )
-    motion = solve_motion(driving(scenario, step), load_kg)
+    motion = solve_motion(with_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
     driven = motion.sample(time_s)
     speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
@@ -153,7 +153,7 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
     return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
 
 
-def _long_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
+def _settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
     if friction <= 0.0:
         raise DataError(f"machine.{key}: without friction a step never settles; give it")
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
@@ -193,14 +193,14 @@ def design(
             f"T = {slowest_s:.2f} s and the period 3 T = {_PERIOD_OVER_RESPONSE * slowest_s:.2f} s"
         )
     scores = [
-        _score(scenario, drive, shape, ways, response_s, window_s, accuracy)
+        _score_shape(scenario, drive, shape, ways, response_s, window_s, accuracy)
         for shape in get_args(Shape)
         for ways in get_args(Ways)
     ]
-    return Design(drive, response_s, window_s, accuracy, scores, best_of(scores, yard_m))
+    return Design(drive, response_s, window_s, accuracy, scores, best_score(scores, yard_m))
 
 
-def best_of(scores: Sequence[Score], yard_m: float | None) -> Score | None:
+def best_score(scores: Sequence[Score], yard_m: float | None) -> Score | None:
     """The score of the smallest error that fits the yard, None where none does."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     return min(fitting, key=lambda score: score.relative_error, default=None)
@@ -235,7 +235,7 @@ def _manoeuvre(
     return Excite(force=force, torque=torque, duration_s=2.0 * max(periods.values()))
 
 
-def _score(
+def _score_shape(
     scenario: Scenario,
     drive: Drive,
     shape: Shape,
@@ -253,7 +253,7 @@ def _score(
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
-    motion = solve_motion(driving(scenario, longer), load_kg)
+    motion = solve_motion(with_manoeuvres(scenario, longer), load_kg)
     driven = motion.sample(np.arange(round(last_s * rate_hz)) / rate_hz)
     truth = MeasuredSignals.of(driven)
     asked = _ASKED[drive]
@@ -285,8 +285,10 @@ def _score(
         manoeuvre=manoeuvre,
         start_s=first / rate_hz,
         predictions=predictions,
-        rank=rank(Channels._make(each[first : first + samples] for each in driven)),
-        condition=condition(drive, filters, part, noise),
+        rank=determined_parameter_count(
+            Channels._make(each[first : first + samples] for each in driven)
+        ),
+        condition=condition_number(drive, filters, part, noise),
         snr=varies / noisy,
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),
@@ -295,7 +297,7 @@ def _score(
     )
 
 
-def rank(driven: Channels) -> int:
+def determined_parameter_count(driven: Channels) -> int:
     """How many of the six parameters both rows of a solved motion determine, noise aside."""
     A = planar_rows.regressor(
         driven.specific_force_x_m_s2,

@@ -56,7 +56,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
 
 def _braking_over_driving(evidence: CheckInputs) -> float:
     """The mass by all braking over that by all driving, no window refused; NaN: no telling."""
-    motion = evidence.straight
+    motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
     driving = motion.known & evidence.is_phase("accelerating", "cruising")
     found = [_fit_mass(A, motion.f, of) for of in (driving, motion.braking)]
@@ -73,12 +73,12 @@ def _fit_mass(A: np.ndarray, f: np.ndarray, of: Bools) -> tuple[float, float]:
 def find_wind_up(inputs: FindingInputs) -> list[Symptom]:
     """Estimates that forget while the machine keeps its speed (wind-up)."""
     found = [
-        sign for name in inputs.estimates if (sign := _method_growth(inputs, name)) is not None
+        sign for name in inputs.estimates if (sign := find_growing_std(inputs, name)) is not None
     ]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
+def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     """The growth of the recursion's own deviation, which is there whatever else is wrong.
 
     Without excitation the covariance grows by 1 / forgetting a sample (Åström and Wittenmark 1995,
@@ -124,6 +124,6 @@ def run_starts(x: Bools | Ints) -> Bools:
     return np.diff(x.astype(np.int64), prepend=0) > 0
 
 
-def apply_to_parts(of: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
+def apply_to_parts(function: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
     """(n,) what a function makes of each part, which begin there."""
-    return np.concatenate([of(part) for part in np.split(x, parts)])
+    return np.concatenate([function(part) for part in np.split(x, parts)])

@@ -114,10 +114,10 @@ def _arcs(
     # an arc is one stretch of the log
     rows = np.flatnonzero(steady)
     firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
-    known = Prior.about_zero({}, 2)
+    known = Prior.around_zero({}, 2)
     for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.tells_inertia), strict=True):
         if told:
-            known = known.and_also(_stage(log, gated, start, *stage))
+            known = known.joined_with(_stage(log, gated, start, *stage))
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known.names
     parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
@@ -145,7 +145,7 @@ def _stage(
     columns: tuple[int, ...],
 ) -> Prior:
     """What straight motion or spins tell an arc, with the terms that only they have."""
-    nothing = Prior.about_zero({}, 2)
+    nothing = Prior.around_zero({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
     used = accepted_samples(log.excitation, gated, log.machine.settings, axis)
@@ -179,7 +179,7 @@ def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate]
     start = base_parameters.fit(
         plane.motion, plane.f, PARAMETERS, of, noise=plane_noise(plane, used)
     ).coefficients
-    fitted = _fit(log, of, start, Prior.about_zero({}, 2), _BOTH)
+    fitted = _fit(log, of, start, Prior.around_zero({}, 2), _BOTH)
     row = _planar_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
@@ -260,7 +260,7 @@ def _round(
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
     noise = plane_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
-    prior = _of_rows(known, rows, names).and_also(Prior.about_zero(width, noise.shape[0]))
+    prior = _of_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
     regressor = Regressor.of(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     fitted = base_parameters.fit(
         regressor,
@@ -305,7 +305,7 @@ def _planar_row(
             for name, single in zip(found.parameters, found.identifiable, strict=True)
             if single
         ),
-        "combinations": "; ".join(found.texts()),
+        "combinations": "; ".join(found.combination_texts()),
     }
 
     def u(gradient: Floats) -> float:

@@ -81,7 +81,7 @@ def plane_of(
     )
     torque = values(excitation, "torque_z_N_m") if has_torque else zero
     f = np.column_stack([values(excitation, "force_x_N"), torque])
-    known = motion.known() & np.isfinite(f).all(axis=1)
+    known = motion.complete_samples() & np.isfinite(f).all(axis=1)
     known &= phase.is_not_null().to_numpy()
     turning = phase.is_in(TURNS).fill_null(False).to_numpy()
     rate = values(excitation, "speed_rate_x_m_s2")

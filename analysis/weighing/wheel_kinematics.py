@@ -197,7 +197,7 @@ def _fit_comparison(
 
     def solved(
         rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
-    ) -> prior_fit.PriorSolution | prior_fit.NoSolution:
+    ) -> prior_fit.PriorSolution | prior_fit.UndeterminedFit:
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
         return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 

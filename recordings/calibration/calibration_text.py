@@ -170,7 +170,7 @@ def _learnt_lines(document: EvidenceDocument) -> list[str]:
 def _more_days(document: EvidenceDocument) -> list[str]:
     """What evidence of one day lacks; that of format 1 does not have the sentence."""
     fitted = document.calibration
-    if fitted is None or not fitted.responses or not fitted.of_one_day:
+    if fitted is None or not fitted.responses or not fitted.is_of_one_day:
         return []
     return [
         "Evidence of one day: its intervals do not have what changes until another. Runs of "

@@ -73,13 +73,13 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
 
 def warnings_of(document: EvidenceDocument) -> list[str]:
     """What a reader must see first: references that are not traceable."""
-    untraceable = document.campaign.untraceable
+    untraceable = document.campaign.untraceable_references
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
 def not_stated(document: EvidenceDocument) -> list[str]:
     """What the campaign file leaves open of what a certificate says."""
-    keys = document.campaign.not_stated
+    keys = document.campaign.missing_statements
     if not keys:
         return []
     return [f"Not stated, and ISO/IEC 17025, 7.8 asks for it: {', '.join(keys)}."]

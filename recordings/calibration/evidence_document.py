@@ -17,7 +17,7 @@ from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Id,
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import ErrorLimits
-from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt
+from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt_priors
 from analysis.model.machine import Machine
 from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
@@ -260,7 +260,11 @@ class EvidenceDocument(BaseModel):
     @property
     def weighing(self) -> Machine:
         """The machine as its mass is found: with the priors that were learnt."""
-        return self.machine if self.learnt is None else with_learnt(self.machine, self.learnt.terms)
+        return (
+            self.machine
+            if self.learnt is None
+            else with_learnt_priors(self.machine, self.learnt.terms)
+        )
 
     def log(self, name: str) -> EvidenceLog | None:
         """The log of that name."""

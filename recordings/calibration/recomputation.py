@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     check_known_mass,
     fit_campaign,
-    options_of,
+    fit_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.use.calibration_drift import DriftCheck
@@ -166,9 +166,9 @@ def _of_files(document: EvidenceDocument) -> Findings:
         yield _irreproducible("reference_covariance_kg2", "does not follow from the masses")
     own = {each.component for each in campaign.method.stated}
     others = tuple(each for each in document.options.stated if each.component not in own)
-    if document.options != options_of(campaign, others):
+    if document.options != fit_options(campaign, others):
         yield _irreproducible("options", "are not those of the campaign's method")
-    for overdue in campaign.overdue():
+    for overdue in campaign.overdue_certificates():
         yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
     if tuple(log.log for log in document.logs) != campaign.logs:
         yield BundleFinding(
@@ -181,7 +181,7 @@ def _of_learnt(document: EvidenceDocument) -> Findings:
     learnt, campaign = document.learnt, document.campaign
     if learnt is None:
         return
-    if not campaign.learns:
+    if not campaign.learns_priors:
         yield _irreproducible("learnt", "is there, and the campaign learns nothing")
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
@@ -230,7 +230,7 @@ def _faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) ->
             yield "is used and has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
-    elif not run.holds(row["start_s"], row["end_s"]):
+    elif not run.covers(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
         yield "is used, with a reason why not"

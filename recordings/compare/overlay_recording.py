@@ -10,7 +10,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.compare.run_alignment import difference, in_time_of
+from analysis.compare.run_alignment import align_times, subtract_run
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
@@ -63,7 +63,7 @@ def write_overlay(
     Raises:
         OutputError: as `write_recording`.
     """
-    moved = in_time_of(a, b, one_log=one_log)
+    moved = align_times(a, b, one_log=one_log)
     about = a.provenance.model_copy(
         update={"notes": ("two replays over each other; see the tab Compared",), "losses": ()}
     )
@@ -71,7 +71,7 @@ def write_overlay(
     def scene(_: Run) -> Scene:
         sides = [
             _Side(name, run, display_frames(run))
-            for name, run in ((_A, a), (_B, moved), (_LESS, difference(a, moved)))
+            for name, run in ((_A, a), (_B, moved), (_LESS, subtract_run(a, moved)))
         ]
         return Scene(
             name="A and B",
@@ -269,7 +269,7 @@ def _estimates(changes: tuple[EstimateChange, ...]) -> str:
             plus_minus(each.a, each.a_std),
             plus_minus(each.b, each.b_std),
             number(each.change),
-            number(each.stds),
+            number(each.change_in_stds),
         )
         for each in changes[:_MOST]
     ]

@@ -40,8 +40,8 @@ def refuse_incomplete(campaign: CalibrationCampaign, source: object) -> None:
         EvidenceError: names every key that is not stated.
     """
     refuse_without_libraries()
-    if campaign.not_stated:
-        keys = ", ".join(campaign.not_stated)
+    if campaign.missing_statements:
+        keys = ", ".join(campaign.missing_statements)
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
 
 

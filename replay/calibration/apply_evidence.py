@@ -11,7 +11,7 @@ import polars as pl
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrate_loads
 from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import as_later_log, with_learnt
+from analysis.calibration.use.learnt_priors import machine_for_later_log, with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -89,9 +89,9 @@ class MachineCalibration:
         document = self.document
         machine = weighed_in(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
-        weighing = with_learnt(machine, terms)
+        weighing = with_learnt_priors(machine, terms)
         if self.calibration.responses:
-            weighing = as_later_log(weighing)
+            weighing = machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
         return Machine.model_validate_json(canonical(weighing.model_dump(mode="json")))
 

@@ -11,14 +11,14 @@ import polars as pl
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     fit_campaign,
-    options_of,
+    fit_options,
     stated_scale,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt
+from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt_priors
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.calibration.bundle_checks import check_bundle
@@ -175,13 +175,13 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
             return campaign_file.parent / log
 
         learnt = None
-        if campaign.learns and len(campaign.logs) >= LOGS_MIN:
+        if campaign.learns_priors and len(campaign.logs) >= LOGS_MIN:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_runs(campaign, machine, path_of, None, on_log)
             refuse_days(campaign_file, campaign, first, machine)
             refuse_unaccounted(campaign_file, campaign, first, stretch)
             learnt = first.learnt
-        weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
+        weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
         replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
         refuse_days(campaign_file, campaign, replayed, machine)
         refuse_machine(campaign_file, campaign, replayed, machine)
@@ -189,7 +189,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
-        options = options_of(campaign, stated_scale(campaign, replayed.budgets))
+        options = fit_options(campaign, stated_scale(campaign, replayed.budgets))
         fitted = fit_campaign(
             campaign, machine.machine, replayed.readings, options, replayed.responses
         )
@@ -316,7 +316,7 @@ def _document(
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads(campaign, machine)
     learnt = evidence.learnt
-    weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
+    weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
     estimator = estimator_of(campaign, weighing)
     last = None if before is None else before.document
     document = EvidenceDocument(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.calibration.campaign.campaign_fit import references, rule_of
+from analysis.calibration.campaign.campaign_fit import decision_rule, load_references
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
@@ -40,21 +40,21 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
-    if campaign.laboratory is not None and campaign.not_stated:
+    if campaign.laboratory is not None and campaign.missing_statements:
         raise CampaignError(
             f"{path}: [laboratory] makes this a certificate after ISO/IEC 17025, 7.8, which lacks "
-            f"{', '.join(campaign.not_stated)}; complete them, or leave [laboratory] out"
+            f"{', '.join(campaign.missing_statements)}; complete them, or leave [laboratory] out"
         )
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
     machine = of_machine(weighed_in(campaign, machine), campaign.machine.id, path)
     try:
-        known, _ = references(campaign, machine.machine)
-        rule_of(campaign, known)
+        known, _ = load_references(campaign, machine.machine)
+        decision_rule(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
-    overdue = campaign.overdue()
+    overdue = campaign.overdue_certificates()
     if overdue:
         more = f" (and {len(overdue) - 1} more)" if len(overdue) > 1 else ""
         raise CampaignError(

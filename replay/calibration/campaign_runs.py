@@ -16,7 +16,12 @@ import polars as pl
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.campaign_readings import readings, run_responses
 from analysis.calibration.line.unlike_driving import RunResponse
-from analysis.calibration.use.learnt_priors import LearntPriors, TermOfLog, learnt_terms, terms_of
+from analysis.calibration.use.learnt_priors import (
+    LearntPriors,
+    TermOfLog,
+    learnable_terms,
+    learnt_terms,
+)
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -109,7 +114,7 @@ def replay_runs(
         responses += run_responses(replayed, runs, campaign.method.estimator)
         logs.append(_kept(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
-        terms += terms_of(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+        terms += learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
     return CampaignReplay(
         pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses)
     )

@@ -188,9 +188,9 @@ def compiled_anew(error: Exception) -> str:
     """
     if not any("numba" in Path(frame.filename).parts for frame in extract_tb(error.__traceback__)):
         raise error
-    from estimators.compile_cache import forget
+    from estimators.compile_cache import clear_cache
 
-    folders = ", ".join(map(str, forget()))
+    folders = ", ".join(map(str, clear_cache()))
     return f"{folders}: compiled code kept there cannot be read and was removed; run it again"
 
 

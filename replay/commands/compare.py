@@ -154,7 +154,7 @@ def _estimate_table(about: str, changes: Iterable["EstimateChange"]) -> "Table":
             _estimate_text(each.a, each.a_std),
             _estimate_text(each.b, each.b_std),
             _format_signed(each.change),
-            "" if each.stds is None else f"{each.stds:+.2f}",
+            "" if each.change_in_stds is None else f"{each.change_in_stds:+.2f}",
         )
     return table
 

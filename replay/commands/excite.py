@@ -73,7 +73,7 @@ def command(
     if output and made.best:
         write_design(made, base, output, force=force)
         typer.echo(str(output), err=as_json)
-    if not made.reached:
+    if not made.is_reached:
         raise typer.Exit(1)
 
 
@@ -139,6 +139,6 @@ def _verdict_text(design: Design) -> str:
     if best is None:
         return "No waveform fits the yard."
     name, error = f"{best.waveform}, {best.ways}", f"{best.relative_error:.2g}"
-    if design.reached:
+    if design.is_reached:
         return f"The accuracy of {wanted} is reached: {name}, has {error}."
     return f"No waveform reaches the accuracy of {wanted}: the best, {name}, has {error}."

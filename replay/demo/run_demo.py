@@ -12,7 +12,11 @@ from typing import Any, Final
 import polars as pl
 
 from analysis import Machine, Run
-from analysis.calibration.campaign.by_method import calibrate_methods, calibration_frame, point_rows
+from analysis.calibration.campaign.by_method import (
+    calibrate_methods,
+    calibration_frame,
+    method_rows,
+)
 from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.answer import JOINT, Answer, answer
@@ -205,7 +209,7 @@ def _with_evidence(replayed: Run, calibrated: CalibrationOutcome, empty_kg: floa
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
     first = calibration_frame(
-        point_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
+        method_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
     )
     both = pl.concat([first, replayed.frames["calibration"]])
     return replace(replayed, frames={**replayed.frames, "calibration": both}).with_fingerprint()

@@ -28,7 +28,7 @@ def to_dict(design: Design) -> dict[str, Any]:
         "response_s": dict(design.response_s),
         "window_s": design.window_s,
         "accuracy": design.accuracy,
-        "reached": design.reached,
+        "reached": design.is_reached,
         "waveforms": [_score(score, best=score is design.best) for score in design.scores],
     }
 

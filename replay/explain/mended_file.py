@@ -35,7 +35,7 @@ class Proposal:
 
 def proposals(finding: Finding) -> tuple[Proposal, ...]:
     """What a finding proposes, a key each; nothing where there is nothing to write."""
-    if not finding.proposes:
+    if not finding.has_proposal:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
     values = _parse_values(str(finding.value))

@@ -23,7 +23,7 @@ from typing import Final, Literal
 import polars as pl
 
 from analysis.calibration.line.unlike_driving import Unlike
-from analysis.calibration.use.learnt_priors import contradiction
+from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recount_shift
 from analysis.fleet.daily_figures import UNDATED
@@ -243,7 +243,7 @@ def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
         raise DataError(f"{source}: {error}") from None
     if setup.by is None:
         return made
-    against = contradiction(made.frames["nuisances"])
+    against = contradicted_priors(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
         unlike = Unlike.of(frames)
@@ -264,7 +264,7 @@ def _kept(made: Run, setup: MachineSetup) -> tuple[dict[str, pl.DataFrame], dict
         schema={column.name: column.dtype for column in QUALITY.columns},
     )
     gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
-    against = "" if setup.by is None else contradiction(made.frames["nuisances"])
+    against = "" if setup.by is None else contradicted_priors(made.frames["nuisances"])
     said = {
         **result_of(made),
         "longest_gap_at_s": gaps[0][0] if gaps else None,

@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
-from analysis.calibration.use.learnt_priors import contradiction
+from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
 from analysis.cycles.cycles_without_mass import holes
@@ -128,7 +128,7 @@ def review(
         cycles, against = made.cycles, ""
         if by is not None:
             told = _told(made, folder)
-            against = contradiction(told["nuisances"])
+            against = contradicted_priors(told["nuisances"])
             unlike = Unlike.of(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
         shift = CountedShift.of(cycles, made.shift, made.t0_unix_ns, verdicts, folder)

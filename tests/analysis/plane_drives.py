@@ -7,7 +7,7 @@ and Euler ask for (`estimators.planar.planar_rows.regressor` times the loader's 
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis import CheckInputs, verdict
+from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import planar
@@ -174,7 +174,7 @@ def replayed(said, loader=None):
     noise = channel_noise(aligned, excitation, loader)
     gated = gate(excitation, settings, noise)
     estimates = trace(excitation, gated, settings, noise)
-    judged = verdict(CheckInputs(excitation, gated, loader))
+    judged = judge_checks(CheckInputs(excitation, gated, loader))
     opinion = Verdict.of(judged)
     return {
         "aligned": aligned,

@@ -180,7 +180,7 @@ class CampaignRun(BaseModel):
         """The name of what is on board."""
         return "+".join(sorted(self.loads)) or EMPTY
 
-    def holds(self, start_s: float, end_s: float) -> bool:
+    def covers(self, start_s: float, end_s: float) -> bool:
         """Whether the middle of a stretch of its log lies in the run."""
         middle = (start_s + end_s) / 2.0
         return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
@@ -235,7 +235,7 @@ class CampaignMethod(BaseModel):
     )
 
 
-class AskedLimits(BaseModel):
+class CampaignLimits(BaseModel):
     """Which error limits a calibrated mass is to be within, and how sure the answer has to be."""
 
     model_config = _FORBID
@@ -305,7 +305,7 @@ class CalibrationCampaign(BaseModel):
     )
     conditions: Conditions = Conditions.model_validate({})
     method: CampaignMethod = CampaignMethod.model_validate({})
-    decision: AskedLimits | None = None
+    decision: CampaignLimits | None = None
     #: Left out where there is none, so that it changes no campaign of before there was one.
     notary: NotaryStretch | None = Field(None, exclude_if=lambda value: value is None)
     runs: tuple[CampaignRun, ...] = Field(min_length=1, max_length=500)
@@ -349,7 +349,7 @@ class CalibrationCampaign(BaseModel):
                 raise ValueError(f"runs '{first}' and '{second}' overlap in {log}")
 
     @property
-    def learns(self) -> bool:
+    def learns_priors(self) -> bool:
         """Whether its logs narrow the priors of the mass that is calibrated."""
         return self.method.learn and self.method.estimator in JOINT_ESTIMATORS
 
@@ -370,7 +370,7 @@ class CalibrationCampaign(BaseModel):
         return last + dt.timedelta(days=self.campaign.valid_days)
 
     @property
-    def not_stated(self) -> tuple[str, ...]:
+    def missing_statements(self) -> tuple[str, ...]:
         """Keys that ISO/IEC 17025, 7.8 asks for of a certificate, and that the file leaves open."""
         found = [name for name in ("laboratory", "customer") if getattr(self, name) is None]
         asked: tuple[tuple[str, BaseModel, tuple[str, ...]], ...] = (
@@ -390,7 +390,7 @@ class CalibrationCampaign(BaseModel):
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
 
     @property
-    def untraceable(self) -> tuple[str, ...]:
+    def untraceable_references(self) -> tuple[str, ...]:
         """What of the references is not traceable, a sentence each."""
         found: list[str] = []
         for mass in self.masses:
@@ -409,16 +409,16 @@ class CalibrationCampaign(BaseModel):
                 found.append("the machine's empty mass has no certificate")
         return tuple(found)
 
-    def on_board(self, load_id: str) -> tuple[ReferenceMass, ...]:
+    def masses_on_board(self, load_id: str) -> tuple[ReferenceMass, ...]:
         """The masses of a load."""
         wanted = () if load_id == EMPTY else load_id.split("+")
         return tuple(each for each in self.masses if each.id in wanted)
 
-    def overdue(self) -> list[str]:
+    def overdue_certificates(self) -> list[str]:
         """Certificates that were not valid on the day of a run, a sentence each."""
         found: list[str] = []
         for run in self.runs:
-            dated = [(f"mass '{m.id}'", m.expires) for m in self.on_board(run.load_id)]
+            dated = [(f"mass '{m.id}'", m.expires) for m in self.masses_on_board(run.load_id)]
             if self.method.estimator != "joint_payload":
                 dated.append(("the machine's empty mass", self.machine.empty_expires))
             found += [

@@ -132,7 +132,7 @@ class Unlike:
         """What the log does not know of the errors moves an estimate by."""
         return float(np.sqrt(max(float(moved_kg @ self.covariance_1 @ moved_kg), 0.0)))
 
-    def taken_kg(self, moved_kg: Floats) -> float:
+    def learnt_part_kg(self, moved_kg: Floats) -> float:
         """The part of the log's own uncertainty that is of the errors."""
         told = np.where(self.told, moved_kg, 0.0)
         return float(np.hypot(self.u_kg(told), np.linalg.norm(moved_kg - told)))

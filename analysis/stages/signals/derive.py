@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from analysis.expressions.dimensions import dimension_text, in_si
+from analysis.expressions.dimensions import convert_to_si, dimension_text
 from analysis.expressions.parse import (
     SLOPE,
     Expression,
@@ -96,8 +96,8 @@ def arithmetic(name: str, machine: Machine) -> Expression:
     assert tree is not None
     try:
         units = {each: unit_of(each) for each in names(tree)}
-        found, dimension = in_si(tree, units, registry())
-        _, wanted = in_si(Name(name), {name: unit_of(name)}, registry())
+        found, dimension = convert_to_si(tree, units, registry())
+        _, wanted = convert_to_si(Name(name), {name: unit_of(name)}, registry())
     except (ExpressionError, MachineError) as error:
         raise MachineError(f"channels.{name}: {error}") from None
     if dimension != wanted:

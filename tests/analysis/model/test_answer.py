@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from analysis.diagnosis import CHECKS, CheckInputs, verdict
+from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.model.answer import answer
 from analysis.model.run_record import Loss, Provenance, Run
 from analysis.stages.estimation.masses import masses, withhold
@@ -28,7 +28,7 @@ def replayed(drive, excitation_of, machine):
             {
                 "gate": gated,
                 "masses": withhold(masses(excitation, gated, estimates, made), opinion, ()),
-                "verdict": verdict(CheckInputs(excitation, gated, made)),
+                "verdict": judge_checks(CheckInputs(excitation, gated, made)),
             },
             Provenance(
                 settings=made.settings,

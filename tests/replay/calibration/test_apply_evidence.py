@@ -7,7 +7,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.calibration.use.learnt_priors import as_later_log
+from analysis.calibration.use.learnt_priors import machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import estimator_of
@@ -171,7 +171,7 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     weighing = held.weighing(load_machine(folder / "sledge.toml"))
     machine = held.checked(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
-    assert machine == as_later_log(made.document.weighing)
+    assert machine == machine_for_later_log(made.document.weighing)
     assert held.other(machine) == ""
 
 

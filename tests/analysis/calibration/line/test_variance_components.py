@@ -43,7 +43,7 @@ def points_of(y):
 def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     y = balanced(np.random.default_rng(seed))
     points, names = points_of(y), (REPEATABILITY, RUN, DAY)
-    effects = np.array([points.effect(name) for name in names])
+    effects = np.array([points.effect_covariance(name) for name in names])
     squares = mean_squares(points, names)
     found = restricted_likelihood(
         points.y_kg,
@@ -51,7 +51,7 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
         np.tensordot(squares.T, effects, 1),
         np.zeros((24, 24)),
         points.within,
-    ).transformed(squares)
+    ).transform(squares)
     within = points.within.squares / 96
     means = y.mean(2)
     of_runs = ((means - means.mean(1, keepdims=True)) ** 2).sum() / 20
