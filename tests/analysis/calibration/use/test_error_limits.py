@@ -81,8 +81,6 @@ def test_the_guard_band_leaves_the_risk_that_was_asked_for():
         edge = calibration.inversion.exceedance_probability(
             row.guard_kg, row.load_kg, calibration.budget_at[1]
         )
-            row.guard_kg, row.load_kg, calibration.budget_at[1]
-        )
         assert edge == pytest.approx(0.05, abs=1e-4)
         assert (row.verdict == "within") == (row.outside_1 <= 0.05)
 
