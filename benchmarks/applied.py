@@ -118,7 +118,7 @@ def _draw_log(fault: Fault | Unlisted, seed: int) -> tuple[Log, Machine, float]:
     log, *_ = simulated(sections, [(fault, size)])
     # as a user has it: the limits of the verdict hold
     own = own_machine(log.scenario, fault.overrides, AXES)
-    settings = own.settings.changed({"trace.methods": ("pooled",)})
+    settings = own.settings.with_changes({"trace.methods": ("pooled",)})
     limits = Settings.model_validate({}).verdict
     own = own.model_copy(update={"settings": settings.model_copy(update={"verdict": limits})})
     return MemoryLog(log), reading_memory(own, log), log.scenario.machine.mass_kg

@@ -22,7 +22,7 @@ import typer
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import planar
+from analysis.planar.centre_of_mass import fit_planar
 from analysis.stages.gating.gate import gate
 from analysis.stages.motion.forces import forces
 from analysis.stages.motion.smooth import smooth
@@ -76,7 +76,7 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     noise = channel_noise(aligned, excitation, machine)
     gated = gate(excitation, settings, noise)
     opinion = Verdict.of(judge_checks(CheckInputs(excitation, gated, machine)))
-    return planar(excitation, gated, opinion, machine, noise)[0]
+    return fit_planar(excitation, gated, opinion, machine, noise)[0]
 
 
 def turned(fault: str, seed: int) -> Turned:

@@ -27,9 +27,9 @@ from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import planar
+from analysis.planar.centre_of_mass import fit_planar
 from analysis.stages.estimation.masses import masses, withhold
-from analysis.stages.estimation.obstacles import obstacles
+from analysis.stages.estimation.obstacles import reasons_for_no_answer
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.digging import digging, with_digs, without_digging
 from analysis.stages.gating.gate import gate
@@ -39,14 +39,20 @@ from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.noise.channel_noise import notes as noise_notes
 from analysis.stages.signals.align import align
-from analysis.stages.signals.align import notes as grid_notes
+from analysis.stages.signals.align import alignment_notes as grid_notes
 from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.grid_rate import at_own_rate
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import ticket_notes
-from analysis.weighing.learnt_means import responses
-from analysis.weighing.load_frames import budget_frame, changes, loads, manoeuvre_frame, nuisances
+from analysis.weighing.learnt_means import learnt_mean_responses
+from analysis.weighing.load_frames import (
+    budget_frame,
+    load_change_rows,
+    loads,
+    manoeuvre_frame,
+    nuisances,
+)
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
@@ -140,7 +146,7 @@ def run(
     judged = withhold_by_findings(seen.case.judged, causes, machine)
     opinion = Verdict.of(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
-    plane, plane_budget = planar(
+    plane, plane_budget = fit_planar(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
     )
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
@@ -150,7 +156,7 @@ def run(
     }
     hauled = cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 
-    why = obstacles(excitation, seen.frames["gate"], machine.settings)
+    why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
             **named_by_topic(raw),
@@ -161,7 +167,7 @@ def run(
             "cycles": hauled.cycles,
             "shift": shift(hauled.cycles, excitation, seen.frames["aligned"], hauled.scale),
             "nuisances": nuisances(weighing),
-            **responses(weighing, machine, answer["loads"], hauled.sums),
+            **learnt_mean_responses(weighing, machine, answer["loads"], hauled.sums),
             "budget": budget_frame(weighing, machine),
             "masses": withhold(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
@@ -227,7 +233,7 @@ def _run_stages(
     on_stage("segments")  # pooled over each manoeuvre
     table = segments(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
-    estimates = trace(excitation, gated, settings, noise, changes(weighing))
+    estimates = trace(excitation, gated, settings, noise, load_change_rows(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(

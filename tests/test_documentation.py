@@ -61,7 +61,7 @@ def test_every_public_name_is_in_the_api_reference() -> None:
 
 def test_every_setting_is_documented_under_its_stage() -> None:
     page = (REPO / "docs/machine-file.md").read_text(encoding="utf-8")
-    for stage, part in Settings.parts().items():
+    for stage, part in Settings.stage_models().items():
         for name, field in part.model_fields.items():
             assert f"| `{stage}.{name}` |" in page
             assert field.description, name

@@ -155,7 +155,7 @@ def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
 
 
 def _keys_by_stage(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
-    by_stage = {f"settings.{name}": value for name, value in settings.flat().items()}
+    by_stage = {f"settings.{name}": value for name, value in settings.to_flat_dict().items()}
     return {**by_stage, **dict(_flatten(machine, ""))}
 
 

@@ -16,11 +16,11 @@ import polars as pl
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import Signals
 from analysis.diagnosis.side_comparison import SideDifference, side_differences
-from analysis.model.axes import Z, axes, spin, straight
+from analysis.model.axes import Z, available_axes, spin_regressor, straight_regressor
 from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combine
 from analysis.stages.estimation import fit_quality
-from analysis.stages.motion.phases import yaw_pace
+from analysis.stages.motion.phases import yaw_speeding_sign
 from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.weigh import Weighing
@@ -208,7 +208,7 @@ class CheckInputs:
     def straight_motion(self) -> AxisMotion:
         """Straight motion, without a force that depends on the place."""
         settings = self.machine.settings
-        A, f = straight(self.excitation, settings)
+        A, f = straight_regressor(self.excitation, settings)
         if self.force_by_place is not None:
             f = f - self.force_by_place
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
@@ -225,12 +225,12 @@ class CheckInputs:
     @cached_property
     def spins(self) -> AxisMotion | None:
         """Spins, where the channels allow it and there are enough of them."""
-        if Z not in axes(self.excitation):
+        if Z not in available_axes(self.excitation):
             return None
-        A, f = spin(self.excitation)
+        A, f = spin_regressor(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         spinning = known & self.is_phase("spinning")
-        changes = yaw_pace(A[:, 1], self.machine.settings)
+        changes = yaw_speeding_sign(A[:, 1], self.machine.settings)
         braking = spinning & (changes < 0)
         welcome = not self.machine.settings.gate.exclude_braking
         moving = spinning if welcome else spinning & ~braking

@@ -21,7 +21,7 @@ from analysis.model.schema import build, values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
-from analysis.stages.motion.phases import beside_speed_rate, span_rows
+from analysis.stages.motion.phases import average_like_speed_rate, span_rows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 
@@ -89,20 +89,20 @@ def _r_squared(_: CheckInputs, motion: AxisMotion) -> float:
 
 
 def _opposing_share(_: CheckInputs, motion: AxisMotion) -> float:
-    return 1.0 - fit_quality.along_share(motion.speed, motion.f, motion.braking)
+    return 1.0 - fit_quality.share_along_motion(motion.speed, motion.f, motion.braking)
 
 
 def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
-    return fit_quality.along_share(motion.speed, motion.f, motion.speeding)
+    return fit_quality.share_along_motion(motion.speed, motion.f, motion.speeding)
 
 
 def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer on the wheels' acceleration over all straight motion."""
     used = motion.known & inputs.is_phase("accelerating", "cruising", "braking")
     measured = values(inputs.excitation, "specific_force_x_m_s2")
-    imu = beside_speed_rate(measured, inputs.machine.settings)
+    imu = average_like_speed_rate(measured, inputs.machine.settings)
     rate = values(inputs.excitation, "speed_rate_x_m_s2")
-    return fit_quality.slope(rate, imu, used, rate_noise_variance(inputs))
+    return fit_quality.regression_slope(rate, imu, used, rate_noise_variance(inputs))
 
 
 def rate_noise_variance(inputs: CheckInputs) -> float:

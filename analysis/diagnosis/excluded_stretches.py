@@ -15,7 +15,7 @@ import polars as pl
 from analysis.diagnosis.measured_channels import Signals, Spans
 from analysis.model.machine import Machine
 from analysis.model.settings import VerdictLimits
-from analysis.model.windows import windows_with
+from analysis.model.windows import flagged_windows
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows
 from analysis.weighing.weigh import Weighing, mean_difference_kg
@@ -107,7 +107,9 @@ def refit_without_stretches(
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
-            seen = windows_with(held, span_rows(machine.settings) + machine.settings.smooth.samples)
+            seen = flagged_windows(
+                held, span_rows(machine.settings) + machine.settings.smooth.samples
+            )
             gated = refuse_windows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 

@@ -60,7 +60,7 @@ def _no_answer_text(inputs: CheckInputs, _: AxisMotion) -> str:
 
 
 def _farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
-    widths = {} if inputs.weighing is None else inputs.weighing.own.prior_distances
+    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_distances
     return max(widths, key=widths.__getitem__, default="")
 
 
@@ -81,7 +81,7 @@ def _between_manoeuvre_scatter(weighing: Weighing) -> float:
 def _shift_by_other_motion(inputs: CheckInputs, _: AxisMotion) -> float | None:
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
-    return None if other is None else other.moved_u
+    return None if other is None else other.mass_shift_u
 
 
 def _other_motion_text(inputs: CheckInputs, _: AxisMotion) -> str:
@@ -90,7 +90,7 @@ def _other_motion_text(inputs: CheckInputs, _: AxisMotion) -> str:
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
-    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.moved_u:.1f} u"
+    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_u:.1f} u"
 
 
 def _contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
@@ -115,11 +115,11 @@ def term_presence_check(name: str, meaning: str) -> CheckRow:
     return CheckRow(
         name,
         "mass",
-        _value_of_weighing(lambda weighing: weighing.own.term_t_values.get(name, np.nan)),
+        _value_of_weighing(lambda weighing: weighing.own_fit.term_t_values.get(name, np.nan)),
         meaning,
         maximum="term_t_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and name in inputs.weighing.own.term_t_values
+            inputs.weighing is not None and name in inputs.weighing.own_fit.term_t_values
         ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",
@@ -140,7 +140,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "beyond_prior",
         "mass",
-        _value_of_weighing(lambda weighing: max(weighing.own.prior_distances.values())),
+        _value_of_weighing(lambda weighing: max(weighing.own_fit.prior_distances.values())),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",

@@ -17,7 +17,7 @@ def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
     force = _raw_force(inputs)
     if force is None:
         return np.nan
-    return 1.0 - fit_quality.along_share(motion.speed, force, motion.braking)
+    return 1.0 - fit_quality.share_along_motion(motion.speed, force, motion.braking)
 
 
 def _raw_force(inputs: CheckInputs) -> Floats | None:

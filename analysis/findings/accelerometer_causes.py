@@ -25,7 +25,7 @@ from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
-from analysis.stages.motion.phases import beside_speed_rate
+from analysis.stages.motion.phases import average_like_speed_rate
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
@@ -169,7 +169,7 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     settings = inputs.machine.settings
     rate = values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        beside_speed_rate(values(inputs.check_inputs.excitation, name), settings)
+        average_like_speed_rate(values(inputs.check_inputs.excitation, name), settings)
         for name in (ACC, _Y)
     )
     used = inputs.check_inputs.is_phase("accelerating", "braking", "cruising")

@@ -53,7 +53,13 @@ class ForceShareChange(NamedTuple):
 def compare_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
     """One load with a share that changes, against the loads; None where there is one anyway."""
     fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
-    if fit is None or noise is None or motion is None or fit.count == 1 or not motion.both_ways:
+    if (
+        fit is None
+        or noise is None
+        or motion is None
+        or fit.count == 1
+        or not motion.drives_both_ways
+    ):
         return None
     viscous, own_kg = max(fit.viscous, 0.0), inputs.sample_masses_kg(motion)
     one_kg = np.full_like(own_kg, np.median(own_kg[motion.used]))

@@ -86,8 +86,8 @@ def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
     # with a pitch an error of the accelerometer is one, and acts
     tilts = (False, True) if tilt and not has_pitch(inputs) else (bool(tilt),)
     offsets = (False, True) if offset else (False,)
-    friction = "direction" if motion.both_ways else "const"
-    way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
+    friction = "direction" if motion.drives_both_ways else "const"
+    way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.used]))
     mass_kg, viscous = inputs.sample_masses_kg(motion), max(fit.viscous, 0.0)
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []

@@ -15,7 +15,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.verdict import Verdict
-from analysis.model.windows import windows_with
+from analysis.model.windows import flagged_windows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
@@ -61,7 +61,7 @@ class FindingInputs:
     def fit(self) -> JointFit | None:
         """The joint fit, by what this log says itself; None where there is none."""
         weighing = self.check_inputs.weighing
-        return None if weighing is None else weighing.own
+        return None if weighing is None else weighing.own_fit
 
     @cached_property
     def can_weigh(self) -> bool:
@@ -93,7 +93,7 @@ class FindingInputs:
             round(s * self.machine.settings.align.rate_hz)
             for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
-        return ~(windows_with(near, after) | windows_with(near[::-1], before)[::-1])
+        return ~(flagged_windows(near, after) | flagged_windows(near[::-1], before)[::-1])
 
     @property
     def series(self) -> Mapping[str, Series]:

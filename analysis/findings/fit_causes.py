@@ -137,13 +137,13 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
-    name = "direction" if motion.both_ways else "const"
-    way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
+    name = "direction" if motion.drives_both_ways else "const"
+    way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.used]))
     pick = found.get(name) or _fitted_term(inputs, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
-    prior = "direction_share" if motion.both_ways else "const_share"
+    prior = "direction_share" if motion.drives_both_ways else "const_share"
     share = max(getattr(inputs.machine.settings.priors, prior), force / motion.largest_force)
     others = rival_causes(pick)
     seen = explain_constant_force(inputs)

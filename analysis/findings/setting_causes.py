@@ -14,10 +14,10 @@ from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.fit_causes import relative_mass_u
-from analysis.model.methods import METHODS, Feed
+from analysis.model.methods import METHODS, FeedKind
 from analysis.model.schema import values
 from analysis.stages.estimation import fit_quality
-from analysis.weighing.load_frames import changes
+from analysis.weighing.load_frames import load_change_rows
 from estimators.arrays import Bools, Floats, Ints
 
 #: Braking takes a large part of the windows from this share on.
@@ -86,7 +86,7 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     """
     frame = inputs.estimates[name]
     trace = inputs.machine.settings.trace
-    recursive = METHODS[name].feed is Feed.SETTLED
+    recursive = METHODS[name].feed is FeedKind.SETTLED
     # one that forgets only what is renewed cannot wind up
     renewed = name == "rls" and trace.directional_forgetting
     if not recursive or renewed or trace.forgetting >= 1.0 or frame.is_empty():
@@ -99,7 +99,7 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
         inputs.check_inputs.is_phase(each)[rows] for each in ("accelerating", "cruising")
     )
     # a recursion begins anew with each load, and learns in each start
-    load = np.searchsorted(changes(inputs.check_inputs.weighing), rows, "right")
+    load = np.searchsorted(load_change_rows(inputs.check_inputs.weighing), rows, "right")
     parts = np.flatnonzero(run_starts(starts) | run_starts(load))
     least_kg = apply_to_parts(np.fmin.accumulate, std_kg, parts)
     steady = apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)

@@ -83,7 +83,7 @@ def force_system(
         **{name: v * shape.share(along) for name, shape in WARMING.items()},
         "const": np.ones(f.size),
     }
-    if motion.both_ways:
+    if motion.drives_both_ways:
         columns["direction"] = motion.direction[taken]
     if brakes:
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)

@@ -47,7 +47,7 @@ _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 _timezones = cache(available_timezones)
 
 
-def _known_timezone(name: str) -> str:
+def _check_timezone(name: str) -> str:
     if name not in _timezones():
         raise ValueError(f"no time zone '{name}'; use a name like 'America/Santiago' or 'UTC'")
     return name
@@ -104,7 +104,7 @@ class Body(BaseModel):
     #: Whether it has a bucket to dig with: without one no start is driven into a pile.
     digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
-    timezone: Annotated[str, AfterValidator(_known_timezone)] = "UTC"
+    timezone: Annotated[str, AfterValidator(_check_timezone)] = "UTC"
     imu: ImuMounting = ImuMounting()
 
     @property
@@ -245,7 +245,7 @@ class Machine(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _scale_of_wheels(cls, given: Any) -> Any:
+    def _resolve_wheel_scale(cls, given: Any) -> Any:
         """`scale = "wheel_radius_m"` is the machine's, in m/rad."""
         if not isinstance(given, Mapping) or not isinstance(given.get("channels"), Mapping):
             return given
@@ -262,7 +262,7 @@ class Machine(BaseModel):
         return {**given, "channels": channels}
 
     @model_validator(mode="after")
-    def _channels_fit(self) -> Self:
+    def _check_channels(self) -> Self:
         known = {column.name for column in CHANNEL_COLUMNS}
         for name, channel in self.channels.items():
             for source in channel.sources:
@@ -290,11 +290,11 @@ class Machine(BaseModel):
                 if key in BODY_NUMBERS and getattr(self.machine, key) is None:
                     raise ValueError(f"channels.{name}: machine.{key} is not given")
         self.derivation_order()
-        self._enough()
-        self._one_wheel_radius()
+        self._check_required_channels()
+        self._check_wheel_radius()
         return self
 
-    def _one_wheel_radius(self) -> None:
+    def _check_wheel_radius(self) -> None:
         """Wheels have one radius: that of their force, and in m/rad that of their speed."""
         radius_m = self.machine.wheel_radius_m
         if radius_m is None:
@@ -313,7 +313,7 @@ class Machine(BaseModel):
                     'that is wrong, say scale = "wheel_radius_m", or unit = "m/s" of no radius'
                 )
 
-    def _enough(self) -> None:
+    def _check_required_channels(self) -> None:
         """Force, speed and acceleration must come from somewhere."""
         torques = {"torque_left_N_m", "torque_right_N_m"} <= set(self.channels)
         if "force_x_N" not in self.channels and not torques:

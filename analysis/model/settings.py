@@ -10,13 +10,13 @@ from analysis.model.methods import METHODS, MethodOptions
 from estimators.errors import nearest
 
 
-def _known_method(name: str) -> str:
+def _check_method(name: str) -> str:
     if name not in METHODS:
         raise ValueError(f"no method '{name}'; {nearest(name, METHODS)}")
     return name
 
 
-MethodName = Annotated[str, AfterValidator(_known_method)]
+MethodName = Annotated[str, AfterValidator(_check_method)]
 
 _PART: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -319,7 +319,7 @@ class LoadSettings(BaseModel):
     empty_to_s: float | None = Field(None, description="up to here, in seconds from the start")
 
     @model_validator(mode="after")
-    def _a_stretch(self) -> Self:
+    def _check_empty_span(self) -> Self:
         first, last = self.empty_from_s, self.empty_to_s
         if (first is None) != (last is None):
             raise ValueError("empty_from_s and empty_to_s go together")
@@ -438,7 +438,7 @@ class VerdictLimits(BaseModel):
     causes_max: int = Field(0, ge=0, description="most named causes that make a mass worthless")
 
 
-def _nearest(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
+def nearest_setting(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
     """The setting, with its stage, whose name is most like a key that is none."""
     stages = {name: stage for stage, part in parts.items() for name in part.model_fields}
     close = get_close_matches(key, stages, n=1)
@@ -476,12 +476,12 @@ class Settings(BaseModel):
         for key, value in content.items():
             if key in cls.model_fields or isinstance(value, Mapping | BaseModel):
                 continue
-            if meant := _nearest(key, cls.parts()):
+            if meant := nearest_setting(key, cls.stage_models()):
                 raise ValueError(f"unknown key '{key}'; did you mean 'settings.{meant}'?")
         return content
 
     @classmethod
-    def parts(cls) -> dict[str, type[BaseModel]]:
+    def stage_models(cls) -> dict[str, type[BaseModel]]:
         """The model of each part, by its name."""
         return {
             name: field.annotation
@@ -489,7 +489,7 @@ class Settings(BaseModel):
             if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)
         }
 
-    def flat(self) -> dict[str, Any]:
+    def to_flat_dict(self) -> dict[str, Any]:
         """Every value by its dotted name, as plain JSON values."""
         return {
             f"{stage}.{name}": value
@@ -502,7 +502,7 @@ class Settings(BaseModel):
         part, _, key = name.partition(".")
         return getattr(getattr(self, part), key)
 
-    def changed(self, changes: Mapping[str, Any]) -> Self:
+    def with_changes(self, changes: Mapping[str, Any]) -> Self:
         """The same settings but for `changes`, by dotted name: `{"gate.window_samples": 400}`.
 
         Raises:

@@ -76,7 +76,7 @@ def _state_indices(fit: JointFit, states: LoadStates) -> Ints:
     return np.searchsorted(states.unit, sample_units(fit.motion))
 
 
-def changes(weighing: Weighing | None) -> list[int]:
+def load_change_rows(weighing: Weighing | None) -> list[int]:
     """The rows of the grid where another load begins to move."""
     if weighing is None or weighing.fit.states is None:
         return []
@@ -355,7 +355,7 @@ def _term_rows(weighing: Weighing) -> pl.DataFrame:
     }
     if own is None:
         return pl.DataFrame(columns)
-    learnt = weighing.learnt if weighing.told else {}
+    learnt = weighing.learnt if weighing.means_are_told else {}
     for place, term in enumerate(fit.terms):
         if term.name in learnt and not fit.prior_means.mean_u[place]:
             prior_std[place] = learnt[term.name].std
@@ -377,7 +377,7 @@ def _wheel_rows(weighing: Weighing) -> pl.DataFrame:
     if wheels is None or not wheels.is_consistent or wheels.gain_counts:
         return pl.DataFrame()
     parts_kg = fit.parts_kg(fit.weights(fit.main_state))
-    said = list(wheels.by_term.values())
+    said = list(wheels.values_by_term.values())
     rows: dict[str, object] = {
         "term": TERMS,
         "unit": [unit for unit, _ in _OF_WHEELS],
@@ -393,8 +393,8 @@ def _wheel_rows(weighing: Weighing) -> pl.DataFrame:
         alone = wheels if wheels.own is None else wheels.own
         rows |= {
             "prior_mean_u": wheels.mean_u,
-            "alone": [value for value, _ in alone.by_term.values()],
-            "alone_std": [std for _, std in alone.by_term.values()],
+            "alone": [value for value, _ in alone.values_by_term.values()],
+            "alone_std": [std for _, std in alone.values_by_term.values()],
             "alone_prior_mean": [0.0] * len(TERMS),
             "alone_prior_std": alone.prior_std,
         }

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from analysis.model.machine import Machine
 from analysis.model.schema import values
-from analysis.model.windows import windows_with
+from analysis.model.windows import flagged_windows
 from analysis.stages.gating.gate import accepted_samples, braking_within_sight
 from analysis.stages.gating.segments import manoeuvres
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
-from analysis.stages.motion.phases import stopping
+from analysis.stages.motion.phases import stopping_samples
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.interpreted import compiled_ahead
@@ -123,7 +123,7 @@ class MotionSamples:
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
-        return replace(self._select(slice(0, end)), progress=_progress(end))
+        return replace(self._select(slice(0, end)), progress=centred_progress(end))
 
     def near_fitted(self, reach_s: float) -> "MotionSamples":
         """The same without samples that are farther than so from any that may be fitted.
@@ -131,7 +131,7 @@ class MotionSamples:
         What moves the force or the speed in time by no more finds what it would.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
-        near = windows_with(self.used, size) | windows_with(self.used[::-1], size)[::-1]
+        near = flagged_windows(self.used, size) | flagged_windows(self.used[::-1], size)[::-1]
         return self._select(np.flatnonzero(near))
 
     def _select(self, cut: slice | Ints) -> "MotionSamples":
@@ -269,12 +269,12 @@ class MotionSamples:
     def is_on_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
-        return self.both_ways and 0.0 < self.path_m < min(
+        return self.drives_both_ways and 0.0 < self.path_m < min(
             LIMITS.bench_path_m, driven_m / LIMITS.bench_min_passes
         )
 
     @cached_property
-    def both_ways(self) -> bool:
+    def drives_both_ways(self) -> bool:
         """Whether it drives forwards and in reverse."""
         forwards = float((self.direction[self.used] > 0).mean())
         return min(forwards, 1.0 - forwards) > LIMITS.two_way_min_fraction
@@ -322,7 +322,7 @@ def motion_samples(
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = rows_in(LIMITS.gap_margin_s, settings.align.rate_hz)
     silent = ~known | _missing_rows(aligned)
-    near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
+    near_gap = flagged_windows(silent, clear) | flagged_windows(silent[::-1], clear)[::-1]
     group = _number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     group = _drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _grid_column(aligned, "specific_force_x_m_s2", known)
@@ -345,7 +345,7 @@ def motion_samples(
         measured,
         level,
         _grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
-        _progress(speed.size),
+        centred_progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
         *_path_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
@@ -353,7 +353,7 @@ def motion_samples(
         _empty_weight(machine, acceleration, force, group >= 0),
         tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
-        _named_empty(aligned, machine),
+        samples_named_empty(aligned, machine),
         stood,
         silences,
         machine.machine.wheel_radius_u_1,
@@ -383,7 +383,7 @@ def ends(group: Ints) -> Bools:
     return (group >= 0) & (np.append(group[1:], -1) != group)
 
 
-def _progress(samples: int) -> Floats:
+def centred_progress(samples: int) -> Floats:
     """From -1/2 to 1/2 over so many samples."""
     return np.arange(samples) / max(samples, 1) - 0.5
 
@@ -446,7 +446,7 @@ def _empty_weight(machine: Machine, acceleration: Floats, force: Floats, used: B
     return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
 
 
-def _named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
+def samples_named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
     """Which samples `settings.loads` names as those of the empty machine; None: it names none."""
     loads = machine.settings.loads
     if loads.empty_from_s is None or loads.empty_to_s is None:
@@ -481,7 +481,7 @@ def _fitted_manoeuvres(
     if without:
         brakes = (phase == "braking").fill_null(False).to_numpy()
         stands = (phase == "standstill").fill_null(False).to_numpy()
-        brakes |= stopping(values(excitation, "speed_x_m_s"), stands, moves_m_s, settings)
+        brakes |= stopping_samples(values(excitation, "speed_x_m_s"), stands, moves_m_s, settings)
         driving &= ~braking_within_sight(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 
@@ -509,7 +509,7 @@ def _number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     used = group >= 0
     forwards = _mean_of_three(speed) > 0.0
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
-    near = windows_with(turns, mixed) | windows_with(turns[::-1], mixed + 1)[::-1]
+    near = flagged_windows(turns, mixed) | flagged_windows(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
     return np.where(group >= 0, np.cumsum(begins(group)) - 1, -1).astype(np.int64)
 

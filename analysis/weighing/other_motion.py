@@ -28,7 +28,7 @@ class AlternativeMotion:
     u_kg: float
 
     @property
-    def moved_u(self) -> float:
+    def mass_shift_u(self) -> float:
         """How far the mass moves, in standard uncertainties; infinite where nothing is left."""
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 

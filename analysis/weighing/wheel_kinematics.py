@@ -77,7 +77,7 @@ class WheelKinematics:
     own: "WheelKinematics | None" = None
 
     @property
-    def by_term(self) -> dict[str, tuple[float, float]]:
+    def values_by_term(self) -> dict[str, tuple[float, float]]:
         """Slip, gain and delay by the names that a calibration learns them by."""
         return dict(zip(TERMS, (self.slip_1_N, self.gain_by_prior, self.delay_s), strict=True))
 
@@ -239,10 +239,10 @@ def _fit_comparison(
         narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
         stiff = widths(LIMITS.gain_search_std_1, about, narrow_std)
         rolling = solved(rows, stiff, delay_s, lines, loss).fit
-        if rolling.theta[0] < 0.0 and _gain_counts(rolling, noise_m_s):
+        if rolling.theta[0] < 0.0 and is_gain_significant(rolling, noise_m_s):
             free, slip_std = rolling, narrow_std
     mismatch = free.residual_rms / noise_m_s
-    counts = _gain_counts(free, noise_m_s)
+    counts = is_gain_significant(free, noise_m_s)
     std = widths(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
@@ -266,7 +266,7 @@ def _fit_comparison(
     )
 
 
-def _gain_counts(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
+def is_gain_significant(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
     """Whether a gain is more than its prior and the log's noise allow.
 
     Args:
@@ -328,7 +328,7 @@ def _comparison_rows(
     spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
     if not spans.size:
         return None
-    X, y, group, ground = _compared_means(
+    X, y, group, ground = centred_means(
         measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
     covariance = noise.covariance(MEAN)
@@ -339,7 +339,7 @@ def _comparison_rows(
 
 
 @compiled_ahead
-def _compared_means(
+def centred_means(
     measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
 ) -> tuple[Floats, Floats, Ints, Floats]:
     """Means of the columns and of the response, each stretch without its constant and slope.

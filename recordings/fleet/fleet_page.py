@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.fleet.calibration_steps import FleetCalibration, LineChange
-from analysis.fleet.daily_figures import sum_machines, sums
+from analysis.fleet.daily_figures import sum_machines, sum_results
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
@@ -72,7 +72,7 @@ class FleetPage:
 
 def fleet_html(page: FleetPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
-    machines = sums(page.results, ["machine"])
+    machines = sum_results(page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
         (chart for chart in page.charts if chart.chart.flagged is not None), key=_by_size
@@ -168,7 +168,7 @@ def _warnings(page: FleetPage) -> list[str]:
     undated = page.results.filter(pl.col("day") == "undated").height
     if undated:
         found.append(f"{counted(undated, 'recording')} without a date: in no week and no chart.")
-    scale = int(sums(page.results, ["machine"])["without_scale"].sum())
+    scale = int(sum_results(page.results, ["machine"])["without_scale"].sum())
     if scale:
         found.append(
             f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's stated "
@@ -254,7 +254,7 @@ def _line_change(each: LineChange) -> tuple[str, ...]:
         str(each.after.first),
         f"{each.zero_kg:+,.1f} (± {each.zero_limit_kg:,.1f})",
         f"{each.scale_1:+.2%} (± {each.scale_limit_1:.2%})",
-        "beyond its limit" if each.moved else "within",
+        "beyond its limit" if each.has_moved else "within",
     )
 
 

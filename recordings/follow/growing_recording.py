@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
-from analysis.model.methods import METHODS, Feed
+from analysis.model.methods import METHODS, FeedKind
 from analysis.model.run_record import Provenance, Run
 from analysis.model.settings import Settings
 from analysis.online.follower import FollowedRow
@@ -270,7 +270,7 @@ def _rows_to_come(settings: Settings) -> Run:
         "gate": _empty_rows(GATE, period_ns).with_columns(reason_x=pl.lit("accepted")),
     }
     for name in settings.trace.methods:
-        alone = METHODS[name].feed is Feed.SEGMENTS
+        alone = METHODS[name].feed is FeedKind.SEGMENTS
         columns = [each.removesuffix("_squared") for each in ESTIMATES]
         frames[f"estimates/{name}"] = _empty_rows(columns, _APART_NS if alone else period_ns)
     return Run(frames, Provenance(settings=settings))

@@ -260,7 +260,9 @@ def _evidence_lines(run: Run) -> list[str]:
 def settings(run: Run) -> str:
     """Every setting, and the machine file as resolved."""
     about = run.provenance
-    rows = [(name, json.dumps(value)) for name, value in sorted(about.settings.flat().items())]
+    rows = [
+        (name, json.dumps(value)) for name, value in sorted(about.settings.to_flat_dict().items())
+    ]
     machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
     return "\n\n".join(
         ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]
@@ -401,7 +403,7 @@ def _verdict_lines(verdict: Verdict) -> list[str]:
         for check in verdict.checks
     ]
     parts = ["## Can this log weigh?", "\n".join(checks)]
-    if verdict.judges_spins and not verdict.tells_inertia:
+    if verdict.has_spins and not verdict.can_tell_inertia:
         parts.append(
             "**The yaw inertia is withheld**: its spins, or the signs of the force, failed."
         )

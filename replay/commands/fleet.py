@@ -220,7 +220,7 @@ def compare_command(
     if as_json:
         print_json(
             {
-                "sum": found.whole,
+                "sum": found.total_change,
                 "machines": found.machines.to_dicts(),
                 "recordings": found.logs.head(shown).to_dicts(),
                 "only_a": found.only_a,
@@ -229,7 +229,7 @@ def compare_command(
         )
     else:
         _print_comparison(found, a, shown)
-    if found.whole["changed"]:
+    if found.total_change["changed"]:
         raise typer.Exit(1)
 
 
@@ -326,7 +326,7 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
     from replay.commands.print_tables import console, plain_table, print_line, print_table
 
     screen = console()
-    whole = found.whole
+    whole = found.total_change
     print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "

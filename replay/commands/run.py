@@ -225,7 +225,7 @@ def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator
 
     if goal is not None:
         yield from goal_lines(answer, goal)
-    if answer.verdict.tells_inertia and not verbose:
+    if answer.verdict.can_tell_inertia and not verbose:
         yield from _inertia_lines(answer)
     yield from shift_lines(answer)
     yield from planar_lines(answer.planar, answer.planar_budget)
@@ -287,9 +287,9 @@ def _print_budget(screen: "Console", answer: "Answer") -> None:
 def _print_methods(screen: "Console", answer: "Answer") -> None:
     """Print what each method makes of the whole log."""
     verdict = answer.verdict
-    if len(answer.loads) > 1 and not verdict.tells_inertia:
+    if len(answer.loads) > 1 and not verdict.can_tell_inertia:
         screen.print("Other methods: not shown, since they give one mass per log")
-    elif verdict.can_weigh or verdict.tells_inertia:
+    elif verdict.can_weigh or verdict.can_tell_inertia:
         screen.print("Other methods (statistical ± only; –: withheld)")
         for row in answer.rows:
             print_table(screen, _mass_table(row, verdict))
@@ -306,14 +306,14 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
         screen.print(f"Log usable: {passed} {of} passed; {share} of the samples used.")
     else:
         screen.print("Log not usable for weighing: the mass is withheld. Failed checks:")
-    near = verdict.near if verdict.can_weigh else ()
+    near = verdict.near_checks if verdict.can_weigh else ()
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
     if shown or verbose > 1:
         print_table(screen, _check_table(verdict.checks if verbose > 1 else shown))
     for check in failed:
         if check.remedy and check.value is not None:
             print_line(screen, f"{check.check}: {check.remedy}")
-    if verdict.judges_spins and not verdict.tells_inertia:
+    if verdict.has_spins and not verdict.can_tell_inertia:
         screen.print(
             "No inertia estimate: the checks of the spins, or of the force's sign, failed."
         )
@@ -322,7 +322,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
 def _mass_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
     columns = {
         **(_OF_MASS if verdict.can_weigh else {}),
-        **(_OF_INERTIA if verdict.tells_inertia else {}),
+        **(_OF_INERTIA if verdict.can_tell_inertia else {}),
     }
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
     table = plain_table("method", *shown)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from analysis.fleet.calibration_steps import FleetCalibration, of_calibration
+from analysis.fleet.calibration_steps import FleetCalibration, fleet_calibration
 from analysis.fleet.fleet_tables import TABLES
 from analysis.model.machine import Machine
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
@@ -62,7 +62,7 @@ class MachineSetup:
             return None
         document = self.by.document
         days = (self.first, document.expires)
-        return of_calibration(self.name, document.id, days, self.by.calibration)
+        return fleet_calibration(self.name, document.id, days, self.by.calibration)
 
 
 def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:

@@ -27,7 +27,7 @@ from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recount_shift
 from analysis.fleet.daily_figures import UNDATED
-from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_of, tables_of
+from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_row, tables_of_run
 from analysis.model.run_record import Run
 from estimators.errors import DataError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
@@ -266,11 +266,11 @@ def _kept(made: Run, setup: MachineSetup) -> tuple[dict[str, pl.DataFrame], dict
     gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
     against = "" if setup.by is None else contradicted_priors(made.frames["nuisances"])
     said = {
-        **result_of(made),
+        **result_row(made),
         "longest_gap_at_s": gaps[0][0] if gaps else None,
         "not_calibrated_for": against,
     }
-    return tables_of(made, {"gate_shares": shares, "quality": quality}), said
+    return tables_of_run(made, {"gate_shares": shares, "quality": quality}), said
 
 
 @contextmanager

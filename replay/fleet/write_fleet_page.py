@@ -10,9 +10,15 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
-from analysis.fleet.attention import needs_a_look
+from analysis.fleet.attention import rank_concerns
 from analysis.fleet.calibration_steps import line_changes
-from analysis.fleet.daily_figures import UNDATED, daily, sum_machines, sums, weekly
+from analysis.fleet.daily_figures import (
+    UNDATED,
+    daily_figures,
+    sum_machines,
+    sum_results,
+    weekly_tonnes,
+)
 from analysis.fleet.machine_drifts import MachineChart, machine_charts
 from recordings.fleet.fleet_page import FleetPage, fleet_html
 from recordings.report.atomic_output import atomic_file
@@ -42,7 +48,7 @@ class FleetReport:
     def to_dict(self) -> dict[str, Any]:
         """Sums, drifts and what needs a look, as plain JSON values."""
         page = self.page
-        machines = sums(page.results, ["machine"])
+        machines = sum_results(page.results, ["machine"])
         return {
             "page": str(self.path),
             "sum": dict(sum_machines(machines)),
@@ -89,18 +95,18 @@ def fleet_report(
 def report_page(results: FleetResults, destination: str, name: str) -> FleetPage:
     """What the page of a fleet shows."""
     rows, cycles = results.results, results.scan("cycles")
-    days = daily(rows, cycles)
+    days = daily_figures(rows, cycles)
     calibrations = results.calibrations
     last = days["day"].max()
     return FleetPage(
         name=name,
         results=rows,
         days=days,
-        weeks=weekly(rows),
+        weeks=weekly_tonnes(rows),
         charts=machine_charts(days),
         calibrations=calibrations,
         changes=line_changes(calibrations),
-        looks=_with_commands(needs_a_look(rows, cycles, results.scan("findings")), destination),
+        looks=_with_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )

@@ -15,7 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.answer import Answer
-from analysis.model.axes import Axis, X, Z, axes, rows_of, theta_of
+from analysis.model.axes import Axis, X, Z, available_axes, estimated_parameters, rows_of_axis
 from analysis.model.schema import REASON
 from analysis.online.follower import FollowedRow
 from recordings import read_recording
@@ -128,7 +128,7 @@ class FollowedDigests:
 
 def _replayed_rows(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Minutes]:
     found: dict[str, _Minutes] = {}
-    for axis in axes(frames["excitation"]):
+    for axis in available_axes(frames["excitation"]):
         gate = frames["gate"]
         codes = gate[f"reason_{axis.letter}"].cast(pl.String)
         codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)
@@ -136,8 +136,8 @@ def _replayed_rows(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Minutes]:
         for name, frame in frames.items():
             method = name.removeprefix("estimates/")
             if method != name and axis.parameters[0][0] in frame.columns:
-                rows = rows_of(axis, frame).drop_nulls("t_ns")
-                theta, _ = theta_of(axis, rows)
+                rows = rows_of_axis(axis, frame).drop_nulls("t_ns")
+                theta, _ = estimated_parameters(axis, rows)
                 found[_name(method, axis)] = _digest_rows(rows["t_ns"], theta)
     return found
 

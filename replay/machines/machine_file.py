@@ -58,7 +58,7 @@ def _refuse_bare(override: str) -> None:
     first, _, rest = key.partition(".")
     if first in Machine.model_fields:
         return
-    parts = Settings.parts()
+    parts = Settings.stage_models()
     meant = [f"{stage}.{first}" for stage, part in parts.items() if first in part.model_fields]
     if first in parts and rest:
         meant = [key]

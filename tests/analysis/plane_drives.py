@@ -10,7 +10,7 @@ import polars as pl
 from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import planar
+from analysis.planar.centre_of_mass import fit_planar
 from analysis.stages.estimation.masses import masses, withhold
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
@@ -188,7 +188,7 @@ def replayed(said, loader=None):
         **dict(
             zip(
                 ("planar", "planar_budget"),
-                planar(excitation, gated, opinion, loader, noise),
+                fit_planar(excitation, gated, opinion, loader, noise),
                 strict=True,
             )
         ),

@@ -158,13 +158,13 @@ def with_learnt_priors(machine: Machine, terms: Mapping[LearnableTerm, LearntTer
     content = {
         "priors.learnt": {name: learnt[name].model_dump() for name in sorted(learnt)},
     }
-    return machine.model_copy(update={"settings": machine.settings.changed(content)})
+    return machine.model_copy(update={"settings": machine.settings.with_changes(content)})
 
 
 def machine_for_later_log(machine: Machine) -> Machine:
     """The machine as later logs are weighed: one of several loads tells what means have wrong."""
     told = {"priors.learnt_means": "told"}
-    return machine.model_copy(update={"settings": machine.settings.changed(told)})
+    return machine.model_copy(update={"settings": machine.settings.with_changes(told)})
 
 
 def contradicted_priors(nuisances: pl.DataFrame) -> str:

@@ -62,7 +62,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
                 f"the square of the centre of mass's distance; give more than {least:.0f}"
             )
     trial = scenario.campaign.trial
-    limits = _Limits(scenario, *bodies, turns=any(_turns(manoeuvre) for manoeuvre in trial))
+    limits = _Limits(scenario, *bodies, turns=any(_turns_machine(manoeuvre) for manoeuvre in trial))
     for number, manoeuvre in enumerate(trial):
         key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
         limits.check(manoeuvre, key)
@@ -82,7 +82,7 @@ def _change_scenario(scenario: Scenario, loads_kg: Sequence[float]) -> list[floa
     return changed
 
 
-def _turns(manoeuvre: Manoeuvre) -> bool:
+def _turns_machine(manoeuvre: Manoeuvre) -> bool:
     match manoeuvre:
         case Spin():
             return True

@@ -5,14 +5,23 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, Z, axes, regressor, rows_of, theta_columns, theta_of
+from analysis.model.axes import (
+    Axis,
+    X,
+    Z,
+    available_axes,
+    estimated_parameters,
+    regressor,
+    rows_of_axis,
+    theta_columns,
+)
 from analysis.model.machine import Machine
 from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
 from analysis.model.schema import build, values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
 from analysis.stages.gating.gate import accepted_samples
-from analysis.stages.noise.column_noise import axis_noise, systematic
+from analysis.stages.noise.column_noise import axis_noise, systematic_errors
 from estimators.arrays import Floats
 from estimators.methods.window_mean import mean_estimate
 
@@ -37,12 +46,12 @@ def masses(
         noise: of the columns, where it is known.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
-    for axis in axes(excitation):
+    for axis in available_axes(excitation):
         rows: dict[str, pl.DataFrame] = {
-            method: rows_of(axis, frame) for method, frame in estimates.items()
+            method: rows_of_axis(axis, frame) for method, frame in estimates.items()
         }
         known = axis_noise(axis, machine.settings, noise)
-        totals = _totals(axis, excitation, gated, rows, machine.settings, known)
+        totals = total_estimates(axis, excitation, gated, rows, machine.settings, known)
         columns |= theta_columns(axis, *totals)
         suffix = "" if axis is X else "_z"
         columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
@@ -69,7 +78,7 @@ def withhold(totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[st
         hidden.alias("withheld"),
     ]
     if "withheld_z" in totals.columns:
-        turns = pl.lit(not verdict.tells_inertia)
+        turns = pl.lit(not verdict.can_tell_inertia)
         columns += [
             *(pl.when(turns).then(None).otherwise(n).alias(n) for n in about_z),
             turns.alias("withheld_z"),
@@ -95,7 +104,7 @@ def pooled_over_log(
     return whole.theta[0], whole.std[0]
 
 
-def _totals(
+def total_estimates(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -118,12 +127,12 @@ def _totals(
                     axis, excitation, gated, settings, noise, method
                 )
             case LogSummary.LAST:
-                traced, traced_std = theta_of(axis, frame)
+                traced, traced_std = estimated_parameters(axis, frame)
                 theta[row], std[row] = traced[-1], traced_std[-1]
             case LogSummary.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
-                windows = theta_of(axis, frame)
-                unseen = systematic(method, A, f, index, windows[0], settings, noise)
+                windows = estimated_parameters(axis, frame)
+                unseen = systematic_errors(method, A, f, index, windows[0], settings, noise)
                 theta[row], std[row] = mean_estimate(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )

@@ -8,7 +8,9 @@ from analysis.model.windows import runs_of
 from analysis.stages.motion.phases import TURNS
 
 
-def obstacles(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> list[str]:
+def reasons_for_no_answer(
+    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+) -> list[str]:
     """What stands between this log and an answer, a sentence each."""
     found = (
         why_nothing_was_accepted(excitation, gated, settings),
@@ -60,15 +62,15 @@ def why_nothing_was_accepted(
         if longest_s < window_s:
             return (
                 f"the longest stretch without {what} is {longest_s:.2f} s, "
-                f"the window {window_s:.2f} s{_remedy(what)}"
+                f"the window {window_s:.2f} s{_braking_remedy(what)}"
             )
     reasons = gated["reason_x"].cast(pl.String)
     counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
     often = counts["reason_x"][0]
-    return f"no window was accepted, most often for: {often}{_remedy(often)}"
+    return f"no window was accepted, most often for: {often}{_braking_remedy(often)}"
 
 
-def _remedy(what: str) -> str:
+def _braking_remedy(what: str) -> str:
     if what != "braking":
         return ""
     return "; where the force sees the brakes, settings.gate.exclude_braking = false"

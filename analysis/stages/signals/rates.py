@@ -47,7 +47,9 @@ class ChannelSeries:
 
     def known_at(self, instants_ns: Ints) -> Ints:
         """When the values at ascending instants are known, (rows,)."""
-        return filters.ready_ns(self.t_ns, self.known_ns, instants_ns + self.width_ns // 2)
+        return filters.interpolation_ready_ns(
+            self.t_ns, self.known_ns, instants_ns + self.width_ns // 2
+        )
 
     def newest(self, now_ns: Ints) -> Ints:
         """The latest instant whose value is known at each time, (rows,); far past before any."""
@@ -111,12 +113,12 @@ def regressors(machine: Machine) -> list[frozenset[str]]:
     return [straight | spin] if straight & spin else [straight, spin]
 
 
-def sources(name: str, machine: Machine) -> frozenset[str]:
+def source_channels(name: str, machine: Machine) -> frozenset[str]:
     """The measured channels that a channel is made of; itself where it is measured."""
     channel = machine.channels.get(name)
     if channel is None or not channel.sources:
         return frozenset({name})
-    return frozenset[str]().union(*(sources(each, machine) for each in channel.sources))
+    return frozenset[str]().union(*(source_channels(each, machine) for each in channel.sources))
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ def assign_timestamps(
     losses: list[Loss] = []
     headers = {topic: _header_usable(topic, frame, losses) for topic, frame in raw.items()}
     # how far log time lies after the stamps that would place each topic
-    behind_ns = {t: _log_behind_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
+    behind_ns = {t: median_log_delay_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
     if max(behind_ns.values()) - min(behind_ns.values()) > _CLOCK_JUMP_NS:
         for topic in raw:
             if abs(behind_ns[topic]) > _CLOCK_JUMP_NS:
@@ -161,7 +161,7 @@ def _header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
     return True
 
 
-def _log_behind_ns(frame: pl.DataFrame) -> float:
+def median_log_delay_ns(frame: pl.DataFrame) -> float:
     """The median of log time less header stamp."""
     behind = (frame["log_time_ns"] - frame["header_stamp_ns"]).median()
     return float(behind) if isinstance(behind, int | float) else 0.0

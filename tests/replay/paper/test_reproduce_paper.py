@@ -95,7 +95,7 @@ def test_tables_3_and_4_have_every_printed_value_and_no_pooled_error_below_the_b
     table = found[name].frame
     assert table[setting].unique(maintain_order=True).to_list() == list(printed)
     for row in table.iter_rows(named=True):
-        beside = printed_numbers.by_method(printed[row[setting]]).get(row["method"])
+        beside = printed_numbers.values_by_method(printed[row[setting]]).get(row["method"])
         assert row["paper_kg"] == beside
         assert row["run_kg"] < row["run_left_out_kg"] < 30.0
     pooled = table.filter(pl.col("method") == "pooled")
@@ -109,7 +109,7 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
     assert 3.0 < trial_bound_kg(replayed) < 10.0
-    refused = regate(replayed, replayed.settings.changed({"gate.threshold_nat": 50.0}))
+    refused = regate(replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0}))
     assert trial_bound_kg(refused) != trial_bound_kg(refused)
 
 
