@@ -143,7 +143,7 @@ def outcome(one: Drawn) -> np.ndarray:
     Ours with the run's own uncertainty, without it; (19)'s; u(m̂) alone.
     """
     line, _ = fit_tested_line(one.points, one.day_known_kg)
-    found = Inversion.from_line(line).inverted(
+    found = Inversion.from_line(line).invert(
         np.full(2, one.y_kg),
         np.full(2, float(one.readings)),
         np.array([one.u_random_kg, np.nan]),
@@ -243,7 +243,7 @@ def ours(points: Points, line: tuple[float, float]) -> tuple[float, float, float
     inversion = Inversion.from_line(fitted)
     c0, c1 = line
     low, high = inversion.slope_interval(CONFIDENCE)
-    at_zero = inversion.exact(0.0, CONFIDENCE)
+    at_zero = inversion.invert_exact(0.0, CONFIDENCE)
     beta_kg = -c0 / c1
     found_kg = float(at_zero.mass_kg[0])
     holds_beta = at_zero.low_kg[0] <= beta_kg <= at_zero.high_kg[0]

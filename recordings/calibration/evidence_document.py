@@ -23,11 +23,11 @@ from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
     absent_settings,
     changed_defaults,
-    put_in,
     released_defaults,
-    taken_out,
+    with_values,
+    without_values,
 )
-from recordings.signatures.canonical_json import canonical, parse
+from recordings.signatures.canonical_json import canonical_bytes, parse
 
 _FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 #: Format 1 does not say what the errors of learnt means did to its runs and its line.
@@ -220,10 +220,10 @@ class EvidenceDocument(BaseModel):
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
-        return canonical(taken_out(values, self._put_in))
+        return canonical_bytes(without_values(values, self._put_in))
 
     @property
-    def absent(self) -> dict[str, Any]:
+    def settings_at_default(self) -> dict[str, Any]:
         """Settings that came after it was made, and the default that each is taken at: dotted."""
         return {
             **absent_settings(self.machine, "machine."),
@@ -237,20 +237,22 @@ class EvidenceDocument(BaseModel):
         Args:
             values: `evidence.json`, that it was read from.
         """
-        changed = changed_defaults(self.absent, released_defaults())
+        changed = changed_defaults(self.settings_at_default, released_defaults())
         if not changed:
             return self
-        document = EvidenceDocument.model_validate_json(canonical(put_in(values, changed)))
+        document = EvidenceDocument.model_validate_json(
+            canonical_bytes(with_values(values, changed))
+        )
         document._put_in = changed  # noqa: SLF001  its own
         return document
 
     @property
-    def completed(self) -> "EvidenceDocument":
+    def with_all_settings(self) -> "EvidenceDocument":
         """The same with every setting of this version written down, also those left at default."""
-        return EvidenceDocument.model_validate_json(canonical(self.model_dump(mode="json")))
+        return EvidenceDocument.model_validate_json(canonical_bytes(self.model_dump(mode="json")))
 
     @property
-    def made_elsewhere(self) -> str:
+    def other_version(self) -> str:
         """Which other version made it, or ""; its page and words are not this version's."""
         made = self.software.payscope
         if made == version("payscope") and self.format == FORMAT:
@@ -271,7 +273,7 @@ class EvidenceDocument(BaseModel):
         return next((each for each in self.logs if each.log == name), None)
 
 
-def document_of(data: bytes, what: str) -> EvidenceDocument:
+def parse_document(data: bytes, what: str) -> EvidenceDocument:
     """Read `evidence.json` of a stranger.
 
     Raises:
@@ -284,7 +286,7 @@ def document_of(data: bytes, what: str) -> EvidenceDocument:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
-        made = _maker(values)
+        made = version_of_maker(values)
         if made:
             raise UnknownFormatError(
                 f"{what}: made by {made}, and payscope {version('payscope')} does not read all of "
@@ -297,7 +299,7 @@ def document_of(data: bytes, what: str) -> EvidenceDocument:
     return document.with_first_defaults(values)
 
 
-def _maker(values: Any) -> str:
+def version_of_maker(values: Any) -> str:
     """Which other version a document says that it is of; "" for this one, or where it says none."""
     if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
         return ""

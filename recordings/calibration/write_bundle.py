@@ -15,7 +15,7 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
-    listing,
+    list_bundle,
     read_file,
     sums_text,
 )
@@ -70,7 +70,7 @@ def write_bundle(
     html = report_html(document, readings, points)
     (folder / REPORT).write_bytes(html.encode())
     remark = report_pdf(html, folder / PDF)
-    names, _ = listing(folder)
+    names, _ = list_bundle(folder)
     digests = {name: read_file(folder, name).sha256 for name in names}
     sums = sums_text(digests).encode()
     (folder / SUMS).write_bytes(sums)

@@ -106,7 +106,7 @@ class _CertificateMasses:
             chosen = [
                 (quantity, place)
                 for quantity, refers in self._quantities
-                if kind in _kinds(quantity) and self._may_be_of(item, quantity, refers)
+                if kind in quantity_kinds(quantity) and self._may_be_of(item, quantity, refers)
                 for place in self._places(item, quantity, refers)
             ]
             if len(chosen) > 1:
@@ -118,7 +118,7 @@ class _CertificateMasses:
                 kind
                 for quantity, refers in self._quantities
                 if self._may_be_of(item, quantity, refers)
-                for kind in _kinds(quantity)
+                for kind in quantity_kinds(quantity)
             }
         )[:_MOST_NAMED]
         raise EvidenceError(
@@ -148,7 +148,7 @@ class _CertificateMasses:
         return [place for place, weight in enumerate(weights) if weight is item]
 
 
-def _kinds(quantity: "_Element") -> list[str]:
+def quantity_kinds(quantity: "_Element") -> list[str]:
     """What a quantity calls itself: its refTypes without what they are prefixed with."""
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 

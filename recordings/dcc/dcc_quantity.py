@@ -58,7 +58,7 @@ class DsiValue:
             EvidenceError: none, or another number than that.
         """
         if not self.count:
-            return [one_text(inside, name, what)]
+            return [required_text(inside, name, what)]
         texts = list_texts(inside, self.element_name(name), what)
         if len(texts) not in (1, self.count):
             raise EvidenceError(
@@ -146,7 +146,7 @@ def _standard_u(value: DsiValue, what: str, *, several_units: bool) -> float:
     return value.number(inside, name, what) / k
 
 
-def one_text(inside: "_Element", name: str, what: str) -> str:
+def required_text(inside: "_Element", name: str, what: str) -> str:
     """The text of the one child of a name.
 
     Raises:
@@ -165,7 +165,7 @@ def list_texts(inside: "_Element", name: str, what: str) -> list[str]:
     Raises:
         EvidenceError: there is no such child, or several.
     """
-    return one_text(inside, name, what).split()
+    return required_text(inside, name, what).split()
 
 
 def _parse_number(text: str, name: str, what: str) -> float:

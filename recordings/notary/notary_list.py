@@ -16,7 +16,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from estimators.errors import EvidenceError
-from recordings.signatures.canonical_json import canonical, parse
+from recordings.signatures.canonical_json import canonical_bytes, parse
 from recordings.signatures.signing import PublicKey, SigningKey
 
 FORMAT: Final = "payscope-notary/1"
@@ -114,14 +114,14 @@ class NotaryLine:
 
 
 def _message(content: NotaryHead | NotaryEntry) -> bytes:
-    return _DOMAIN + canonical(content.model_dump(mode="json"))
+    return _DOMAIN + canonical_bytes(content.model_dump(mode="json"))
 
 
 def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
     """A line with its signature."""
     signature = key.sign(_message(content))
     text = base64.b64encode(signature).decode()
-    data = canonical({**content.model_dump(mode="json"), "signature": text})
+    data = canonical_bytes({**content.model_dump(mode="json"), "signature": text})
     return NotaryLine(data, content, signature)
 
 
@@ -144,17 +144,17 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
     model = NotaryHead if values.get("counter") == 0 else NotaryEntry
     try:
         signature = base64.b64decode(text, validate=True)
-        content = model.model_validate_json(canonical(values))
+        content = model.model_validate_json(canonical_bytes(values))
     except (binascii.Error, ValueError) as fault:
-        raise EvidenceError(f"{what}: {_first_fault(fault)}") from None
-    if canonical({**content.model_dump(mode="json"), "signature": text}) != data:
+        raise EvidenceError(f"{what}: {_validation_fault_text(fault)}") from None
+    if canonical_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
         raise EvidenceError(f"{what}: holds a value in a form that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(f"{what}: its signature is not base64 of 64 bytes")
     return NotaryLine(data, content, signature)
 
 
-def _first_fault(fault: Exception) -> str:
+def _validation_fault_text(fault: Exception) -> str:
     if isinstance(fault, ValidationError):
         first = fault.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"

@@ -8,7 +8,7 @@ from typing import Any, Final
 import polars as pl
 
 from estimators.errors import OutputError
-from recordings.paper.paper_items import Found, Item
+from recordings.paper.paper_items import Item, ItemResult
 from recordings.paper.paper_pictures import draw
 from recordings.report.atomic_output import atomic_files, check_output
 
@@ -35,7 +35,7 @@ def check_reproduction(
 
 
 def write_reproduction(
-    found: Sequence[Found], folder: Path, output_format: str, about: str, *, force: bool
+    found: Sequence[ItemResult], folder: Path, output_format: str, about: str, *, force: bool
 ) -> list[Path]:
     """Write what was found.
 
@@ -77,7 +77,7 @@ def _picture(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
-def _page(found: Sequence[Found], about: str) -> str:
+def _page(found: Sequence[ItemResult], about: str) -> str:
     from jinja2 import Environment, StrictUndefined
 
     # Markdown for a reader, not HTML for a browser: nothing to escape
@@ -96,7 +96,7 @@ def _page(found: Sequence[Found], about: str) -> str:
     return environment.from_string(source).render(about=about, sections=sections)
 
 
-def _sentence_rows(found: Sequence[Found], about: str) -> pl.DataFrame:
+def _sentence_rows(found: Sequence[ItemResult], about: str) -> pl.DataFrame:
     rows = [("", "about", about)]
     for each in found:
         rows += [(each.item.name, "finding", sentence) for sentence in each.said.findings]

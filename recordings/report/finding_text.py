@@ -32,7 +32,7 @@ def name_of(cause: str) -> str:
     return cause.replace("_", " ")
 
 
-def affects_mass(finding: Finding) -> bool:
+def may_change_mass(finding: Finding) -> bool:
     """Whether a finding changes the mass, or may; one without kilograms does not."""
     return finding.severity != "tell" or finding.mass_change_kg is not None
 

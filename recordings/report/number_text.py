@@ -11,7 +11,7 @@ from analysis.model.verdict import Check
 REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
 
 
-def outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
+def outcome_text(check: Check, *, passed: str, failed: str, absent: str) -> str:
     """A check's outcome in a word: a failed one that withholds nothing is named by its consequence.
 
     Args:

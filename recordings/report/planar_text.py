@@ -33,10 +33,10 @@ def planar_lines(
     And what their uncertainty is made of, and lacks.
     """
     whole = [row for row in rows if row["kind"] in _OF] or list(rows)
-    return [_line(row) for row in whole] + _largest(budget) + _unknown(whole)
+    return [_fit_line(row) for row in whole] + largest_parts(budget) + missing_values(whole)
 
 
-def _largest(budget: Sequence[Mapping[str, Any]]) -> list[str]:
+def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
     """The largest part of what is known of each uncertainty."""
     lines: list[str] = []
     for quantity, (words, factor, unit) in _SAID.items():
@@ -51,7 +51,7 @@ def _largest(budget: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def _unknown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def missing_values(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the machine file should state; a recording of an earlier version does not say."""
     lines: list[str] = []
     for column, of in (
@@ -64,7 +64,7 @@ def _unknown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def planar(run: Run) -> str:
+def planar_markdown(run: Run) -> str:
     """Every arc and joint fit; nothing where the machine did not turn."""
     rows = planar_rows(run)
     if not rows:
@@ -84,7 +84,7 @@ def planar(run: Run) -> str:
     head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
     parts = ["# Centre of mass", table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
-    parts += [f"- {line}" for line in _unknown(rows)]
+    parts += [f"- {line}" for line in missing_values(rows)]
     parts += [f"**{_OF[row['kind']].capitalize()}**: {list_determined(row)}" for row in whole]
     if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
         sources = run.frames["planar_budget"].to_dicts()
@@ -108,20 +108,22 @@ def planar_rows(run: Run) -> list[dict[str, Any]]:
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
 
-def _line(row: Mapping[str, Any]) -> str:
+def _fit_line(row: Mapping[str, Any]) -> str:
     of = _OF.get(row["kind"], "one arc")
     if row["withheld"]:
         return f"centre of mass from {of}: withheld"
     if row["com_x_m"] is None:
         return f"centre of mass from {of}: none; {list_determined(row)}"
-    along = f"{_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+    along = (
+        f"{_distance_text(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+    )
     if row["com_y_m"] is None:
         return f"centre of mass from {of}: {along}"
-    across = f"{_distance(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
+    across = f"{_distance_text(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
     return f"centre of mass from {of}: {along}, {across}"
 
 
-def _distance(row: Mapping[str, Any], axis: str) -> str:
+def _distance_text(row: Mapping[str, Any], axis: str) -> str:
     return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 

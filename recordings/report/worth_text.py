@@ -45,7 +45,7 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
             _payload(load),
             *(calibrated_interval(load) if _is_calibrated(said) else ()),
-            _remark(load),
+            _load_remark(load),
         )
         for load in said.loads
     ]
@@ -64,7 +64,7 @@ def load_sentences(said: Answer, most: int) -> list[str]:
     return lines
 
 
-def worth_lines(said: Answer, *, brief: bool = False) -> list[str]:
+def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
     """Masses, payloads and what bears on them; or the reason why there is none."""
     if len(said.loads) == 1:
         return load_lines(said.loads[0], brief=brief)
@@ -167,7 +167,7 @@ def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, st
 
     Of the load that is known from most manoeuvres.
     """
-    shown = main_load(said)
+    shown = best_known_load(said)
     rows: list[tuple[str, str, str, str, str]] = []
     for source in said.budget:
         if source.get("load_id", 0) != shown:
@@ -182,7 +182,7 @@ def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, st
     return rows
 
 
-def main_load(said: Answer) -> int:
+def best_known_load(said: Answer) -> int:
     """The load that is known from most manoeuvres, the first of several."""
     known = [load for load in said.loads if load["mass_kg"] is not None]
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
@@ -192,9 +192,9 @@ def main_load(said: Answer) -> int:
 _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
-def advice(said: Answer) -> str | None:
+def uncertainty_advice(said: Answer) -> str | None:
     """What would shrink the uncertainty most; None without an answer."""
-    shown = main_load(said)
+    shown = best_known_load(said)
     known = [s for s in said.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in said.loads):
         return None
@@ -239,7 +239,7 @@ def calibrated_line(load: Mapping[str, Any]) -> str:
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
-def _remark(load: Mapping[str, Any]) -> str:
+def _load_remark(load: Mapping[str, Any]) -> str:
     if load["mass_kg"] is None:
         return load["withheld_for"]
     if load.get("scatter_known") is False:

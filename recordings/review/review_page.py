@@ -17,7 +17,7 @@ from recordings.report.shift_text import K, tonnes
 from recordings.review.cycle_rows import DETAILS, PAYLOAD, cycle_rows
 from recordings.review.energy_columns import energy_table
 from recordings.review.hour_rows import HEADS, hour_rows
-from recordings.review.review_plots import more_pictures, pictures
+from recordings.review.review_plots import load_pictures, shift_pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
     VERDICTS,
@@ -29,9 +29,9 @@ from recordings.review.shift_facts import (
     headline,
     long_holes,
     missing_loads,
-    no_tonnes,
+    no_tonnes_reason,
     other_losses,
-    scale_of,
+    scale_text,
     torn_sentences,
     two_machines,
 )
@@ -96,7 +96,7 @@ class ReviewPage:
 def review_html(page: ReviewPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
     state, shift = page.state, page.shift
-    why_not = no_tonnes(state, page.ledger)
+    why_not = no_tonnes_reason(state, page.ledger)
     said = page.ledger.filter(pl.col("author") != "").height
     return page_html(
         _PACKAGE,
@@ -119,8 +119,8 @@ def review_html(page: ReviewPage) -> str:
         doubted=page.ledger.filter("counted", pl.col("doubt") != "").height,
         hours=hour_rows(page.ledger, state),
         hour_heads=list(HEADS),
-        load_pictures=pictures(page.ledger, state, page.target),
-        pictures=more_pictures(state, page.track),
+        load_pictures=load_pictures(page.ledger, state, page.target),
+        pictures=shift_pictures(state, page.track),
         losses=[*(each.loss for each in state.torn), *other_losses(state)],
         totals={name: _total_rows(rows) for name, rows in page.totals.items()},
         changes=page.changes,
@@ -156,7 +156,7 @@ def _warnings(page: ReviewPage) -> list[str]:
         for finding in state.findings[:_MOST_FINDINGS]
     ]
     if page.shift["scale_unknown"]:
-        found.append(f"Scale {scale_of(page.shift)}.")
+        found.append(f"Scale {scale_text(page.shift)}.")
     return found
 
 

@@ -81,7 +81,7 @@ class ShiftVerdict(Labels):
     author: _Author | None = None
     time: dt.datetime | None = None
 
-    def holds_at(self, unix_s: float) -> bool:
+    def applies_at(self, unix_s: float) -> bool:
         """Whether it is said of a cycle that is dumped then."""
         first, last = (
             limit if each is None else each.timestamp()
@@ -105,7 +105,7 @@ class VerdictFile(BaseModel):
 
     def labels_at(self, unix_s: float) -> Labels:
         """What is said of cycles that are dumped at a time."""
-        return merge_labels(each for each in self.shift if each.holds_at(unix_s))
+        return merge_labels(each for each in self.shift if each.applies_at(unix_s))
 
 
 def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
@@ -179,10 +179,13 @@ def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
 
 def verdict_lines(text: str) -> list[str]:
     """The file's own lines, comments too, for a page; what no screen shows is by its number."""
-    return ["".join(_visible(c) for c in line.replace("\t", " ")) for line in text.splitlines()]
+    return [
+        "".join(_escape_unprintable(c) for c in line.replace("\t", " "))
+        for line in text.splitlines()
+    ]
 
 
-def matched(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
+def match_verdicts(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
     """The verdict of each row that has one; of two about one cycle the later counts.
 
     Args:
@@ -228,8 +231,8 @@ def _toml_value(value: object) -> str:
 
 def _toml_character(c: str) -> str:
     """A character of a basic string; what no screen shows is written by its number."""
-    return f"\\{c}" if c in '\\"' else _visible(c)
+    return f"\\{c}" if c in '\\"' else _escape_unprintable(c)
 
 
-def _visible(c: str) -> str:
+def _escape_unprintable(c: str) -> str:
     return c if c.isprintable() else f"\\U{ord(c):08x}"

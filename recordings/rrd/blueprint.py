@@ -9,7 +9,13 @@ import polars as pl
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.finding_text import findings_of
-from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, drawn_of, span_ns
+from recordings.rrd.display_frames import (
+    ROOT,
+    DisplayColumn,
+    axis_range,
+    drawn_columns_of_view,
+    span_ns,
+)
 from recordings.rrd.plane_pictures import BOUNDS, PlanePicture
 from recordings.rrd.recording_table import TABS, TIME, Kind, Methods, Tab, View, component_name
 from recordings.rrd.stored_frames import entity_path
@@ -123,7 +129,7 @@ def blueprint(
         # what is not there needs no signals beside it
         if not tab.events or findings_of(run)
     ]
-    return laid_out(pages, unix_span_ns(run), under)
+    return lay_out_tabs(pages, unix_span_ns(run), under)
 
 
 def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Panel | Row, ...]:
@@ -145,7 +151,7 @@ def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[P
 
 
 def _panel(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> Panel | None:
-    drawn = drawn_of(view, run, shown)
+    drawn = drawn_columns_of_view(view, run, shown)
     return Panel(view.title, view.kind, drawn, axis_range(view, run)) if drawn else None
 
 
@@ -170,7 +176,7 @@ def unix_span_ns(run: Run) -> tuple[int, int] | None:
     return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
 
 
-def laid_out(
+def lay_out_tabs(
     pages: Sequence[Page],
     span: tuple[int, int] | None,
     under: str = "",
@@ -261,11 +267,11 @@ def _shares(page: Page) -> list[float]:
     least = [max(panel.plot_share for panel in row) for row in page.rows]
     least += [_AROUND_PLOT / _PAGE] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
-    heights = iter(_share_room(plots, 1.0 - shrunk * sum(lanes)))
+    heights = iter(share_out_room(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]
 
 
-def _share_room(least: Sequence[float], room: float) -> list[float]:
+def share_out_room(least: Sequence[float], room: float) -> list[float]:
     """Share out room alike, but give each its least; where that is too much, less of it each."""
     if sum(least) >= room:
         return [room * each / sum(least) for each in least]

@@ -101,7 +101,7 @@ def _lines(name: str, frame: str, threshold: str | None = None, /, **series: str
     return View(name, Kind.LINES, drawn, threshold)
 
 
-def _wild(name: str, frame: str, column: str, label: str = "") -> View:
+def _line_view(name: str, frame: str, column: str, label: str = "") -> View:
     return View(name, Kind.LINES, (Series(frame, column, label),), wild=True)
 
 
@@ -222,10 +222,10 @@ TABS: Final = (
                 noise_share_x_1="along",
                 noise_share_z_1="yaw",
             ),
-            _wild(
+            _line_view(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
-            _wild(
+            _line_view(
                 "Predicted standard deviation of the inertia",
                 "gate",
                 "predicted_std_z",
@@ -247,9 +247,9 @@ TABS: Final = (
     Tab(
         "Residuals",
         (
-            _wild("Residual r.m.s.", "estimates", "residual_rms_N"),
-            _wild("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
-            _wild("Condition number", "estimates", "condition_1"),
+            _line_view("Residual r.m.s.", "estimates", "residual_rms_N"),
+            _line_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
+            _line_view("Condition number", "estimates", "condition_1"),
         ),
         methods=Methods.ROWS,
     ),

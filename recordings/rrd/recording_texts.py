@@ -13,16 +13,16 @@ from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of, findings_text
-from recordings.report.number_text import SCALE_NOT_KNOWN, number, outcome, plus_minus, table
-from recordings.report.planar_text import planar, planar_lines
+from recordings.report.number_text import SCALE_NOT_KNOWN, number, outcome_text, plus_minus, table
+from recordings.report.planar_text import planar_lines, planar_markdown
 from recordings.report.shift_text import shift_sentence
 from recordings.report.worth_text import (
+    answer_lines,
+    best_known_load,
     budget_rows,
     load_heads,
     load_rows,
     load_sentences,
-    main_load,
-    worth_lines,
 )
 from recordings.rrd.display_frames import span_ns
 
@@ -42,15 +42,15 @@ _MASS_COLUMNS: Final = (
 )
 
 
-def texts(run: Run) -> dict[str, str]:
+def recording_markdown(run: Run) -> dict[str, str]:
     """Every text that this run has something to say in, by name."""
     written: dict[str, Callable[[Run], str]] = {
         "answer": answer_text,
         "findings": findings_text,
-        "planar": planar,
-        "calibration": calibration,
-        "settings": settings,
-        "provenance": provenance,
+        "planar": planar_markdown,
+        "calibration": calibration_markdown,
+        "settings": settings_markdown,
+        "provenance": provenance_markdown,
     }
     return {name: text for name, write in written.items() if (text := write(run))}
 
@@ -123,11 +123,11 @@ def _several_loads_text(said: Answer) -> str:
     return f"{count}, payloads up to {plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
 
 
-def summary(run: Run) -> str:
+def summary_text(run: Run) -> str:
     """The answer in plain lines, the headline first."""
     about, said = run.provenance, answer(run)
     lines = [headline(said), f"{recording_name(about)} · {local_time(about)}"]
-    lines += worth_lines(said)[1:]
+    lines += answer_lines(said)[1:]
     if len(said.loads) > 1:
         lines += load_sentences(said, _MOST_LINES)
     lines += [""]
@@ -142,7 +142,7 @@ def summary(run: Run) -> str:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
-        came_out = outcome(check, passed="passed", failed="FAILED", absent="n/a")
+        came_out = outcome_text(check, passed="passed", failed="FAILED", absent="n/a")
         if came_out in quiet:
             value = "" if check.value is None else f" {number(check.value)}"
             quiet[came_out].append(f"{check.check}{value}")
@@ -192,7 +192,7 @@ def answer_text(run: Run) -> str:
     return "\n\n".join(parts)
 
 
-def calibration(run: Run) -> str:
+def calibration_markdown(run: Run) -> str:
     """The points and the line of each method, and of evidence; nothing without a calibration."""
     parts = ["# Calibration", *_evidence_lines(run)]
     points = run.frames.get("calibration")
@@ -257,7 +257,7 @@ def _evidence_lines(run: Run) -> list[str]:
     ]
 
 
-def settings(run: Run) -> str:
+def settings_markdown(run: Run) -> str:
     """Every setting, and the machine file as resolved."""
     about = run.provenance
     rows = [
@@ -269,7 +269,7 @@ def settings(run: Run) -> str:
     )
 
 
-def provenance(run: Run) -> str:
+def provenance_markdown(run: Run) -> str:
     """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
     about = run.provenance
     inputs = [(each.name, number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs]
@@ -354,11 +354,11 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
     """
     if not any(load["mass_kg"] is not None for load in said.loads):
         return []
-    parts = ["\n".join(f"- {line}" for line in worth_lines(said))]
+    parts = ["\n".join(f"- {line}" for line in answer_lines(said))]
     which = ""
     if len(said.loads) > 1:
         parts += cycles or ["## Loads", table(load_heads(said), load_rows(said))]
-        which = f" (mass of load {main_load(said)})"
+        which = f" (mass of load {best_known_load(said)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
         "\n".join(
@@ -398,7 +398,7 @@ def _verdict_lines(verdict: Verdict) -> list[str]:
         return []
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
     checks = [
-        f"- {outcome(check, **words)}: **{check.check}** {number(check.value)} "
+        f"- {outcome_text(check, **words)}: **{check.check}** {number(check.value)} "
         f"({check.limit}), {check.meaning}"
         for check in verdict.checks
     ]

@@ -47,7 +47,7 @@ class KnownKey(BaseModel):
     because: Annotated[str, StringConstraints(max_length=200)] = ""
 
     @model_validator(mode="after")
-    def _sound(self) -> Self:
+    def _check_sound(self) -> Self:
         try:
             self.public  # noqa: B018  reading it refuses a weak key
         except EvidenceError as fault:
@@ -61,7 +61,7 @@ class KnownKey(BaseModel):
         """The key itself."""
         return PublicKey.of_text(self.key)
 
-    def fault_on(self, made: dt.date, proven: dt.date | None) -> str:
+    def distrust_reason(self, made: dt.date, proven: dt.date | None) -> str:
         """Why a signature of that day does not count; "" where it does.
 
         Args:

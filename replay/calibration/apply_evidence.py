@@ -18,9 +18,9 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import definition
+from recordings.calibration.derived_values import mass_definition
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import public_key
@@ -93,7 +93,7 @@ class MachineCalibration:
         if self.calibration.responses:
             weighing = machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-        return Machine.model_validate_json(canonical(weighing.model_dump(mode="json")))
+        return Machine.model_validate_json(canonical_bytes(weighing.model_dump(mode="json")))
 
     def other(self, weighing: Machine) -> str:
         """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
@@ -104,8 +104,8 @@ class MachineCalibration:
         mine_id = weighing.machine.id
         if mine_id not in (None, self.machine_id):
             return f"is of machine '{self.machine_id}', not of '{mine_id}'"
-        kept = dict(_flatten(definition(self.weighing(self.document.machine))))
-        mine = dict(_flatten(definition(weighing)))
+        kept = dict(_flatten(mass_definition(self.weighing(self.document.machine))))
+        mine = dict(_flatten(mass_definition(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
             return f"is of machine '{kept[name]}', not of '{mine[name]}'"
@@ -245,7 +245,7 @@ def _require_known_signature(asked: AskedCalibration, by: SignedBy, keyring: Key
     Raises:
         EvidenceError: unsigned, or by an unknown key that is not accepted.
     """
-    if by.trusted:
+    if by.is_trusted:
         return by
     if by.how == "unsigned":
         raise EvidenceError(

@@ -39,7 +39,7 @@ from recordings.calibration.evidence_document import (
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
 from recordings.calibration.write_bundle import tables_of, write_bundle
 from recordings.report.atomic_output import atomic_file, atomic_files, check_folder, check_output
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
@@ -159,7 +159,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
     """
     campaign, machine = load_campaign(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-    machine = Machine.model_validate_json(canonical(machine.model_dump(mode="json")))
+    machine = Machine.model_validate_json(canonical_bytes(machine.model_dump(mode="json")))
     key = signing_key(key_file)
     xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
     before = None if previous is None else before_of(previous, campaign.machine.id, key)
@@ -346,7 +346,7 @@ def _document(
         signer=None if key is None else _signer(campaign, key),
         software=software(),
     )
-    return document.completed
+    return document.with_all_settings
 
 
 def _estimator_now(last: EvidenceDocument | None) -> Estimator | None:

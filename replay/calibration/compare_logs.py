@@ -80,7 +80,7 @@ def _compare_log(
     item = f"{EVIDENCE}: logs: {kept.log}"
     if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
-    if any(name.startswith("machine.") for name in document.absent):
+    if any(name.startswith("machine.") for name in document.settings_at_default):
         checked.notes.append(
             f"{kept.log}: settings and frames are compared value by value alone, not by their "
             "digests: this version has settings that the evidence has not"
@@ -98,7 +98,7 @@ def _compare_log(
         there, here = getattr(kept, name), getattr(anew, name)
         if _equal(there, here):
             continue
-        words = name in _IN_WORDS and document.made_elsewhere
+        words = name in _IN_WORDS and document.other_version
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
         said = f"{what}: {_format_value(there)} there, {_format_value(here)} here"
         checked.add(outcome, f"{item}: {name}", said)

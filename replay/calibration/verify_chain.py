@@ -8,7 +8,7 @@ from typing import Any
 
 from estimators.errors import counted
 from recordings.calibration.chain_check import chain_findings
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst_outcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from replay.calibration.verify_bundle import Verification, verify
 
@@ -30,7 +30,9 @@ class VerifiedChain:
     @property
     def outcome(self) -> BundleOutcome | None:
         """The exit status of all together; None where nothing is wrong."""
-        return worst([*self.findings, *(each for made in self.bundles for each in made.findings)])
+        return worst_outcome(
+            [*self.findings, *(each for made in self.bundles for each in made.findings)]
+        )
 
     @property
     def verdict(self) -> str:

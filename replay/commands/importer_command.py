@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from recordings.rrd.viewer_stream import ViewerAsks
+    from recordings.rrd.viewer_stream import ViewerRequest
 
 #: The viewer's own number.
 NOT_MINE: Final = 66
@@ -38,9 +38,9 @@ def main() -> None:
         sys.stderr.write(f"payscope: shown without a replay: {fault}\n")
 
 
-def _asks(asked: argparse.Namespace) -> "ViewerAsks":
+def _asks(asked: argparse.Namespace) -> "ViewerRequest":
     """What the viewer asks for; a time that is none is left out, as in Rerun's own importers."""
-    from recordings.rrd.viewer_stream import TimelineKind, ViewerAsks
+    from recordings.rrd.viewer_stream import TimelineKind, ViewerRequest
 
     times: list[tuple[str, TimelineKind, int]] = []
     for kind, option in (
@@ -57,7 +57,7 @@ def _asks(asked: argparse.Namespace) -> "ViewerAsks":
             if name and -_LARGEST <= time < _LARGEST:
                 times.append((name, kind, time))
     application = asked.application_id or asked.path.stem or "payscope"
-    return ViewerAsks(application, asked.recording_id, asked.entity_path_prefix, tuple(times))
+    return ViewerRequest(application, asked.recording_id, asked.entity_path_prefix, tuple(times))
 
 
 def _parser() -> argparse.ArgumentParser:

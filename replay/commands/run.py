@@ -202,9 +202,9 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
 
 def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
-    from recordings.report.worth_text import advice, load_heads, load_rows, worth_lines
+    from recordings.report.worth_text import answer_lines, load_heads, load_rows, uncertainty_advice
 
-    for line in worth_lines(answer, brief=not verbose):
+    for line in answer_lines(answer, brief=not verbose):
         print_line(screen, line)
     if len(answer.loads) > 1:
         heads = load_heads(answer)
@@ -213,7 +213,7 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
         for load in load_rows(answer):
             loads.add_row(*load)
         print_table(screen, loads)
-    most = advice(answer)
+    most = uncertainty_advice(answer)
     if most:
         print_line(screen, most)
 
@@ -238,10 +238,10 @@ def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator
 
 
 def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
-    from recordings.report.finding_text import affects_mass, finding_line, findings_from
+    from recordings.report.finding_text import finding_line, findings_from, may_change_mass
 
     found = findings_from(answer.findings)
-    shown = found if verbose else [each for each in found if affects_mass(each)][:_MOST_LINES]
+    shown = found if verbose else [each for each in found if may_change_mass(each)][:_MOST_LINES]
     yield from (f"finding: {finding_line(each)}" for each in shown)
     left = len(found) - len(shown)
     if left:
@@ -271,11 +271,11 @@ def _inertia_lines(answer: "Answer") -> "Iterator[str]":
 
 def _print_budget(screen: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import budget_rows, main_load
+    from recordings.report.worth_text import best_known_load, budget_rows
 
     rows = budget_rows(answer) if answer.verdict.can_weigh else []
     if rows:
-        of = f" (mass of load {main_load(answer)})" if len(answer.loads) > 1 else ""
+        of = f" (mass of load {best_known_load(answer)})" if len(answer.loads) > 1 else ""
         table = plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")
@@ -340,7 +340,7 @@ def _value_text(row: "AnswerRow", method: str, name: str, std_name: str | None) 
 
 def _check_table(checks: "Sequence[Check]") -> "Table":
     """A row a check: its number, its limit, what it led to."""
-    from recordings.report.number_text import outcome
+    from recordings.report.number_text import outcome_text
 
     table = plain_table("check", "value", "limit")
     table.add_column("")
@@ -348,6 +348,6 @@ def _check_table(checks: "Sequence[Check]") -> "Table":
     for check in checks:
         value = "–" if check.value is None else f"{check.value:.3g}"
         passed = "near" if check.is_near else "ok"
-        state = outcome(check, passed=passed, failed="[red]failed[/]", absent="n/a")
+        state = outcome_text(check, passed=passed, failed="[red]failed[/]", absent="n/a")
         table.add_row(check.check, value, check.limit, state, check.meaning)
     return table

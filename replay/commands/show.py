@@ -66,7 +66,7 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
     """Print the recording's stages with their columns, and what was lost on the way to them."""
     from rich.markup import escape
 
-    from recordings import read_provenance, stages
+    from recordings import read_provenance, stage_columns
     from replay.commands.print_tables import (
         console,
         plain_table,
@@ -75,7 +75,7 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
         print_table,
     )
 
-    held = stages(recording)
+    held = stage_columns(recording)
     if as_json:
         print_json(held)
         return

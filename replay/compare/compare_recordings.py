@@ -13,7 +13,7 @@ from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
 from recordings import check_recording
 from recordings.report.atomic_output import refuse_input_as_output
-from recordings.rrd.reader import OpenRecording, opened
+from recordings.rrd.reader import OpenRecording, open_recording
 from recordings.rrd.recording_table import drawn_columns
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def compare_recordings(
     if output.path is not None:
         refuse_input_as_output(output.path, [a, b])
         check_recording(output.path, force=output.force)
-    with opened(a) as first, opened(b) as second:
+    with open_recording(a) as first, open_recording(b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
             raise RecordingError(

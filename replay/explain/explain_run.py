@@ -14,7 +14,7 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import check_output, refuse_input_as_output
 from recordings.report.picture import check_picture
-from recordings.rrd.reader import OpenRecording, opened
+from recordings.rrd.reader import OpenRecording, open_recording
 from recordings.rrd.recording_table import drawn_columns
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
@@ -118,11 +118,11 @@ def _check_moment(asked: ExplainRequest, run: Run) -> None:
 def _run(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames that are explained: as recorded, or of a replay."""
     if asked.machine_file is None:
-        with opened(asked.path) as held:
+        with open_recording(asked.path) as held:
             return read_explained_frames(held, pictured=asked.picture is not None)
     machine = load_machine(asked.machine_file, asked.overrides)
     if asked.path.suffix == SUFFIX and asked.path.is_file():
-        with opened(asked.path) as held:
+        with open_recording(asked.path) as held:
             if "findings" in held.stages and not _differs(held, machine):
                 return read_explained_frames(held, pictured=asked.picture is not None)
     # a recording is explained without what replays a log

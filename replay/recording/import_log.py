@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import LogError, PayscopeError, counted, one_line
-from recordings.rrd.viewer_stream import ViewerAsks, stream_run, stream_topics
+from recordings.rrd.viewer_stream import ViewerRequest, stream_run, stream_topics
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
@@ -20,7 +20,7 @@ _ELEMENTS: Final = 12
 _LEFT_OUT: Final = ("header.", "covariance")
 
 
-def import_log(log: Path, asks: ViewerAsks) -> str | None:
+def import_log(log: Path, asks: ViewerRequest) -> str | None:
     """Write a log to standard output as the viewer reads it.
 
     Args:

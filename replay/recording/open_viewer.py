@@ -8,7 +8,7 @@ from pathlib import Path
 from estimators.errors import OutputError, RecordingError
 from recordings import read_provenance, write_recording
 from recordings.rrd.recording_window import LATEST_S, read_window
-from recordings.rrd.viewer import open_viewer, screenshots
+from recordings.rrd.viewer import open_viewer, screenshot_recording
 from recordings.rrd.writer import SUFFIX
 
 
@@ -78,6 +78,6 @@ def view(
         if screenshot is None:
             open_viewer(shown, at_s)
             return []
-        drawn = screenshots(shown, folder, tab, at_s)
+        drawn = screenshot_recording(shown, folder, tab, at_s)
         screenshot.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.move(each.png, screenshot / each.png.name)) for each in drawn]

@@ -10,7 +10,7 @@ import polars as pl
 from analysis.model.schema import FRAMES, Frame
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import RecordingError, nearest
-from recordings import read_frame, read_provenance, stages
+from recordings import read_frame, read_provenance, stage_columns
 from recordings.rrd.recording_window import check_stretch
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class Stage:
         Raises:
             RecordingError: no recording, or it has no such stage.
         """
-        held = stages(recording)
+        held = stage_columns(recording)
         if name not in held:
             raise RecordingError(f"{recording}: no stage '{name}'; {nearest(name, held)}")
         about = read_provenance(recording)
@@ -71,7 +71,7 @@ class Stage:
         from analysis.calibration.use.later_log import FRAMES as NEEDED
         from replay.calibration.apply_evidence import calibrated_frame
 
-        about, there = read_provenance(self.recording), stages(self.recording)
+        about, there = read_provenance(self.recording), stage_columns(self.recording)
         frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
         return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
 

@@ -21,7 +21,7 @@ from recordings.review.reviewer_verdicts import (
     CycleVerdict,
     ShiftVerdict,
     VerdictFile,
-    matched,
+    match_verdicts,
     parse_verdicts,
     read_verdict_text,
     verdict_toml,
@@ -127,7 +127,7 @@ class GivenVerdicts:
             if len(span) == 2 and span["begin"] >= span["end"]:
                 raise ReviewError(f"--to {self.end} is not after --from {self.begin}")
             said = ShiftVerdict.model_validate(self._labels | span | signed)
-            if not any(said.holds_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]):
+            if not any(said.applies_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]):
                 raise ReviewError(
                     f"no load is dumped from {self.begin or 'the beginning'} to "
                     f"{self.end or 'the end'} of the shift"
@@ -142,7 +142,7 @@ class GivenVerdicts:
                 if in_parts or getattr(before.shift_labels, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
-        standing = matched(before, rows["id"], folder)
+        standing = match_verdicts(before, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
         for when, reject in self.named:
             row = find_cycle(when, rows, state.clock)

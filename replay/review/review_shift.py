@@ -23,13 +23,13 @@ from analysis.model.run_record import Provenance, Run
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
-from recordings import read_frame, stages, write_recording
+from recordings import read_frame, stage_columns, write_recording
 from recordings.report.atomic_output import atomic_files
 from recordings.review.review_state import (
     FORMAT,
     RECORDING,
     ReviewState,
-    changed,
+    changed_values,
     read_state,
     state_of,
 )
@@ -255,7 +255,7 @@ def _told(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
     """What calibrating needs of the replay, or of its recording."""
     if made.run is not None:
         return made.run.frames
-    there = stages(folder / RECORDING)
+    there = stage_columns(folder / RECORDING)
     return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
 
 
@@ -290,7 +290,7 @@ def _changes(before: ReviewState, state: ReviewState) -> list[tuple[str, str, st
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *changed(before, state.resolved)]
+    return [*logs, *changed_values(before, state.resolved)]
 
 
 def torn_logs(

@@ -10,7 +10,7 @@ from analysis.compare.run_comparison import ValueChange, changed_settings
 from analysis.model.answer import Answer
 from analysis.model.machine import Machine
 from estimators.errors import PayscopeError
-from recordings.rrd.viewer import follow, recordings_shown, start_viewer
+from recordings.rrd.viewer import recordings_shown, replace_recording, start_viewer
 from recordings.rrd.writer import LiveView
 from replay.machines.machine_file import load_machine, machine_path
 from replay.runs.run_logs import RecordTo
@@ -63,7 +63,7 @@ def watch(
             before = recordings_shown(view.address) if view else ()
             answer = replay(replace(output, viewer=view))
             if view:
-                follow(view.address, before)
+                replace_recording(view.address, before)
         except PayscopeError as error:
             if last is None:
                 raise

@@ -33,7 +33,7 @@ def test_an_attack_is_found_and_nothing_of_it_trusted(
     if attack.kind in SIGNED_ANEW:
         for folder in forged(tmp_path):
             by = verify(folder).signed_by
-            assert not by.trusted
+            assert not by.is_trusted
             assert "signed by T. Signer" not in str(by)
 
 

@@ -21,9 +21,9 @@ from cryptography.hazmat.primitives.serialization import (
 
 from estimators.errors import EvidenceError
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import PublicKey, public_key, signing_key, weakness
+from recordings.signatures.signing import PublicKey, key_weakness, public_key, signing_key
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
 from replay.calibration.calibrate_campaign import before_of
 from replay.calibration.verify_bundle import verify
@@ -198,16 +198,16 @@ def test_a_key_out_of_its_validity_or_revoked_signs_nothing(
     found = verify(made.bundle)
     assert found.outcome is outcome
     assert words in items(found)
-    assert not found.signed_by.trusted
+    assert not found.signed_by.is_trusted
     with pytest.raises(EvidenceError, match="calibrates nothing"):
         load_calibration(AskedCalibration(made.bundle, signed=True))
 
 
 def test_a_revoked_key_counts_where_a_time_stamp_is_older(made: Made) -> None:
     key = known(made, revoked="2026-06-01")
-    assert key.fault_on(dt.date(2026, 5, 1), None)
-    assert key.fault_on(dt.date(2026, 5, 1), dt.date(2026, 7, 1))
-    assert not key.fault_on(dt.date(2026, 5, 1), dt.date(2026, 5, 2))
+    assert key.distrust_reason(dt.date(2026, 5, 1), None)
+    assert key.distrust_reason(dt.date(2026, 5, 1), dt.date(2026, 7, 1))
+    assert not key.distrust_reason(dt.date(2026, 5, 1), dt.date(2026, 5, 2))
 
 
 def test_keys_are_revoked_from_the_command_line(
@@ -288,7 +288,7 @@ def test_a_published_key_neither_signs_nor_verifies(seed: bytes, tmp_path: Path)
 def test_a_key_as_it_should_be_has_no_weakness() -> None:
     for _ in range(20):
         raw = Ed25519PrivateKey.generate().public_key().public_bytes_raw()
-        assert weakness(raw) == ""
+        assert key_weakness(raw) == ""
 
 
 def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) -> None:
@@ -304,7 +304,7 @@ def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) 
             held["signatures"] = [
                 {"keyid": weak.key_id, "sig": base64.b64encode(signature).decode()}
             ]
-            (folder / "statement.dsse.json").write_bytes(canonical(held))
+            (folder / "statement.dsse.json").write_bytes(canonical_bytes(held))
 
         bundle.last.append(sign)
 

@@ -13,13 +13,13 @@ from recordings.calibration import evidence_document
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import estimator_of
-from recordings.calibration.evidence_document import document_of
+from recordings.calibration.evidence_document import parse_document
 from recordings.calibration.released_defaults import (
     changed_defaults,
     present_defaults,
     released_defaults,
 )
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
 from replay.calibration.verify_bundle import Verification, verify
 from replay.machines.machine_file import load_machine
@@ -150,8 +150,8 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         for name in place[:-1]:
             inside = inside[name]
         del inside[place[-1]]
-        document = document_of(canonical(bundle.evidence), EVIDENCE)
-        estimator = estimator_of(document.campaign, document.weighing, document.absent)
+        document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
+        estimator = estimator_of(document.campaign, document.weighing, document.settings_at_default)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     return tamper

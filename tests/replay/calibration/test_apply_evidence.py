@@ -11,8 +11,8 @@ from analysis.calibration.use.learnt_priors import machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import estimator_of
-from recordings.calibration.evidence_document import document_of
-from recordings.signatures.canonical_json import canonical
+from recordings.calibration.evidence_document import parse_document
+from recordings.signatures.canonical_json import canonical_bytes
 from replay.calibration.apply_evidence import AskedCalibration, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
@@ -200,8 +200,8 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = document_of(canonical(bundle.evidence), "evidence.json")
-        estimator = estimator_of(document.campaign, document.weighing, document.absent)
+        document = parse_document(canonical_bytes(bundle.evidence), "evidence.json")
+        estimator = estimator_of(document.campaign, document.weighing, document.settings_at_default)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     earlier = tampered(made.folder, tmp_path / "earlier", before, signed=True)

@@ -15,13 +15,13 @@ from recordings.calibration.bundle_folder import (
     READINGS,
     RECORDING,
     SUMS,
-    listing,
+    list_bundle,
     read_file,
     sums_text,
 )
 from recordings.calibration.calibration_recording import calibration_run, write_calibration
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.evidence_document import document_of
+from recordings.calibration.evidence_document import parse_document
 from recordings.calibration.pdf_check import first_difference, pdf_fault, table_heads, text_of
 from recordings.rrd.writer import write_recording
 from replay.calibration.calibrate_campaign import calibrate
@@ -45,7 +45,7 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> Path:
     folder = tampered(bundle, tmp_path / "b", tamper, signed=False)
-    document = document_of((folder / "evidence.json").read_bytes(), "evidence.json")
+    document = parse_document((folder / "evidence.json").read_bytes(), "evidence.json")
     (folder / RECORDING).unlink()
     tables = (pl.read_parquet(folder / name) for name in (READINGS, POINTS))
     write_calibration(folder, document, *tables)
@@ -53,7 +53,7 @@ def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> P
 
 
 def digested(folder: Path) -> Path:
-    names, _ = listing(folder)
+    names, _ = list_bundle(folder)
     digests = {name: read_file(folder, name).sha256 for name in names if name != SUMS}
     (folder / SUMS).write_text(sums_text(digests))
     return folder
@@ -156,7 +156,7 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
 def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     bundle: Path, tmp_path: Path
 ) -> None:
-    document = document_of((bundle / "evidence.json").read_bytes(), "evidence.json")
+    document = parse_document((bundle / "evidence.json").read_bytes(), "evidence.json")
     readings, points = (pl.read_parquet(bundle / name) for name in (READINGS, POINTS))
     forged = calibration_run(document, readings, points.with_columns(pl.col("mean_kg") + 5.0))
     folder = exchanged(bundle, tmp_path, RECORDING, lambda path: write_recording(forged, path))

@@ -14,7 +14,7 @@ pytest.importorskip("signxml", reason="signxml is not installed (pip install 'pa
 from lxml import etree
 
 from estimators.errors import CampaignError
-from recordings.calibration.certificate_text import not_stated, warnings_of, weighings
+from recordings.calibration.certificate_text import not_stated, warnings_of, weighings_by_load
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
 from recordings.dcc.dcc_masses import certified_masses
@@ -218,7 +218,7 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome
     page = (made.folder / "report.html").read_text()
     assert "Min of OIML R 51 Y(b), 10 e: 30.0 kg. Below it: 20.0005 kg." in page
     assert "the heaviest load that was judged: 40.0 kg" in page
-    rows = weighings(made.document, made.readings)
+    rows = weighings_by_load(made.document, made.readings)
     fitted = made.document.calibration
     assert fitted is not None
     used = made.readings.filter(pl.col("used") & (pl.col("load_id") == "weight-1"))

@@ -40,13 +40,13 @@ def textbook(x, y, y0):
 @pytest.mark.parametrize("y0", [-40.0, 60.0, 128.0, 400.0])
 def test_the_interval_is_fieller_s_of_the_textbook(y0):
     y = X + np.array([3.0, -5.0, 8.0, -2.0, -7.0, 4.0])
-    found = inverse(y).inverted(np.array([y0]), np.ones(1), NONE, 0.95)
+    found = inverse(y).invert(np.array([y0]), np.ones(1), NONE, 0.95)
     assert (found.low_kg[0], found.high_kg[0]) == pytest.approx(textbook(X, y, y0), rel=1e-6)
 
 
 def test_a_slope_that_cannot_be_told_from_nothing_bounds_no_mass():
     y = np.array([100.0, 300.0, 80.0, 290.0, 110.0, 310.0])
-    found = inverse(y).inverted(np.array([200.0]), np.ones(1), NONE, 0.95)
+    found = inverse(y).invert(np.array([200.0]), np.ones(1), NONE, 0.95)
     assert np.isnan([found.low_kg[0], found.high_kg[0]]).all()
 
 
@@ -65,9 +65,11 @@ def test_tails_are_those_of_the_distribution_behind_the_interval():
     u = found.u_kg(100.0, 1.0)
     for distance in (0.0, 5.0, 20.0):
         exact = student_t.sf(distance / u, 4)
-        assert found.beyond(distance, 100.0, 1.0) == pytest.approx(exact, abs=1e-4)
-        assert found.beyond(-distance, 100.0, 1.0) == pytest.approx(1.0 - exact, abs=1e-4)
-    assert found.beyond(1e9, 100.0, 1.0) <= 1e-6
+        assert found.exceedance_probability(distance, 100.0, 1.0) == pytest.approx(exact, abs=1e-4)
+        assert found.exceedance_probability(-distance, 100.0, 1.0) == pytest.approx(
+            1.0 - exact, abs=1e-4
+        )
+    assert found.exceedance_probability(1e9, 100.0, 1.0) <= 1e-6
 
 
 def test_student_s_factor_is_the_normal_one_where_all_is_known():
