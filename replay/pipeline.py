@@ -59,7 +59,7 @@ from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields, named_by_topic, provenance, read_channels
 from replay.inputs.machine_identity import identify_machine
 from replay.inputs.parallel_tables import join_parallel_tables
-from replay.inputs.time_line import note as order_note
+from replay.inputs.time_line import offset_note as order_note
 from replay.inputs.time_line import offsets_ns
 from replay.logs import Log
 
@@ -142,7 +142,7 @@ def run(
     del placed  # of a shift it is half a gigabyte
     weighing, excitation = seen.weighing, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
-    causes = _causes(seen, raw, machine)
+    causes = _find_causes(seen, raw, machine)
     judged = withhold_by_findings(seen.case.judged, causes, machine)
     opinion = Verdict.of(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
@@ -269,7 +269,7 @@ def _run_stages(
     )
 
 
-def _causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
+def _find_causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
     """The causes that show; behind one that hides the others, those of the log without it."""
     part = findings_of_first_hour(raw)
 

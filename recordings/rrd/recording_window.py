@@ -36,7 +36,7 @@ def read_window(
     if whole_run and raw:
         return read_recording(path)
     check_stretch(path, from_s, to_s)
-    stretch = _between_text(from_s, to_s)
+    stretch = _ends_text(from_s, to_s)
     begin, end = (
         None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * NS)
         for each in (from_s, to_s)
@@ -75,7 +75,7 @@ def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) ->
     ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
     if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
         raise RecordingError(
-            f"{path}: {_between_text(from_s, to_s)} is not a time span; use seconds since the start, "
+            f"{path}: {_ends_text(from_s, to_s)} is not a time span; use seconds since the start, "
             "the earlier first"
         )
 
@@ -109,6 +109,6 @@ def _rows_inside(
     return frame.filter(pl.all_horizontal(wanted))
 
 
-def _between_text(from_s: float | None, to_s: float | None) -> str:
+def _ends_text(from_s: float | None, to_s: float | None) -> str:
     begin = "the start" if from_s is None else f"{from_s:g} s"
     return f"from {begin} to {'the end' if to_s is None else f'{to_s:g} s'}"

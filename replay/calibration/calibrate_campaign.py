@@ -43,7 +43,13 @@ from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
-from replay.calibration.campaign_runs import CampaignReplay, new_id, now, replay_runs, software
+from replay.calibration.campaign_runs import (
+    CampaignReplay,
+    new_id,
+    now,
+    replay_runs,
+    software_versions,
+)
 from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
 from replay.calibration.refuse_campaign import (
     load_stretch,
@@ -81,7 +87,7 @@ class CalibrationOutcome:
         return self.readings.filter(~pl.col("used"))
 
     @property
-    def good(self) -> bool:
+    def is_good(self) -> bool:
         """Whether there is a line, within its limits, and no drift."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
@@ -162,7 +168,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
     machine = Machine.model_validate_json(canonical_bytes(machine.model_dump(mode="json")))
     key = signing_key(key_file)
     xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
-    before = None if previous is None else before_of(previous, campaign.machine.id, key)
+    before = None if previous is None else previous_evidence(previous, campaign.machine.id, key)
     check_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
@@ -225,7 +231,9 @@ def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
         partial.write_bytes(query)
 
 
-def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) -> CheckedBundle:
+def previous_evidence(
+    previous: Path, machine_id: str | None, key: SigningKey | None
+) -> CheckedBundle:
     """The machine's evidence before this, checked.
 
     Args:
@@ -294,7 +302,7 @@ def finish_evidence(
             "each log why"
         )
     tables, digests = tables_of(readings, points)
-    document = _document(evidence, digests, key, before)
+    document = _make_document(evidence, digests, key, before)
     write_calibration(made, document, readings, points)
     remarks = write_bundle(made, document, readings, points, tables, key, stretch)
     checked = check_bundle(made, None if key is None else key.public, previous)
@@ -307,7 +315,7 @@ def finish_evidence(
     return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
 
 
-def _document(
+def _make_document(
     evidence: EvidenceParts,
     digests: EvidenceTables,
     key: SigningKey | None,
@@ -340,26 +348,26 @@ def _document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=check_earlier_line(last, _estimator_now(last), estimator, fitted.frame),
+        as_found=check_earlier_line(last, estimator_of_this_version(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
-        chain=_chain(before),
-        signer=None if key is None else _signer(campaign, key),
-        software=software(),
+        chain=_next_link(before),
+        signer=None if key is None else _signer_of_campaign(campaign, key),
+        software=software_versions(),
     )
     return document.with_all_settings
 
 
-def _estimator_now(last: EvidenceDocument | None) -> Estimator | None:
+def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None:
     """The estimator of the evidence before, digested as this version does."""
     return None if last is None else estimator_of(last.campaign, last.weighing)
 
 
-def _signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
+def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     name = campaign.campaign.signer
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _chain(before: CheckedBundle | None) -> Chain:
+def _next_link(before: CheckedBundle | None) -> Chain:
     if before is None or before.document is None:
         return Chain(counter=1, previous=None)
     last = before.document

@@ -36,7 +36,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
             "one from a folder of logs"
         )
     content = read_toml(path, CampaignError)
-    for place, text in left_open(content):
+    for place, text in unfinished_entries(content):
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
@@ -48,7 +48,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
-    machine = of_machine(weighed_in(campaign, machine), campaign.machine.id, path)
+    machine = with_serial_number(with_campaign_mass(campaign, machine), campaign.machine.id, path)
     try:
         known, _ = load_references(campaign, machine.machine)
         decision_rule(campaign, known)
@@ -69,7 +69,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     return campaign, machine
 
 
-def of_machine(machine: Machine, wanted: str, what: object) -> Machine:
+def with_serial_number(machine: Machine, wanted: str, what: object) -> Machine:
     """The machine with its serial number.
 
     Args:
@@ -89,19 +89,19 @@ def of_machine(machine: Machine, wanted: str, what: object) -> Machine:
     return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})
 
 
-def left_open(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
+def unfinished_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
     """Where a draft was not completed: the place of each text whose first word is TODO, and it."""
     if isinstance(content, dict):
         for name, value in content.items():
-            yield from left_open(value, f"{place}.{name}" if place else name)
+            yield from unfinished_entries(value, f"{place}.{name}" if place else name)
     elif isinstance(content, list):
         for number, value in enumerate(content, start=1):
-            yield from left_open(value, f"{place}[{number}]")
+            yield from unfinished_entries(value, f"{place}[{number}]")
     elif isinstance(content, str) and _TODO.match(content):
         yield place, content
 
 
-def weighed_in(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+def with_campaign_mass(campaign: CalibrationCampaign, machine: Machine) -> Machine:
     """The machine with the empty mass that the campaign file gives, where it gives any."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}

@@ -90,7 +90,7 @@ class Verification:
         }
 
 
-def verify(
+def verify_bundle(
     folder: Path,
     *,
     logs: Path | None = None,
@@ -128,7 +128,7 @@ def verify(
         what = f"is {keeper}, and one by a key of the keyring is asked for"
         checked.add(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = checked.document
-    done = _done(checked, previous is not None)
+    done = checks_done(checked, previous is not None)
     files = FilesCheck()
     if document is not None:
         files = compare_files(checked, document, folder, whole=logs is not None)
@@ -152,13 +152,13 @@ def verify(
         tuple(done),
         ()
         if document is None
-        else (*undetectable_faults(document), *files.unseen, *_never_seen(document)),
+        else (*undetectable_faults(document), *files.unseen, *unverifiable_claims(document)),
         checked.signed_by,
         checked,
     )
 
 
-def _never_seen(document: EvidenceDocument) -> Iterator[str]:
+def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
     """What `verify` compares with nothing, whatever it is given."""
     yield (
         "Whether what the campaign file says of people, place, conditions, sensors and parts is "
@@ -177,7 +177,7 @@ def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.dat
         checked.add(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def _done(checked: CheckedBundle, chained: bool) -> list[str]:
+def checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
     """What a check of the folder itself looked at."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked.document is not None:

@@ -101,7 +101,7 @@ def command(
         print_json(made.to_dict())
     else:
         _print(console(), made)
-    if not made.good:
+    if not made.is_good:
         raise typer.Exit(1)
 
 

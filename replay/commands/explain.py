@@ -56,7 +56,7 @@ def command(
     from replay.commands.progress_bar import Stages
     from replay.explain.explain_run import ExplainRequest, explain_run
 
-    picture, mended_file = _outputs(output or [], apply=apply)
+    picture, mended_file = picture_and_machine_file(output or [], apply=apply)
     if overrides and machine is None:
         raise typer.BadParameter("--set overrides a machine file: name it with -m")
     asked = ExplainRequest(
@@ -73,7 +73,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _outputs(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
+def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
     """The picture and the machine file among the outputs.
 
     Raises:

@@ -184,7 +184,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
         _print_worth(screen, answer, verbose)
     else:
         _print_verdict(screen, answer, verbose)
-    for line in _more_lines(answer, goal, verbose):
+    for line in further_lines(answer, goal, verbose):
         print_line(screen, line)
     if verbose:
         _print_budget(screen, answer)
@@ -218,7 +218,7 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
         print_line(screen, most)
 
 
-def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
+def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
     """What else bears on the answer, the most important first."""
     from recordings.report.planar_text import planar_lines
     from recordings.report.worth_text import goal_lines, shift_lines

@@ -37,7 +37,7 @@ class ResultName(NamedTuple):
         return f"{RECORDINGS}/machine={machine}/day={self.day}/{self.key}.rrd"
 
 
-def name_of(stored: str) -> ResultName | None:
+def parse_result_name(stored: str) -> ResultName | None:
     """The name of the result that an object is a part of; None for an object of another kind."""
     parts = stored.split("/")
     if len(parts) != 4 or not parts[1].startswith("machine=") or not parts[2].startswith("day="):
@@ -49,7 +49,7 @@ def name_of(stored: str) -> ResultName | None:
     )
 
 
-def key_of(basis: str, digests: Sequence[str]) -> str:
+def result_key(basis: str, digests: Sequence[str]) -> str:
     """The key of a result: its log by content, and all else that it depends on."""
     whole = json.dumps([basis, sorted(digests)])
     return hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]

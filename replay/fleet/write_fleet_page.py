@@ -53,7 +53,7 @@ class FleetReport:
             "page": str(self.path),
             "sum": dict(sum_machines(machines)),
             "machines": machines.to_dicts(),
-            "drifts": [_drift(c) for c in page.charts if c.chart.flagged is not None],
+            "drifts": [_drift_of_chart(c) for c in page.charts if c.chart.flagged is not None],
             "friction": {name: trend._asdict() for name, trend in self.friction.items()},
             "to_look_at": page.looks.to_dicts(),
             "without_a_result": dict(page.failed),
@@ -106,13 +106,13 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
         charts=machine_charts(days),
         calibrations=calibrations,
         changes=line_changes(calibrations),
-        looks=_with_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
+        looks=add_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )
 
 
-def _with_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
+def add_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
     """With the command that opens each recording at its place."""
     where = shlex.quote(destination)
     commands = [
@@ -122,7 +122,7 @@ def _with_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
     return looks.with_columns(pl.Series("command", commands, dtype=pl.String))
 
 
-def _drift(chart: MachineChart) -> dict[str, Any]:
+def _drift_of_chart(chart: MachineChart) -> dict[str, Any]:
     found = chart.chart
     assert found.flagged is not None
     assert found.since is not None

@@ -39,7 +39,7 @@ class RecordingLog(Log):
         channels: Mapping[str, Any] = about.machine.get("channels", {})
         named = {channel.get("topic") for channel in channels.values()}
         self._stage = {
-            _topic(stage.removeprefix(_RAW), named): stage
+            _topic_of_stage(stage.removeprefix(_RAW), named): stage
             for stage in stages
             if stage.startswith(_RAW)
         }
@@ -121,6 +121,6 @@ class RecordingLog(Log):
             self._missing[topic] = Loss(source=self.path.name, topic=topic, what=what)
 
 
-def _topic(stage: str, named: set[str | None]) -> str:
+def _topic_of_stage(stage: str, named: set[str | None]) -> str:
     """The topic of a stage, which is named without the slash that most begin with."""
     return f"/{stage}" if f"/{stage}" in named else stage

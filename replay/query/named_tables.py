@@ -110,7 +110,7 @@ def named_tables(
         found.add(ledger.stem, partial(_PLAIN[ledger.name], ledger), str(ledger))
     for fleet in fleets:
         for name, table in fleet_tables(fleet_results(fleet)).items():
-            found.add(name, partial(_with_second, table), fleet)
+            found.add(name, partial(add_opening_second, table), fleet)
     found.add_word_names()
     return found
 
@@ -192,7 +192,7 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
         found.add(path.stem, partial(topic_rows, TABLE, [path]), str(path))
 
 
-def _with_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
+def add_opening_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
     """A table of a fleet with the second that `fleet open --at` takes, where its rows have one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():

@@ -43,7 +43,7 @@ class Query:
             rows = self.rows.collect(engine="streaming")
         if apart_s is None:
             return rows
-        return moments(rows, apart_s, self.named.recordings, self.named.fleet)
+        return join_moments(rows, apart_s, self.named.recordings, self.named.fleet)
 
     def write(self, path: Path, file_format: str, *, force: bool) -> None:
         """Write the rows to a file as they are computed, in bounded memory.
@@ -73,10 +73,10 @@ class Query:
                 case _:
                     self.rows.sink_parquet(partial)
 
-    def opens(self, rows: pl.DataFrame) -> str | None:
+    def opening_command(self, rows: pl.DataFrame) -> str | None:
         """The command that opens the first row in the viewer, if any does."""
         first = rows.row(0, named=True) if rows.height else {}
-        return opening(first, self.named.recordings, self.named.fleet)
+        return opening_command(first, self.named.recordings, self.named.fleet)
 
     @contextmanager
     def _faults(self) -> Generator[None]:
@@ -108,7 +108,7 @@ def query(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Que
         return Query(named, select_rows(sql, named.tables))
 
 
-def moments(
+def join_moments(
     rows: pl.DataFrame, apart_s: float, recordings: Sequence[Path], fleet: str | None
 ) -> pl.DataFrame:
     """Put rows together that are close in time.
@@ -150,13 +150,15 @@ def moments(
         )
         .drop("moment")
     )
-    opens = [opening(row, recordings, fleet) for row in found.iter_rows(named=True)]
+    opens = [opening_command(row, recordings, fleet) for row in found.iter_rows(named=True)]
     if not any(opens):
         return found
     return found.with_columns(pl.Series(OPENS, opens, dtype=pl.String))
 
 
-def opening(row: dict[str, Any], recordings: Sequence[Path], fleet: str | None) -> str | None:
+def opening_command(
+    row: dict[str, Any], recordings: Sequence[Path], fleet: str | None
+) -> str | None:
     """The command that opens a row or a moment; None where there is no recording of it."""
     at = next((row[n] for n in (AT_S, "from_s", LOG_TIME, "from") if row.get(n) is not None), None)
     if at is None:

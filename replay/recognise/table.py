@@ -17,13 +17,13 @@ from analysis.stages.signals.derive import unit_of
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
     add_correlations,
-    show_the_same,
+    are_same_readings,
     units_by_gravity,
     without_gravity,
 )
 from replay.recognise.drives import propose_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import meaning
+from replay.recognise.words import read_column_name
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -78,14 +78,14 @@ def recognise(log: Log) -> Recognition:
             if all(column != claimed for claimed, *_ in claims[channel]):
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
-        _settle(log, channel, each, found)
+        settle_claims(log, channel, each, found)
     _by_unit_alone(columns, found)
     propose_drives(columns, found)
     _without_unit(columns, found)
     return add_correlations(log, columns, found)
 
 
-def _settle(log: Log, channel: str, claims: Sequence[Claim], found: Recognition) -> None:
+def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recognition) -> None:
     """Fill a channel by the one column that may; ask where there are several.
 
     Of several that show the same the first is taken, but of forces: those add up.
@@ -95,7 +95,7 @@ def _settle(log: Log, channel: str, claims: Sequence[Claim], found: Recognition)
     column, reason, unit = claims[0]
     adds_up = channel.startswith(("force", "torque"))
     others = [other for other, *_ in claims[1:]]
-    if all(not adds_up and show_the_same(log, column, other) for other in others):
+    if all(not adds_up and are_same_readings(log, column, other) for other in others):
         found.fill(column, channel, reason, unit)
         return
     names = ", ".join(f"'{each.field}'" for each, *_ in claims)
@@ -111,7 +111,7 @@ def _list_columns(log: Log) -> list[LogColumn]:
         topic = None if row["topic"] == TABLE else row["topic"]
         for name in row["fields"]:
             said, unit = (
-                meaning(_name_without_unit(name)),
+                read_column_name(_name_without_unit(name)),
                 units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
             )
             if said.is_no_reading:
@@ -119,8 +119,8 @@ def _list_columns(log: Log) -> list[LogColumn]:
                 found.append(LogColumn(topic, name, unit, said, None))
                 continue
             # "Motor Amps": the unit is the only word that names the quantity
-            said = said if said.quantity or unit is None else meaning(name)
-            found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
+            said = said if said.quantity or unit is None else read_column_name(name)
+            found.append(LogColumn(topic, name, unit, said, quantity_of_name(said.quantity, unit)))
     return found
 
 
@@ -132,7 +132,7 @@ def _name_without_unit(name: str) -> str:
     return unit_behind(cut)[0]
 
 
-def _quantity(said: str | None, unit: str | None) -> str | None:
+def quantity_of_name(said: str | None, unit: str | None) -> str | None:
     """The quantity of a name, as far as its unit allows it."""
     if unit is None or unit in _TURNS or said is None:
         return said
@@ -208,13 +208,13 @@ _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
 
 def _by_unit_alone(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Columns whose names say nothing, the only ones in a unit of force or of speed."""
-    units = Counter(_quantity("", column.unit) for column in columns if column.unit)
+    units = Counter(quantity_of_name("", column.unit) for column in columns if column.unit)
     for column in columns:
         if column.said.quantity is not None or column.unit is None or column.unit in _TURNS:
             continue
         if column.said.is_no_reading:
             continue
-        quantity = _quantity("", column.unit)
+        quantity = quantity_of_name("", column.unit)
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
         if channel and units[quantity] == 1 and column.said.axis in (None, "x"):
             found.fill(column, channel, f"in {column.unit}, the only {quantity}")

@@ -63,7 +63,7 @@ _KNOWN: Final = tuple((name, frozenset(words), _parts(words)) for name, words in
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class ColumnMeaning:
     """What a column's name says; None where it does not."""
 
     quantity: str | None
@@ -77,7 +77,7 @@ class Meaning:
 
 
 @lru_cache(maxsize=1 << 12)
-def meaning(name: str) -> Meaning:
+def read_column_name(name: str) -> ColumnMeaning:
     """Read a column's name.
 
     Args:
@@ -107,4 +107,4 @@ def meaning(name: str) -> Meaning:
     of_motor = any(word.startswith("mot") for word in words)
     supply = not of_motor and any(word in _SUPPLY for word in words)
     no_reading = not own.isdisjoint(_NO_READING)
-    return Meaning(quantity, side, axis, part, linkage, without, supply, no_reading)
+    return ColumnMeaning(quantity, side, axis, part, linkage, without, supply, no_reading)

@@ -46,12 +46,12 @@ def import_log(log: Path, asks: ViewerRequest) -> str | None:
             stream_run(replayed, asks)
             return None
     with open_log(log) as opened:
-        topics = dict(_columns(opened))
+        topics = dict(topic_frames(opened))
         stream_topics(topics, _describe_log(opened, machine_file, fault), log.name, asks)
     return fault
 
 
-def _columns(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
+def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
     """Every topic that can be read, in time: unix_ns, and the fields that are worth a line."""
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:

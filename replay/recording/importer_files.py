@@ -24,7 +24,7 @@ def machine_of(log: Path) -> Path | None:
     return beside if beside.is_file() else None
 
 
-def is_ours(log: Path) -> bool:
+def takes_file(log: Path) -> bool:
     """Whether a file is for us: what the viewer reads itself only where it has a machine file."""
     suffixes = _WITH_MACHINE if machine_of(log) is not None else _ALONE
     if log.is_dir():

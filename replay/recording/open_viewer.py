@@ -12,7 +12,7 @@ from recordings.rrd.viewer import open_viewer, screenshot_recording
 from recordings.rrd.writer import SUFFIX
 
 
-def second_of(recording: Path, text: str) -> float:
+def parse_moment(recording: Path, text: str) -> float:
     """The second of a recording's run that a person means.
 
     Args:

@@ -14,11 +14,11 @@ from recordings import read_frame, read_provenance, stage_columns
 from recordings.rrd.recording_window import check_stretch
 
 if TYPE_CHECKING:
-    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class RecordedStage:
     """A stage of a recording.
 
     Attributes:
@@ -57,7 +57,7 @@ class Stage:
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
-    def calibrated(self, asked: "AskedCalibration") -> Self:
+    def with_calibration(self, asked: "CalibrationRequest") -> Self:
         """The loads with their calibrated masses.
 
         Raises:
@@ -75,7 +75,7 @@ class Stage:
         frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
         return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
 
-    def between(self, start_s: float | None, end_s: float | None) -> Self:
+    def rows_between(self, start_s: float | None, end_s: float | None) -> Self:
         """The rows from one second of the run to another, both included.
 
         Raises:
@@ -93,7 +93,7 @@ class Stage:
             rows = rows.filter(seconds <= end_s)
         return replace(self, rows=rows)
 
-    def at(self, second: float) -> Self:
+    def rows_at(self, second: float) -> Self:
         """The rows that held at a second of the run: those whose span has it in it, or the last.
 
         Raises:

@@ -80,7 +80,7 @@ class ShiftReview:
 
 
 @dataclass(frozen=True)
-class CountedShift:
+class ShiftCount:
     """The cycles of a shift and its sums, with what reviewers say.
 
     Attributes:
@@ -105,7 +105,7 @@ class CountedShift:
         t0_unix_ns: int,
         text: str,
         folder: Path,
-    ) -> "CountedShift":
+    ) -> "ShiftCount":
         """Count.
 
         Args:

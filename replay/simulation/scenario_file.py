@@ -47,12 +47,12 @@ def scenario_text(scenario: Scenario) -> str:
         section.pop("manoeuvres", None)
         # a shift is one by its section alone
         if section or name == "shift":
-            blocks.append(_block(f"[{name}]", section))
-    blocks += [_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
+            blocks.append(_toml_block(f"[{name}]", section))
+    blocks += [_toml_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
     return "\n".join(blocks)
 
 
-def _block(title: str, values: Mapping[str, Any]) -> str:
+def _toml_block(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
         [f"{title}\n", *(f"{key} = {toml_value(value)}\n" for key, value in values.items())]
     )

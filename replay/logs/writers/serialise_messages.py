@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.wire import Wire
-from replay.logs.writers.message_columns import Column, RaggedColumn, shapes
+from replay.logs.writers.message_columns import Column, RaggedColumn, shape_numbers
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -56,7 +56,7 @@ def serialise(
     Returns:
         The messages by layout, each with its envelope before it.
     """
-    found = shapes(column)
+    found = shape_numbers(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
         return [SameLayout(None, _rows(store, msgtype, column, slice(count), wire, envelope))]

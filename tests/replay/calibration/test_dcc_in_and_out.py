@@ -23,7 +23,7 @@ from recordings.dcc.write_dcc import dcc_of
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.dcc_output import DccOutput, write_dcc_output
-from replay.calibration.verify_bundle import verify
+from replay.calibration.verify_bundle import verify_bundle
 from tests.recordings.dcc.certificates import (
     WEIGHTS,
     ec_key,
@@ -199,8 +199,8 @@ def test_units_are_those_of_the_si_format(folder: Path) -> None:
 def test_the_evidence_verifies_and_its_page_says_what_a_certificate_says(
     made: CalibrationOutcome,
 ) -> None:
-    assert verify(made.folder).signed_by.how == "unsigned"
-    assert not verify(made.folder).checked.faults
+    assert verify_bundle(made.folder).signed_by.how == "unsigned"
+    assert not verify_bundle(made.folder).checked.faults
     page = (made.folder / "report.html").read_text()
     for words in (
         "Example Laboratory &lt;&amp;&gt;, Example Street 1",
