@@ -20,17 +20,19 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from analysis.calibration.campaign.campaign_plan import (
-    CalibratedMachine,
     CampaignLimits,
     CampaignMethod,
     CampaignRun,
-    Conditions,
-    EvidenceSubject,
     LeftOutLog,
     NotaryStretch,
+    StatedComponent,
+)
+from analysis.calibration.campaign.campaign_subjects import (
+    CalibratedMachine,
+    Conditions,
+    EvidenceSubject,
     Organisation,
     ReferenceMass,
-    StatedComponent,
 )
 from analysis.model.settings import Settings
 from analysis.simulation.scenario.drivetrain import (

@@ -53,7 +53,7 @@ def is_cached(source: Path, name: str) -> bool:
 
 
 def are_all_compiled() -> bool:
-    """Whether `note_all_kept` was called for the sources and the numba that are there now."""
+    """Whether `mark_all_compiled` was called for the sources and the numba that are there now."""
     try:
         return _marker_path().read_text(encoding="utf-8") == _cache_state()
     except OSError:

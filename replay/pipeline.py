@@ -28,8 +28,7 @@ from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
 from analysis.planar.centre_of_mass import fit_planar
-from analysis.stages.estimation.masses import masses, withhold
-from analysis.stages.estimation.obstacles import reasons_for_no_answer
+from analysis.stages.estimation.masses import masses, reasons_for_no_answer, withhold
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.digging import digging, with_digs, without_digging
 from analysis.stages.gating.gate import gate
@@ -46,13 +45,8 @@ from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import ticket_notes
 from analysis.weighing.learnt_means import learnt_mean_responses
-from analysis.weighing.load_frames import (
-    budget_frame,
-    load_change_rows,
-    loads,
-    manoeuvre_frame,
-    nuisances,
-)
+from analysis.weighing.load_frames import load_change_rows, loads, manoeuvre_frame
+from analysis.weighing.nuisance_frames import budget_frame, nuisances
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread

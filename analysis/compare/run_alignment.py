@@ -130,7 +130,7 @@ def subtract_run(a: Run, b: Run) -> Run:
 
     Args:
         a: the run that differences are counted from.
-        b: the other, in A's time (`in_time_of`).
+        b: the other, in A's time (`align_times`).
 
     Returns:
         A run with A's times, differences in the columns of numbers, and no standard deviations:

@@ -14,7 +14,7 @@ import polars as pl
 
 from analysis.diagnosis.measured_channels import Signals, Spans
 from analysis.model.machine import Machine
-from analysis.model.settings import VerdictLimits
+from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flagged_windows
 from analysis.stages.gating.gate import refuse_windows
 from analysis.stages.motion.phases import span_rows

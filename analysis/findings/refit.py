@@ -12,10 +12,11 @@ import numpy as np
 from analysis.findings.cause import MassChange
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.fitted_stretches import begins
 from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples, begins
+from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
 from estimators.arrays import Bools, Floats
 

@@ -167,7 +167,7 @@ def control_chart(values: Floats, limit: float) -> ControlChart:
 
     Args:
         values: (n,) in time, without NaN.
-        limit: of the sums, from `limit_for`.
+        limit: of the sums, from `chart_limit`.
     """
     innovation = innovations(whiten_series(values))
     up, down = np.zeros(values.size), np.zeros(values.size)

@@ -10,7 +10,6 @@ from zoneinfo import ZoneInfo, available_timezones
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     PlainSerializer,
     SerializerFunctionWrapHandler,
@@ -22,10 +21,10 @@ from pydantic import (
 from analysis.expressions.parse import Expression, ExpressionError, names, parse, slopes
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
+from analysis.model.strict_config import STRICT
 from estimators.errors import nearest
 
 # TOML can write nan and inf, which are no scale, delay or length
-_FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
 _MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
 #: Channels of wheels: in rad/s their scale is the wheel's radius.
@@ -59,7 +58,7 @@ class ImuMounting(BaseModel):
     The standard uncertainty of its place is that of each direction.
     """
 
-    model_config = _FORBID
+    model_config = STRICT
 
     roll_deg: float = 0.0
     pitch_deg: float = 0.0
@@ -71,7 +70,7 @@ class ImuMounting(BaseModel):
 class Body(BaseModel):
     """What is known of the machine itself, with standard uncertainties (`..._u_...`)."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     name: str
     #: Serial number: compared with that of logs and of evidence.
@@ -129,7 +128,7 @@ BODY_NUMBERS: Final = (
 class LogSection(BaseModel):
     """Where a table keeps its time, and how it is written. None: recognised, or asked for."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     time: str | None = None
     time_unit: str | None = None
@@ -153,7 +152,7 @@ class LogSection(BaseModel):
 class Channel(BaseModel):
     """Where one column comes from: a field of a topic, or other channels."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     topic: str | None = None
     field: str | None = None
@@ -236,7 +235,7 @@ class Channel(BaseModel):
 class Machine(BaseModel):
     """A whole machine file."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     machine: Body
     log: LogSection = LogSection()

@@ -12,7 +12,9 @@ from importlib import import_module
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
+
+from analysis.model.strict_config import STRICT
 
 if TYPE_CHECKING:
     from estimators.arrays import Floats
@@ -45,7 +47,7 @@ class LogSummary(Enum):
 class MethodOptions(BaseModel):
     """The options of the estimators, as `[settings.trace]` has them."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = STRICT
 
     forgetting: float = Field(
         0.998, gt=0.5, le=1, description="λ of the recursive estimators: half forgotten in 3.5 s"

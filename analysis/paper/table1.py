@@ -56,7 +56,7 @@ class Table1:
         forgetting_1: λ of RLS.
         half_s: time in which it forgets half.
         longest: the row of RLS at the longest window.
-        raw: the row of TLS on raw units at the noise of `raw_units`.
+        raw: the row of TLS on raw units at the noise of `errors_in_raw_units`.
         scaled: likewise of TLS on columns scaled by their noise.
     """
 

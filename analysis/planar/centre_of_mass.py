@@ -33,7 +33,7 @@ from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.gating.segments import manoeuvres
 from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
-from estimators.planar.base_parameters import BaseEstimate, Prior
+from estimators.planar.base_estimate import BaseEstimate, Prior
 from estimators.planar.planar_rows import PARAMETERS
 
 _MOMENTS: Final = ("first_moment_x_kg_m", "first_moment_y_kg_m")

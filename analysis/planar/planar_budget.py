@@ -17,7 +17,7 @@ from analysis.model.uncertainty_sources import (
 )
 from analysis.planar.planar_terms import TERMS
 from estimators.arrays import Floats
-from estimators.planar.base_parameters import BaseEstimate
+from estimators.planar.base_estimate import BaseEstimate
 
 _TERMS: Final = {term.name: term for term in TERMS}
 #: Rows of the planar regressor.

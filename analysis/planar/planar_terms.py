@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from analysis.model.machine import Machine
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
 from analysis.planar.planar_motion import Drive, TurningSamples
 from analysis.weighing.nuisances import constant_force_std, coulomb_std

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.motion_samples import Floats, MotionSamples, begins, ends, rolling_fraction
+from analysis.weighing.fitted_stretches import begins, ends
+from analysis.weighing.motion_samples import Floats, MotionSamples, rolling_fraction
 from analysis.weighing.pitch_squat import fit_instrumental_variables, squat_products
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics

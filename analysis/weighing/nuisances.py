@@ -10,7 +10,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.joint_fit import JointFitInputs, joint_fit
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples

@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.model.settings import LearntTerm, PriorSettings
+from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 from analysis.weighing.fit_columns import FitRows

@@ -13,14 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.fitted_stretches import begins, ends
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
     Ints,
     MotionSamples,
-    begins,
-    ends,
     rolling_fraction,
 )
 from analysis.weighing.nuisances import const_prior_std

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
-from analysis.calibration.campaign.campaign_plan import ReferenceMass
+from analysis.calibration.campaign.campaign_subjects import ReferenceMass
 from analysis.calibration.line.calibration import Calibration
 from recordings.calibration.calibration_plots import report_pictures
 from recordings.calibration.calibration_text import (

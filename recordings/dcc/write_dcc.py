@@ -3,7 +3,8 @@
 import math
 from typing import TYPE_CHECKING, Final
 
-from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Organisation
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
+from analysis.calibration.campaign.campaign_subjects import Organisation
 from analysis.calibration.use.error_limits import OUTSIDE, WITHIN
 from estimators.errors import EvidenceError
 from recordings.calibration.calibration_text import ESTIMATORS

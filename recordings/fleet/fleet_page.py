@@ -51,7 +51,7 @@ class FleetPage:
         charts: of `machine_charts`.
         calibrations: of all machines.
         changes: between them.
-        looks: of `needs_a_look`, with column `command`.
+        looks: of `rank_concerns`, with column `command`.
         failed: recordings without a result, and why.
         today: the last day of the fleet, by which calibrations are due.
         friction: when each machine's friction reaches a limit, in sentences, where it was asked.

@@ -13,8 +13,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import BaseModel, Field, StringConstraints, ValidationError
 
+from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.signatures.canonical_json import canonical_bytes, parse
 from recordings.signatures.signing import PublicKey, SigningKey
@@ -25,7 +26,6 @@ _DOMAIN: Final = b"payscope-notary/1\n"
 #: Bytes of a line and of a list that are read; a rosbag2 directory may have many files.
 MOST_LINE_BYTES: Final = 1 << 20
 MOST_LIST_BYTES: Final = 256 << 20
-_FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Stamp = Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
@@ -37,7 +37,7 @@ Counter = Annotated[int, Field(ge=0, lt=2**53)]
 class NotaryHead(BaseModel):
     """The first line."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     format: Literal["payscope-notary/1"]
     counter: Literal[0]
@@ -51,7 +51,7 @@ class NotaryHead(BaseModel):
 class NotaryFile(BaseModel):
     """A file of a log."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     name: Name
     sha256: Sha256
@@ -75,7 +75,7 @@ class NotaryEntry(BaseModel):
             now; None where it is new.
     """
 
-    model_config = _FORBID
+    model_config = STRICT
 
     counter: Annotated[int, Field(ge=1, lt=2**53)]
     head: Sha256

@@ -25,8 +25,8 @@ from recordings.rrd.display_frames import (
     draws_as_points,
     span_ns,
 )
+from recordings.rrd.provenance_texts import local_time
 from recordings.rrd.recording_table import STATE, Kind, View
-from recordings.rrd.recording_texts import local_time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

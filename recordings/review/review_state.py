@@ -24,7 +24,8 @@ from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of
 from recordings.review.torn_logs import TornLog
-from recordings.rrd.recording_texts import local_time, machine_body, machine_name
+from recordings.rrd.provenance_texts import local_time, machine_body
+from recordings.rrd.recording_texts import machine_name
 
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"

@@ -31,7 +31,7 @@ def headline(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
 
     Args:
         shift: frame `shift`, as reviewed.
-        why_not: see `no_tonnes`.
+        why_not: see `no_tonnes_reason`.
         state: of the review: a torn last log leaves the end open.
     """
     answer = f"No tonnes: {why_not}" if why_not else shift_sentence(shift)

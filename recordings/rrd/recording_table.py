@@ -96,7 +96,7 @@ class Tab:
     pictures: tuple[str, ...] = ()
 
 
-def _lines(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
+def _lines_view(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
     drawn = tuple(Series(frame, column, label) for column, label in series.items())
     return View(name, Kind.LINES, drawn, threshold)
 
@@ -109,12 +109,12 @@ def _band_view(name: str, frame: str, column: str, std: str, label: str = "") ->
     return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
 
 
-def _states(name: str, *series: tuple[str, str, str]) -> View:
+def _states_view(name: str, *series: tuple[str, str, str]) -> View:
     return View(name, Kind.STATES, tuple(Series(*each) for each in series))
 
 
-_FORCE = _lines("Force", "excitation", force_x_N="driving force")
-_ACCELERATION = _lines(
+_FORCE = _lines_view("Force", "excitation", force_x_N="driving force")
+_ACCELERATION = _lines_view(
     "Acceleration",
     "excitation",
     regressor_acc_x_m_s2="multiplies the mass",
@@ -122,9 +122,9 @@ _ACCELERATION = _lines(
     acc_x_m_s2="kinematic",
     speed_rate_x_m_s2="tells the phase",
 )
-_SPEED = _lines("Speed", "excitation", speed_x_m_s="speed")
-_YAW_TORQUE = _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque")
-_INDEX = _lines(
+_SPEED = _lines_view("Speed", "excitation", speed_x_m_s="speed")
+_YAW_TORQUE = _lines_view("Yaw torque", "excitation", torque_z_N_m="yaw torque")
+_INDEX = _lines_view(
     "Information index",
     "gate",
     "gate.threshold_nat",
@@ -156,7 +156,7 @@ _COM = View(
         Series("planar", "com_y_m", "to the left", "com_y_std_m"),
     ),
 )
-_DECISIONS = _states(
+_DECISIONS = _states_view(
     "Gate and phase",
     ("gate", "reason_x", "gate"),
     ("gate", "reason_z", "yaw_gate"),
@@ -167,7 +167,7 @@ TABS: Final = (
     Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _LOADS, _MASS, _INERTIA), ("answer",)),
     Tab(
         "Findings",
-        (_states("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
+        (_states_view("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
         ("findings",),
         events=True,
         context=(_FORCE, _SPEED),
@@ -189,7 +189,7 @@ TABS: Final = (
             _band_view(
                 "Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"
             ),
-            _states("Cycle", ("cycles", "quality", "cycle")),
+            _states_view("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),
         context=(_SPEED,),
@@ -201,7 +201,9 @@ TABS: Final = (
             _ACCELERATION,
             _SPEED,
             _YAW_TORQUE,
-            _states("Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")),
+            _states_view(
+                "Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")
+            ),
         ),
     ),
     Tab("Scatter", pictures=("scatter",)),
@@ -209,13 +211,13 @@ TABS: Final = (
         "Gate",
         (
             _INDEX,
-            _lines(
+            _lines_view(
                 "Correlation of acceleration and force",
                 "gate",
                 corr_x_1="along",
                 corr_z_1="yaw",
             ),
-            _lines(
+            _lines_view(
                 "Share of noise in what the acceleration explains",
                 "gate",
                 "gate.noise_share_max",
@@ -271,7 +273,7 @@ TABS: Final = (
                 "coulomb_x_std_N",
                 "Coulomb friction",
             ),
-            _lines("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
+            _lines_view("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
             _band_view(
                 "Yaw inertia a manoeuvre",
                 "segments",
@@ -279,7 +281,7 @@ TABS: Final = (
                 "inertia_z_std_kg_m2",
                 "yaw inertia",
             ),
-            _states(
+            _states_view(
                 "Phase and outcome",
                 ("segments", "phase", "manoeuvre_phase"),
                 ("segments", "reason", "manoeuvre_outcome"),
@@ -290,62 +292,64 @@ TABS: Final = (
         "Planar",
         (
             _YAW_TORQUE,
-            _lines("Yaw rate", "excitation", yaw_rate_rad_s="yaw rate"),
-            _lines("Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"),
-            _lines(
+            _lines_view("Yaw rate", "excitation", yaw_rate_rad_s="yaw rate"),
+            _lines_view(
+                "Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"
+            ),
+            _lines_view(
                 "Lateral force a mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
             ),
             _DECISIONS,
             _COM,
-            _states("Outcome of arcs", ("planar", "reason", "arcs")),
+            _states_view("Outcome of arcs", ("planar", "reason", "arcs")),
         ),
         ("planar",),
     ),
     Tab(
         "Channels",
         (
-            _lines(
+            _lines_view(
                 "Wheel torque",
                 "aligned",
                 torque_left_N_m="left",
                 torque_right_N_m="right",
                 torque_z_N_m="yaw",
             ),
-            _lines("Force as aligned", "aligned", force_x_N="driving force"),
-            _lines(
+            _lines_view("Force as aligned", "aligned", force_x_N="driving force"),
+            _lines_view(
                 "Speed as aligned",
                 "aligned",
                 speed_x_m_s="machine",
                 speed_left_m_s="left wheels",
                 speed_right_m_s="right wheels",
             ),
-            _lines(
+            _lines_view(
                 "Acceleration as aligned",
                 "aligned",
                 acc_x_m_s2="kinematic",
                 specific_force_x_m_s2="accelerometer x",
                 specific_force_y_m_s2="accelerometer y",
             ),
-            _lines(
+            _lines_view(
                 "Vertical specific force as aligned",
                 "aligned",
                 specific_force_z_m_s2="accelerometer z",
             ),
-            _lines("Position", "aligned", position_x_m="travelled"),
+            _lines_view("Position", "aligned", position_x_m="travelled"),
         ),
     ),
     Tab(
         "Attitude",
         (
-            _lines(
+            _lines_view(
                 "Angular rate",
                 "aligned",
                 roll_rate_rad_s="roll",
                 pitch_rate_rad_s="pitch",
                 yaw_rate_rad_s="yaw",
             ),
-            _lines("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
-            _lines(
+            _lines_view("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
+            _lines_view(
                 "Angle",
                 "aligned",
                 pitch_rad="pitch, nose-up",
@@ -353,7 +357,7 @@ TABS: Final = (
                 boom_rad="boom",
                 bucket_rad="bucket",
             ),
-            _lines("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
+            _lines_view("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
         ),
     ),
     Tab("Calibration", texts=("calibration",), pictures=("line", "errors")),

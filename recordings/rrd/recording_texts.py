@@ -1,8 +1,7 @@
 """The texts of a recording, in Markdown: the answer first, then where it came from."""
 
-import json
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import polars as pl
 
@@ -25,6 +24,13 @@ from recordings.report.worth_text import (
     load_sentences,
 )
 from recordings.rrd.display_frames import span_ns
+from recordings.rrd.provenance_texts import (
+    _timezone,
+    local_time,
+    machine_body,
+    provenance_markdown,
+    settings_markdown,
+)
 
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
 _MARK: Final = "="
@@ -75,15 +81,6 @@ _ERRORS: Final = ("error kg", "load left out kg")
 _FOUND: Final = 3
 #: Of a page's loads.
 _MOST_LINES: Final = 12
-
-
-def local_time(about: Provenance, t_ns: int = 0) -> str:
-    """A time since the start as the people at the machine read it; no date where there is none."""
-    stamp_ns = about.t0_unix_ns + t_ns
-    if stamp_ns < FIRST_DATE_NS:
-        return f"{stamp_ns / NS:.3f} s of the log's own clock"
-    clock = ShiftClock(_timezone(about), stamp_ns, 0.0)
-    return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
 
 
 def headline(said: Answer) -> str:
@@ -255,68 +252,6 @@ def _evidence_lines(run: Run) -> list[str]:
         *("## Points", table(heads, rows)),
         *("## Logs of the runs", "\n".join(logs)),
     ]
-
-
-def settings_markdown(run: Run) -> str:
-    """Every setting, and the machine file as resolved."""
-    about = run.provenance
-    rows = [
-        (name, json.dumps(value)) for name, value in sorted(about.settings.to_flat_dict().items())
-    ]
-    machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
-    return "\n\n".join(
-        ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]
-    )
-
-
-def provenance_markdown(run: Run) -> str:
-    """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
-    about = run.provenance
-    inputs = [(each.name, number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs]
-    frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
-    return "\n\n".join(
-        [
-            "# Inputs",
-            table(("file", "bytes", "SHA-256"), inputs),
-            f"First aligned sample: {local_time(about)} "
-            f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
-            "# Fingerprint",
-            _fingerprint_text(about),
-            "# Stamps",
-            table(("topic", "placed by"), about.stamps.items()),
-            "# Losses",
-            table(
-                ("source", "topic", "what"),
-                [(each.source, each.topic, each.what) for each in about.losses],
-            ),
-            "# Notes",
-            "\n".join(f"- {note}" for note in about.notes) or "none",
-            "# Versions",
-            table(("what", "version"), about.versions.items()),
-            "# Stages",
-            "\n".join(frames),
-        ]
-    )
-
-
-def _fingerprint_text(about: Provenance) -> str:
-    """The digests in full, those of the frames as well."""
-    taken = about.fingerprint
-    if taken is None:
-        return "none"
-    whole = {"inputs": taken.inputs, "settings": taken.settings, "results": taken.results}
-    digests = [(name, f"`{digest}`") for name, digest in (whole | taken.frames).items()]
-    return table(("SHA-256 of", "digest"), digests)
-
-
-def machine_body(about: Provenance) -> dict[str, Any]:
-    """Table `machine` of the machine file."""
-    body = about.machine.get("machine", {})
-    return body if isinstance(body, dict) else {}
-
-
-def _timezone(about: Provenance) -> str:
-    return str(machine_body(about).get("timezone", "UTC"))
 
 
 def _value_text(row: AnswerRow, method: str, value: str, std: str | None) -> str:

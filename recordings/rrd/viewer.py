@@ -147,7 +147,7 @@ def screenshot_recording(
 def photograph_tabs(
     path: str | Path, folder: Path, tab: str | None = None, at_unix_ns: int | None = None
 ) -> list[Screenshot]:
-    """Draw the tabs of whatever the viewer opens, without a screen: `screenshots` of any file.
+    """Draw the tabs of whatever the viewer opens: `screenshot_recording` of any file.
 
     Args:
         path: a recording, or a log that an importer opens.

@@ -7,12 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from analysis.calibration.campaign.campaign_fit import check_known_mass
-from analysis.calibration.campaign.campaign_plan import (
-    CalibrationCampaign,
-    CampaignRun,
-    Conditions,
-    ReferenceMass,
-)
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
+from analysis.calibration.campaign.campaign_subjects import Conditions, ReferenceMass
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument

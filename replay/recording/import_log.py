@@ -24,7 +24,7 @@ def import_log(log: Path, asks: ViewerRequest) -> str | None:
     """Write a log to standard output as the viewer reads it.
 
     Args:
-        log: a path that `is_ours`.
+        log: a path that `takes_file`.
         asks: of the viewer.
 
     Returns:

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.model.machine import ImuMounting
 from analysis.model.windows import samples_in_windows
-from analysis.stages.estimation.obstacles import reasons_for_no_answer
+from analysis.stages.estimation.masses import reasons_for_no_answer
 from tests.analysis.plane_drives import (
     LOADER,
     braked,

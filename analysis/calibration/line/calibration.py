@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import DAY
-from analysis.model.settings import LearnableTerm
+from analysis.model.prior_settings import LearnableTerm
 from estimators.errors import DataError
 
 _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from analysis.calibration.line.calibration import LineResponse
+from analysis.model.prior_settings import LearnableTerm
 from analysis.model.schema import SCALE
-from analysis.model.settings import LearnableTerm
 from estimators.arrays import Floats
 
 

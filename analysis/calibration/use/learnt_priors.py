@@ -16,7 +16,8 @@ from scipy.special import chdtrc
 
 from analysis.calibration.line.unlike_driving import RunResponse, Unlike
 from analysis.model.machine import Machine
-from analysis.model.settings import LearnableTerm, LearntTerm
+from analysis.model.prior_settings import LearnableTerm, LearntTerm
+from analysis.model.strict_config import STRICT
 
 #: With fewer logs nothing tells what differs between them.
 LOGS_MIN: Final = 3
@@ -41,7 +42,7 @@ _NAMES: Final = get_args(LearnableTerm)
 class TermOfLog(BaseModel):
     """What one log says of one term, in the term's unit."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = STRICT
 
     log: str = Field(max_length=200)
     term: LearnableTerm

@@ -222,7 +222,7 @@ def covariances_of(spectra: NDArray[np.complex128]) -> Floats:
 
 
 def spectrum_frequencies() -> Floats:
-    """The frequencies of `spectra_of`, over the rate."""
+    """The frequencies of `cross_spectra`, over the rate."""
     return np.arange(LAGS + 1) / (2 * LAGS)
 
 

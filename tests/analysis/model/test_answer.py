@@ -8,8 +8,7 @@ import pytest
 from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.model.answer import answer
 from analysis.model.run_record import Loss, Provenance, Run
-from analysis.stages.estimation.masses import masses, withhold
-from analysis.stages.estimation.obstacles import why_nothing_was_accepted
+from analysis.stages.estimation.masses import masses, why_nothing_was_accepted, withhold
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate, samples_in_windows
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS

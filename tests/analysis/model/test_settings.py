@@ -3,7 +3,8 @@
 import pytest
 from pydantic import ValidationError
 
-from analysis.model.settings import Settings, VerdictLimits
+from analysis.model.settings import Settings
+from analysis.model.verdict_limits import VerdictLimits
 from tests.analysis.settings_by_name import settings_of
 
 

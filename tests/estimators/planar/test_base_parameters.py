@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from estimators.errors import DataError
 from estimators.methods import ls
 from estimators.planar import blockwise_qr, planar_rows
-from estimators.planar.base_parameters import Prior, fit
+from estimators.planar.base_estimate import Prior
+from estimators.planar.base_parameters import fit
 from tests.estimators.motions import LOADER, MOTIONS, constant_arc, forces, measured, spin
 
 AT = {name: i for i, name in enumerate(planar_rows.PARAMETERS)}

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.stages.estimation.obstacles import why_nothing_was_accepted
+from analysis.stages.estimation.masses import why_nothing_was_accepted
 from analysis.stages.signals import filters
 from analysis.stages.signals.grid_rate import at_own_rate
 from tests.analysis.conftest import make_machine
