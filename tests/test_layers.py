@@ -77,7 +77,7 @@ ORDER = (
     ("replay/logs",),
     ("replay/frames", "replay/machines", "replay/notary", "replay/recognise"),
     ("replay/inputs", "replay/simulation"),
-    ("replay", "replay/excitation"),
+    ("replay",),
     ("replay/calibration", "replay/explain", "replay/init", "replay/paper"),
     ("replay/compare", "replay/fleet", "replay/recording", "replay/review", "replay/runs"),
     ("replay/convert", "replay/demo", "replay/follow", "replay/query"),

@@ -7,7 +7,7 @@ place in the period that determines the parameters least.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias, get_args
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -89,6 +89,27 @@ class Score:
     reach_m: float
     relative_error: float
 
+    def to_dict(self) -> dict[str, Any]:
+        """The score as plain values."""
+        manoeuvre = self.manoeuvre.model_dump(exclude_none=True)
+        return {
+            "force": manoeuvre.get("force"),
+            "torque": manoeuvre.get("torque"),
+            "duration_s": self.manoeuvre.duration_s,
+            "window_start_s": self.start_s,
+            "predictions": {
+                name: {"value": each.value, "std": each.std, "bias": each.bias, "rms": each.rms}
+                for name, each in self.predictions.items()
+            },
+            "relative_error": self.relative_error,
+            "rank": self.rank,
+            "condition": self.condition,
+            "snr": self.snr,
+            "snr_needed": self.snr_needed,
+            "peak_speed_m_s": self.peak_speed_m_s,
+            "reach_m": self.reach_m,
+        }
+
 
 @dataclass(frozen=True)
 class Design:
@@ -105,6 +126,25 @@ class Design:
     def is_reached(self) -> bool:
         """Whether the best waveform is as accurate as asked for."""
         return self.best is not None and self.best.relative_error <= self.accuracy
+
+    def to_dict(self) -> dict[str, Any]:
+        """The design as plain values."""
+        return {
+            "motion": self.drive,
+            "response_s": dict(self.response_s),
+            "window_s": self.window_s,
+            "accuracy": self.accuracy,
+            "reached": self.is_reached,
+            "waveforms": [
+                {
+                    "waveform": score.waveform,
+                    "ways": score.ways,
+                    "best": score is self.best,
+                    **score.to_dict(),
+                }
+                for score in self.scores
+            ],
+        }
 
     def scenario(self, base: Scenario) -> Scenario:
         """The best waveform as the trial of a scenario, after a short rest.

@@ -23,7 +23,8 @@ from recordings.rrd.display_frames import (
     display_frames,
     drawn_columns_of_view,
 )
-from recordings.rrd.recording_table import TABS, Kind, View
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.recording_views import Kind, View
 from recordings.rrd.writer import Scene, write_scene
 
 #: The text beside the first tab.

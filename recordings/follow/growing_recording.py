@@ -26,7 +26,8 @@ from recordings.report.atomic_output import AppendedFile
 from recordings.rrd.blueprint import Page, lay_out_tabs, tab_panels, text_entity
 from recordings.rrd.display_frames import LANES, ROOT, display_frames
 from recordings.rrd.drawn_rows import drawn_batches
-from recordings.rrd.recording_table import SINCE_START, STATE, TABS, TIME
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.stored_names import SINCE_START, STATE, TIME
 from recordings.rrd.writer import APPLICATION
 
 if TYPE_CHECKING:

@@ -26,7 +26,8 @@ from recordings.rrd.display_frames import (
     span_ns,
 )
 from recordings.rrd.provenance_texts import local_time
-from recordings.rrd.recording_table import STATE, Kind, View
+from recordings.rrd.recording_views import Kind, View
+from recordings.rrd.stored_names import STATE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

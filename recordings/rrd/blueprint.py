@@ -17,8 +17,10 @@ from recordings.rrd.display_frames import (
     span_ns,
 )
 from recordings.rrd.plane_pictures import BOUNDS, PlanePicture
-from recordings.rrd.recording_table import TABS, TIME, Kind, Methods, Tab, View, component_name
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.recording_views import Kind, Methods, Tab, View
 from recordings.rrd.stored_frames import entity_path
+from recordings.rrd.stored_names import TIME, component_name
 
 if TYPE_CHECKING:
     from rerun import blueprint as rrb

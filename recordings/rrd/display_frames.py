@@ -15,7 +15,9 @@ import polars as pl
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.rrd.recording_table import STATE, TABS, Kind, Series, View, entity_parts, frames_of
+from recordings.rrd.recording_table import TABS, frames_of
+from recordings.rrd.recording_views import Kind, Series, View
+from recordings.rrd.stored_names import STATE, entity_parts
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"

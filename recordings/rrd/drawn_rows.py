@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import polars as pl
 
-from recordings.rrd.recording_table import SINCE_START, TIME, component_name
 from recordings.rrd.stored_frames import entity_path
+from recordings.rrd.stored_names import SINCE_START, TIME, component_name
 
 if TYPE_CHECKING:
     import pyarrow as pa

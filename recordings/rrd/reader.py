@@ -14,8 +14,8 @@ from pydantic import ValidationError
 from analysis.model.loss import Loss
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError, nearest
-from recordings.rrd.recording_table import component_name
 from recordings.rrd.stored_frames import Manifest, StoredColumn, StoredFrame
+from recordings.rrd.stored_names import component_name
 
 if TYPE_CHECKING:
     from rerun.chunk import LazyStore

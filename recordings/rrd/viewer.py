@@ -19,7 +19,7 @@ import numpy as np
 
 from estimators.errors import OutputError, RecordingError, nearest
 from recordings.rrd.reader import read_provenance
-from recordings.rrd.recording_table import TIME
+from recordings.rrd.stored_names import TIME
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient

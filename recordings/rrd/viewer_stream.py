@@ -17,7 +17,8 @@ from recordings.report import colours
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs
 from recordings.rrd.display_frames import DisplayColumn, bin_rows, draws_as_points
 from recordings.rrd.drawn_rows import drawn_batches
-from recordings.rrd.recording_table import SINCE_START, TIME, Kind
+from recordings.rrd.recording_views import Kind
+from recordings.rrd.stored_names import SINCE_START, TIME
 from recordings.rrd.writer import Scene, make_scene, send_events, send_texts
 
 if TYPE_CHECKING:

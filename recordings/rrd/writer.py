@@ -22,9 +22,9 @@ from recordings.rrd.piped_file import PipedFile, piped_file
 from recordings.rrd.plane_pictures import PlanePicture, plane_pictures, send_picture
 from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
 from recordings.rrd.recording_properties import ANSWER, recording_properties
-from recordings.rrd.recording_table import ROW, SINCE_START, TIME, component_name
 from recordings.rrd.recording_texts import recording_markdown, recording_name
 from recordings.rrd.stored_frames import Manifest, StoredFrame, entity_path
+from recordings.rrd.stored_names import ROW, SINCE_START, TIME, component_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

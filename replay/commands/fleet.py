@@ -252,7 +252,7 @@ def open_command(
     from recordings.report.atomic_output import atomic_file
     from replay.fleet.gathered_tables import fleet_results
     from replay.fleet.open_recording import recording_of_result
-    from replay.recording.open_viewer import view
+    from replay.recording.view_recording import view
 
     with recording_of_result(fleet_results(destination), key) as recording:
         if output is None:

@@ -40,7 +40,7 @@ def command(
     Or one figure a question: --figure force-acceleration, convergence, gate or loads. Long runs are
     drawn by envelopes, medians and shares of time; --from and --to show the detail.
     """
-    from replay.recording.plot_recording import plot
+    from replay.recording.view_recording import plot
 
     picture = plot(
         recording, output, figure.value, at_s=at_s, from_s=from_s, to_s=to_s, force=force

@@ -1,180 +1,21 @@
 """Logs that are still being recorded: what follows a file, by its suffix, or several as one log."""
 
 import re
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final, Protocol
 
 import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError
-from replay.logs.decoding.decoder import Decoder, at_once
-from replay.logs.decoding.decoder_choice import make_decoder
-from replay.logs.log import TABLE, TimeAxis
-from replay.logs.message_definitions import DefinitionError, compile_type
-from replay.logs.messages.message_fields import FieldError, resolve
+from replay.logs.log import TimeAxis
 from replay.logs.messages.raw_batch import RawBatch
-from replay.logs.storage import Connection, FileBytes, LossList, Tail
-from replay.logs.table_log import TableLog
+from replay.logs.storage import Connection, Tail
 
-#: Rows from which a head is recognised.
-_HEAD_ROWS: Final = 20
-#: Rows that stand before the new ones, so that the spacing of times tells their unit.
-_ROWS_BEFORE: Final = 50
-_POLL_BYTES: Final = 16 * 2**20
 #: What rosbag calls a bag until it is closed.
 ACTIVE: Final = ".active"
-
-
-class TableTail:
-    """A text table that grows line by line. Nothing in it says that its recorder has ended."""
-
-    def __init__(
-        self, path: Path, time: TimeAxis | None, fields: Mapping[str, Sequence[str]]
-    ) -> None:
-        """Begin before the first line.
-
-        Args:
-            path: of the table.
-            time: where it keeps its time; None: recognised.
-            fields: by topic, of which a table has one.
-        """
-        self.is_finished = False
-        self.topics = [TABLE]
-        self._path, self._time, self._fields = path, time, list(fields.get(TABLE, ()))
-        self._file = FileBytes(path)
-        self._scratch = TemporaryDirectory(prefix="payscope-")
-        self._losses = LossList()
-        self._at = 0
-        #: the lines above the first row; None before they are recognised
-        self._head: bytes | None = None
-        self._waiting: list[bytes] = []
-        self._before: deque[bytes] = deque(maxlen=_ROWS_BEFORE)
-        self._last_ns: int | None = None
-
-    @property
-    def losses(self) -> Sequence[Loss]:
-        """What could not be read so far."""
-        return [*self._losses]
-
-    def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
-        """The rows that became whole since; when it is whole, also a last one without a newline."""
-        new = self._file.look() - self._at
-        data = self._file.read(self._at, min(new, _POLL_BYTES))
-        end = len(data) if is_whole and len(data) == new else data.rfind(b"\n") + 1
-        self._at += end
-        self._waiting += data[:end].splitlines(keepends=True)
-        if not self._waiting:
-            return {}
-        if self._head is None and len(self._waiting) < _HEAD_ROWS and not is_whole:
-            return {}
-        frame = self._read(b"".join([self._head or b"", *self._before, *self._waiting]))
-        if self._head is None:
-            above = max(0, len(self._waiting) - frame.height)
-            self._head = b"".join(self._waiting[:above])
-            self._waiting = self._waiting[above:]
-        self._before.extend(self._waiting)
-        self._waiting = []
-        if self._last_ns is not None:
-            frame = frame.filter(pl.col("log_time_ns") > self._last_ns)
-        if frame.is_empty():
-            return {}
-        self._last_ns = int(frame["log_time_ns"].to_numpy().max())
-        return {TABLE: frame}
-
-    def close(self) -> None:
-        """Release the file."""
-        self._file.close()
-        self._scratch.cleanup()
-
-    def _read(self, text: bytes) -> pl.DataFrame:
-        part = Path(self._scratch.name) / self._path.name
-        part.write_bytes(text)
-        try:
-            with TableLog(part, self._time) as table:
-                frame = table.read(TABLE, self._fields)
-                for loss in table.losses():
-                    self._losses.note(self._path, loss.what)
-        except LogError as error:
-            raise LogError(str(error).replace(str(part), str(self._path))) from error
-        return frame
-
-
-class MessageTail:
-    """The fields that are asked for of a tail."""
-
-    def __init__(self, path: Path, tail: Tail, fields: Mapping[str, Sequence[str]]) -> None:
-        """Begin before the first message.
-
-        Args:
-            path: what errors name.
-            tail: of the log.
-            fields: by topic; each is checked when its first message comes.
-        """
-        self._path, self._tail, self._fields = path, tail, fields
-        self._decoders: dict[int, Decoder | None] = {}
-        self._losses = LossList()
-
-    @property
-    def is_finished(self) -> bool:
-        """Whether the recorder has closed the log, and all of it was given."""
-        return self._tail.is_finished
-
-    @property
-    def topics(self) -> list[str]:
-        """The topics that it has so far."""
-        return sorted({connection.topic for connection in self._tail.connections.values()})
-
-    @property
-    def losses(self) -> Sequence[Loss]:
-        """What could not be read so far."""
-        return [*self._tail.losses, *self._losses]
-
-    def poll(self, *, is_whole: bool = False) -> dict[str, pl.DataFrame]:
-        """The rows of each topic that became whole since, in the order of the file.
-
-        Raises:
-            LogError: a topic that is asked for cannot be decoded, or has no such field.
-        """
-        found: dict[str, list[pl.DataFrame]] = {}
-        for batch in self._tail.poll():
-            connection = self._tail.connections.get(batch.connection_id)
-            decoder = self._decoder(connection) if connection else None
-            if connection is None or decoder is None:
-                continue
-            decoded = decoder.begin(batch, at_once)()
-            if decoded.undecodable:
-                what = f"messages cannot be decoded: {decoded.first_fault}"
-                self._losses.note(self._path, what, connection.topic)
-            found.setdefault(connection.topic, []).append(decoded.frame)
-        if is_whole:
-            self._tail.end()
-        return {topic: pl.concat(frames) for topic, frames in found.items()}
-
-    def close(self) -> None:
-        """Release the file."""
-        self._tail.close()
-
-    def _decoder(self, connection: Connection) -> Decoder | None:
-        """The decoder of a connection; None where nothing of it is asked for."""
-        if connection.topic not in self._fields:
-            return None
-        if connection.id not in self._decoders:
-            about = f"{self._path}: topic '{connection.topic}'"
-            try:
-                kind = compile_type(connection)
-                names = dict.fromkeys(self._fields[connection.topic])
-                picked = [resolve(name, kind.record) for name in names]
-            except DefinitionError as error:
-                raise LogError(f"{about} cannot be read: {error}") from error
-            except FieldError as error:
-                raise LogError(f"{about} ({connection.type}): {error}") from error
-            self._decoders[connection.id] = make_decoder(kind, picked)
-        return self._decoders[connection.id]
 
 
 class TailParts:
@@ -340,6 +181,7 @@ def follow_log(
     if suffixes & set(_TABLES):
         if len(paths) > 1:
             raise LogError(f"{first}: one table is followed at a time; name one")
+        from replay.logs.log_tails import TableTail
 
         return TableTail(first, time, fields)
     unknown = suffixes - set(_TAILS)
@@ -348,6 +190,7 @@ def follow_log(
             f"{first}: a file '{unknown.pop()}' cannot be followed while it grows; "
             f"{', '.join((*_TAILS, *_TABLES))}, or a folder of them"
         )
+    from replay.logs.log_tails import MessageTail
     from replay.logs.rosbag2 import METADATA
 
     if first.is_dir():

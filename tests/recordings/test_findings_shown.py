@@ -11,8 +11,8 @@ from recordings.explain.explanation_picture import draw_explanation, plot_explan
 from recordings.explain.explanation_text import finding_lines, gate_lines, verdict_sentence
 from recordings.report.finding_text import findings_text
 from recordings.rrd.display_frames import display_frames
-from recordings.rrd.recording_table import STATE
 from recordings.rrd.recording_texts import answer_text
+from recordings.rrd.stored_names import STATE
 from recordings.rrd.writer import make_scene
 
 S = 10**9

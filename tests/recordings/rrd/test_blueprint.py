@@ -11,7 +11,8 @@ from analysis import Run
 from recordings import write_recording
 from recordings.rrd.blueprint import Page, Panel, _shares, tab_panels
 from recordings.rrd.display_frames import DisplayColumn, display_frames
-from recordings.rrd.recording_table import TABS, Kind, Methods, Tab
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.recording_views import Kind, Methods, Tab
 from recordings.rrd.writer import make_scene
 from tests.recordings.conftest import METHODS
 

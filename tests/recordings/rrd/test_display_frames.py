@@ -5,7 +5,9 @@ import polars as pl
 from analysis import Provenance, Run, Settings
 from analysis.model.schema import PHASE
 from recordings.rrd.display_frames import axis_range, display_frames, drawn_columns_of_view, is_long
-from recordings.rrd.recording_table import STATE, TABS, View
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.recording_views import View
+from recordings.rrd.stored_names import STATE
 
 S = 10**9
 ESTIMATES = {"mass_kg": 5.0, "mass_std_kg": 2.0}

@@ -15,7 +15,7 @@ from analysis import InputFile, Run
 from analysis.model.schema import conform
 from recordings import read_recording, write_recording
 from recordings.rrd.recording_properties import recording_properties
-from recordings.rrd.recording_table import component_name
+from recordings.rrd.stored_names import component_name
 from recordings.rrd.viewer import viewer_executable
 from tests.recordings.conftest import MASS_KG
 

@@ -112,7 +112,7 @@ def test_a_topic_beside_its_recording_has_its_seconds(folder: Path) -> None:
 
 def test_view_opens_a_time_of_day(folder: Path) -> None:
     from recordings import read_provenance
-    from replay.recording.open_viewer import parse_moment
+    from replay.recording.view_recording import parse_moment
 
     recording = folder / "sledge.rrd"
     start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(

@@ -103,7 +103,7 @@ def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
     like = difference_on_line(line, log(2.0, of=of, scale_kg=3.0), [of], np.array([100.0]))
     # the campaign's responses grow by 0.02 for each kg as well: 2 kg of 100 are in the slope
     assert like.unlike_u_kg[0] == pytest.approx(0.0, abs=0.05)
-    assert like.learnt_part_kg[0] == pytest.approx(np.hypot(2.0, 3.0), rel=0.01)
+    assert like.taken_kg[0] == pytest.approx(np.hypot(2.0, 3.0), rel=0.01)
     assert like.beside(np.array([5.0]))[0] == pytest.approx(np.sqrt(25.0 - 13.0), rel=0.02)
     other = difference_on_line(line, log(32.0, of=of), [of], np.array([100.0]))
     assert other.unlike_u_kg[0] == pytest.approx(30.0, rel=0.02)

@@ -1,15 +1,21 @@
-"""The command `view`: a recording, or a stretch of it, in the viewer or in pictures."""
+"""The commands `view` and `plot`: a recording, or a stretch of it, in the viewer or as pictures."""
 
+import math
 import shutil
 import tempfile
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Final
 
 from estimators.errors import OutputError, RecordingError
-from recordings import read_provenance, write_recording
+from recordings import plot_run, read_provenance, write_recording
+from recordings.report.picture import check_picture
 from recordings.rrd.recording_window import LATEST_S, read_window
 from recordings.rrd.viewer import open_viewer, screenshot_recording
 from recordings.rrd.writer import SUFFIX
+
+#: What is drawn around a moment, in s either way.
+AROUND_S: Final = 15.0
 
 
 def parse_moment(recording: Path, text: str) -> float:
@@ -81,3 +87,41 @@ def view(
         drawn = screenshot_recording(shown, folder, tab, at_s)
         screenshot.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.move(each.png, screenshot / each.png.name)) for each in drawn]
+
+
+def plot(
+    recording: Path,
+    output: Path,
+    figure: str = "page",
+    *,
+    at_s: float | None = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    force: bool = False,
+) -> Path:
+    """Draw a recording.
+
+    Args:
+        recording: the recording.
+        output: the picture; its suffix says the format.
+        figure: one of `recordings.plots.run_plots.FIGURES`.
+        at_s: a moment to mark; without a stretch, what lies `AROUND_S` around it is drawn.
+        from_s: where the stretch begins, in seconds since the start.
+        to_s: where it ends.
+        force: whether to replace a picture that is there already.
+
+    Raises:
+        PayscopeError: no such recording, nothing in that stretch, or the picture cannot be written.
+    """
+    check_picture(output, force=force)
+    if at_s is not None:
+        if not math.isfinite(at_s):
+            raise RecordingError(f"--at {at_s}: is no time; name seconds since the start")
+        if from_s is None and to_s is None:
+            from_s, to_s = at_s - AROUND_S, at_s + AROUND_S
+        elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
+            raise RecordingError(
+                f"--at {at_s:g}: lies outside of what --from and --to draw; leave one of them out"
+            )
+    run = read_window(recording, from_s, to_s, raw=False)
+    return plot_run(run, output, figure=figure, at_s=at_s, force=force)
