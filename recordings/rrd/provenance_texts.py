@@ -15,7 +15,7 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     stamp_ns = about.t0_unix_ns + t_ns
     if stamp_ns < FIRST_DATE_NS:
         return f"{stamp_ns / NS:.3f} s of the log's own clock"
-    clock = ShiftClock(_timezone(about), stamp_ns, 0.0)
+    clock = ShiftClock(timezone_text(about), stamp_ns, 0.0)
     return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
 
 
@@ -77,5 +77,6 @@ def machine_body(about: Provenance) -> dict[str, Any]:
     return body if isinstance(body, dict) else {}
 
 
-def _timezone(about: Provenance) -> str:
+def timezone_text(about: Provenance) -> str:
+    """The time zone of the machine file."""
     return str(machine_body(about).get("timezone", "UTC"))

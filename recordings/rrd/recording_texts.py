@@ -25,7 +25,7 @@ from recordings.report.worth_text import (
 )
 from recordings.rrd.display_frames import span_ns
 from recordings.rrd.provenance_texts import (
-    _timezone,
+    timezone_text,
     local_time,
     machine_body,
     provenance_markdown,
@@ -315,7 +315,7 @@ def _cycle_lines(run: Run) -> list[str]:
     """The cycles of a shift with the local time of each dump."""
     about, span = run.provenance, span_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
-    clock = ShiftClock(_timezone(about), about.t0_unix_ns, duration_s)
+    clock = ShiftClock(timezone_text(about), about.t0_unix_ns, duration_s)
     rows = [
         (
             str(row["cycle"]),
