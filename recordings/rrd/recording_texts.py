@@ -25,11 +25,11 @@ from recordings.report.worth_text import (
 )
 from recordings.rrd.display_frames import span_ns
 from recordings.rrd.provenance_texts import (
-    timezone_text,
     local_time,
     machine_body,
     provenance_markdown,
     settings_markdown,
+    timezone_text,
 )
 
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
