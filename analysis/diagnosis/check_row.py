@@ -12,7 +12,7 @@ def _applies_always(_: CheckInputs, __: AxisMotion) -> bool:
     return True
 
 
-def _has_no_limit(_: CheckInputs, __: AxisMotion) -> None:
+def _no_limit(_: CheckInputs, __: AxisMotion) -> None:
     return None
 
 
@@ -50,7 +50,7 @@ class CheckRow:
     optional: bool = False
     names: Callable[[CheckInputs, AxisMotion], str] = _no_text
     consequence: Consequence = "withhold"
-    moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _has_no_limit
+    moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _no_limit
     remedy: str = ""
 
     def text(self, inputs: CheckInputs, motion: AxisMotion) -> str:

@@ -21,7 +21,7 @@ from analysis.model.schema import build, values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
-from analysis.stages.motion.phases import average_like_speed_rate, span_rows
+from analysis.stages.motion.phases import average_like_speed_rate, rows_of_rate_span
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 
@@ -113,7 +113,7 @@ def rate_noise_variance(inputs: CheckInputs) -> float:
         return 0.0
     # both ends of its span are moving means
     of_mean = float(known.covariance(settings.smooth.samples)[1, 1])
-    return 2.0 * of_mean * (settings.align.rate_hz / span_rows(settings)) ** 2
+    return 2.0 * of_mean * (settings.align.rate_hz / rows_of_rate_span(settings)) ** 2
 
 
 def _accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:

@@ -59,7 +59,7 @@ _ALL_AXES: Final = (
 )
 
 
-def without_gravity(inputs: FindingInputs) -> bool:
+def lacks_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
     z, _ = inputs.standstill_level(_Z)
     return bool(abs(z) < _GRAVITY * inputs.machine.machine.gravity_m_s2)
@@ -112,7 +112,7 @@ def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
 def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
     seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
-    if not np.isfinite(error) or seen.tilt is False or without_gravity(inputs):
+    if not np.isfinite(error) or seen.tilt is False or lacks_gravity(inputs):
         return []
     kind = tilt_or_bias(inputs, error)
     if kind not in kinds:
@@ -243,7 +243,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
         kinematic
         or not inputs.measured_channels(ACC)
         or not has_pitch(inputs)
-        or not without_gravity(inputs)
+        or not lacks_gravity(inputs)
     ):
         return []
     pitch, std = inputs.standstill_level(_PITCH)

@@ -124,7 +124,7 @@ def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving has {_newtons(const, std, sign='+')} besides mass and friction",
+            f"driving has {_newtons_text(const, std, sign='+')} besides mass and friction",
             channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
         )
@@ -154,7 +154,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
                 force / (LIMITS.trusted_coulomb_fraction * motion.largest_force),
             ),
-            f"{_newtons(force, pick.std)} oppose the motion at any speed",
+            f"{_newtons_text(force, pick.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
             change=lambda: mass_change_without_friction(inputs, force, pick.std, others),
@@ -163,7 +163,7 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _newtons(force_N: float, std_N: float, sign: str = "-") -> str:
+def _newtons_text(force_N: float, std_N: float, sign: str = "-") -> str:
     """A force with its deviation: of a small machine, to a digit of that."""
     places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
@@ -226,7 +226,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
 
 def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     """A force that is not linear in the acceleration: load transfer, or losses of the drive."""
-    found = _is_one_load(inputs)
+    found = find_gain_drift_of_one_load(inputs)
     pick = search_likelihood(inputs).get("driveline")
     if pick is not None:
         found.append(
@@ -279,7 +279,7 @@ def _share_change_text(value: float, std: float) -> str:
     return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} a m/s²"
 
 
-def _is_one_load(inputs: FindingInputs) -> list[Symptom]:
+def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
     """The same where the answer has loads that take turns with the direction."""
     found = compare_share_with_loads(inputs)
     if found is None or found.worse > LIMITS.indistinguishable_gain:

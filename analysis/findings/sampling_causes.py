@@ -7,7 +7,7 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.filters import period_ns
-from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
+from analysis.stages.signals.timestamps import FIRST_DATE_NS, stamp_scatter
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -53,7 +53,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """The scatter of a topic's steps, gaps aside, over its period."""
     found: list[Symptom] = []
     for name, (t, _) in channel_by_topic(inputs).items():
-        uneven = uneven_headers(inputs.raw[inputs.machine.channels[name].topic or "table"])
+        uneven = stamp_scatter(inputs.raw[inputs.machine.channels[name].topic or "table"])
         if uneven is not None:
             found.append(
                 Symptom(

@@ -161,7 +161,7 @@ def _unchanged_log(log: SimulatedLog) -> SimulatedLog:
     return log
 
 
-def _steady(study: Study, _: int) -> SteadyStudy:
+def _make_steady_study(study: Study, _: int) -> SteadyStudy:
     return SteadyStudy(steady_drive(study.scenario), study.scenario.sensors, study.windows)
 
 
@@ -221,7 +221,7 @@ def _cruises(study: Study) -> int:
 
 
 #: The steady oscillation under the paper's triangle, for windows without a gate.
-OSCILLATION: Final = Source("windows", _steady)
+OSCILLATION: Final = Source("windows", _make_steady_study)
 #: Campaigns of section 4.3, with an ideal torque chain and with one that would explain Table 2.
 CAMPAIGNS: Final = Source("campaign", _campaign, _campaigns)
 CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _campaigns)

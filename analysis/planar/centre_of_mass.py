@@ -137,7 +137,7 @@ def fit_arcs(
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _is_determined(row, reason, withheld=not verdict.can_weigh)
+        yield _determined_row(row, reason, withheld=not verdict.can_weigh)
 
 
 def prior_from_axis(
@@ -194,7 +194,7 @@ def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], Na
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
     believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.is_contradicted
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
-    return _is_determined(row, reason, withheld=not believed), fitted
+    return _determined_row(row, reason, withheld=not believed), fitted
 
 
 def is_fit_plausible(
@@ -387,7 +387,7 @@ def _budget(
     return parts
 
 
-def _is_determined(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+def _determined_row(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
     row = {**row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":

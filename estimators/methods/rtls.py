@@ -58,7 +58,7 @@ def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState
     scale = options.noise.scales(p)
     z = np.column_stack([A / scale, f])
     C: Floats = z.T @ z
-    return RtlsState(_theta(C, options), C, float(f.size))
+    return RtlsState(tls_parameters(C, options), C, float(f.size))
 
 
 def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = None) -> RtlsState:
@@ -67,10 +67,10 @@ def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = No
     scale = options.noise.scales(a.size)
     z = np.append(a / scale, f)
     C = options.forgetting * state.C + np.outer(z, z)
-    return RtlsState(_theta(C, options), C, options.forgetting * state.weight + 1.0)
+    return RtlsState(tls_parameters(C, options), C, options.forgetting * state.weight + 1.0)
 
 
-def _theta(C: Floats, options: RtlsOptions) -> Floats:
+def tls_parameters(C: Floats, options: RtlsOptions) -> Floats:
     """The estimate (p,) of one scaled Gram matrix, NaN where A without its noise is singular."""
     units = np.append(options.noise.scales(len(C) - 1), 1.0)
     products = pack(C * np.outer(units, units)).reshape(-1, 1)

@@ -108,7 +108,7 @@ def _check_alone(
 ) -> CheckedBundle:
     """Check a bundle, without the one before it."""
     checked = CheckedBundle()
-    held = check_files(folder, checked)
+    held = check_bundle_files(folder, checked)
     if EVIDENCE not in held:
         return checked
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
@@ -137,7 +137,7 @@ def _check_alone(
     return checked
 
 
-def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
+def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
     """Read every file that a bundle may hold, and compare it with SHA256SUMS.
 
     Args:

@@ -126,7 +126,7 @@ def find_contradictions(
             said = f"number {number} is left out, and {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"
-        elif own is not None and not _is_within(own, entry):
+        elif own is not None and not begins_within_entry(own, entry):
             said = (
                 f"number {number}: {own.log} begins {own.begins}, and the list has {entry.begins}"
             )
@@ -134,7 +134,7 @@ def find_contradictions(
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, NOTARY, said)
 
 
-def _is_within(log: EvidenceLog, entry: NotaryEntry) -> bool:
+def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
     """Whether a log begins within the time that its line has."""
     begin, first, last = log_begin(log), time_of(entry.begins), time_of(entry.ends)
     if begin is None or first is None or last is None:

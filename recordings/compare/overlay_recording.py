@@ -94,7 +94,7 @@ def _pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
     first, *rest = [tab for tab in TABS if tab.views]
     panels: list[Panel | None] = []
     elsewhere = {view for tab in rest for view in tab.views}
-    moved = [view for view in first.views if page_of_difference(view, a, b)]
+    moved = [view for view in first.views if has_difference(view, a, b)]
     for view in first.views:
         if view in moved:
             # beside a text there is room for a few; what led to the masses is in other tabs
@@ -112,8 +112,7 @@ def _pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
         differ = [
             view
             for view in tab.views
-            if not (view.kind is Kind.STATES and view in first.views)
-            and page_of_difference(view, a, b)
+            if not (view.kind is Kind.STATES and view in first.views) and has_difference(view, a, b)
         ]
         # the speed alone says nothing of what the tab is about
         if all(view.name in _CONTEXT for view in differ):
@@ -134,7 +133,7 @@ def page_of_one_run(view: View, a: _OverlaidRun) -> Panel | None:
     return Panel(view.title, view.kind, drawn, axis_range(view, a.run)) if drawn else None
 
 
-def page_of_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
+def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     """Whether anything that a view draws is otherwise in B."""
     mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
@@ -151,7 +150,7 @@ def page_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | N
     mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
     if not (mine or theirs):
         return None
-    lone = max(select_named_lines(mine), select_named_lines(theirs)) == 1
+    lone = max(count_named_lines(mine), count_named_lines(theirs)) == 1
     alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
     drawn = [*_style_lines(mine, _A, alike, lone=lone), *_style_lines(theirs, _B, alike, lone=lone)]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
@@ -199,7 +198,7 @@ def _has_change(numbers: pl.Series) -> bool:
     return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
-def select_named_lines(drawn: Sequence[DisplayColumn]) -> int:
+def count_named_lines(drawn: Sequence[DisplayColumn]) -> int:
     """Lines with a name of their own: neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 

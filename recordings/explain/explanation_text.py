@@ -104,7 +104,7 @@ def gate_lines(explained: Explanation) -> Iterator[str]:
         yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
 
 
-def determined_lines(found: DeterminedParameters | None) -> Iterator[str]:
+def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[str]:
     """What the motion determines, and what it leaves open."""
     if found is None:
         return

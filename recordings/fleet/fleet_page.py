@@ -90,8 +90,8 @@ def fleet_html(page: FleetPage) -> str:
         machines=[_machine_row(row, page) for row in machines.iter_rows(named=True)],
         machine_heads=_MACHINE_HEADS,
         pictures=[picture for picture in drawn if picture is not None],
-        drifts=[_drift_picture(chart) for chart in flagged],
-        drift_pictures=[drift_text(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
+        drifts=[_drift_cells(chart) for chart in flagged],
+        drift_pictures=[drift_picture(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
         friction=list(page.friction),
         undrawn=max(len(flagged) - _MOST_FIGURES, 0),
         looks=[
@@ -218,7 +218,7 @@ def _by_size(chart: MachineChart) -> tuple[float, str, str]:
     return -(change / std if known else 0.0), chart.machine, chart.signal.name
 
 
-def _drift_picture(chart: MachineChart) -> tuple[str, ...]:
+def _drift_cells(chart: MachineChart) -> tuple[str, ...]:
     found = chart.chart
     assert found.flagged is not None
     assert found.since is not None
@@ -313,7 +313,7 @@ def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
     return picture
 
 
-def drift_text(number: int, shown: MachineChart) -> Drawing:
+def drift_picture(number: int, shown: MachineChart) -> Drawing:
     """A machine's signal by week, against the limits of its baseline."""
     flagged, since = shown.chart.flagged, shown.chart.since
     assert flagged is not None

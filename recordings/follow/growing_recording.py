@@ -297,7 +297,7 @@ class RecordingEnd:
     size: int
 
 
-def read_end(path: Path) -> RecordingEnd | None:
+def read_recording_end(path: Path) -> RecordingEnd | None:
     """Read how far a recording came; None where it has not come to its first row.
 
     Raises:

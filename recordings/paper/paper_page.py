@@ -57,7 +57,7 @@ def write_reproduction(
     with atomic_files(targets, force=force) as stage:
         for each in found:
             if each.item.picture:
-                draw(each.item.picture, each.frame, stage / _picture(each.item))
+                draw(each.item.picture, each.frame, stage / _picture_name(each.item))
         if output_format == "md":
             (stage / PAGE).write_text(_page(found, about), encoding="utf-8")
         else:
@@ -70,10 +70,10 @@ def write_reproduction(
 def _targets(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
     tables = [f"{item.name}.csv" for item in items]
     written = [PAGE] if output_format == "md" else [*tables, SENTENCES]
-    return [folder / name for name in (*written, *(_picture(i) for i in items if i.picture))]
+    return [folder / name for name in (*written, *(_picture_name(i) for i in items if i.picture))]
 
 
-def _picture(item: Item[Any]) -> str:
+def _picture_name(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
@@ -86,7 +86,7 @@ def _page(found: Sequence[ItemResult], about: str) -> str:
     sections = [
         {
             "title": each.item.title,
-            "picture": _picture(each.item) if each.item.picture else None,
+            "picture": _picture_name(each.item) if each.item.picture else None,
             "tables": each.item.tables(each.frame),
             "findings": each.said.findings,
             "choices": each.said.choices,

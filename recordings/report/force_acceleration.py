@@ -123,13 +123,13 @@ def _select_points(run: Run) -> pl.DataFrame | None:
         points = points.with_columns(used=pl.lit(value=False), reason=pl.lit("not judged"))
     else:
         used = samples_in_windows(
-            gate["accepted_x"].fill_null(value=False).to_numpy(), _window_rows(run, gate)
+            gate["accepted_x"].fill_null(value=False).to_numpy(), window_row_count(run, gate)
         )
         points = points.with_columns(pl.Series("used", used), gate["reason_x"].alias("reason"))
     return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
 
 
-def _window_rows(run: Run, gate: pl.DataFrame) -> int:
+def window_row_count(run: Run, gate: pl.DataFrame) -> int:
     """Rows of a window: a review keeps one row of many."""
     settings = run.provenance.settings
     step_ns = gate["t_ns"].diff().median()

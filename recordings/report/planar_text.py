@@ -25,7 +25,7 @@ _SAID = {
 }
 
 
-def planar_lines(
+def planar_fit_lines(
     rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
 ) -> list[str]:
     """A line for each fit over more than one arc, or for the arc where there is only one.

@@ -101,7 +101,7 @@ def amount_text(amount: EnergyAmount) -> str:
     return plus_minus(amount.kWh, K * amount.u_kWh)
 
 
-def energy_fact(
+def energy_facts(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> list[tuple[str, str]]:
     """The shift's energy in a line, name and value; nothing where it is not known."""

@@ -11,7 +11,7 @@ from estimators.errors import counted
 from recordings.report.clock_text import duration_text
 from recordings.report.number_text import plus_minus
 from recordings.report.shift_text import K, shift_sentence, tonnes
-from recordings.review.energy_columns import energy_fact
+from recordings.review.energy_columns import energy_facts
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_ledger import HOLE_S
 from recordings.review.torn_logs import torn_last_log
@@ -121,7 +121,7 @@ def facts(
 ) -> list[tuple[str, str]]:
     """What a reader looks for, name and value: the work first, then what the tonnes are worth."""
     found = [*_work_facts(shift, ledger), *_time_facts(shift, ledger, state)]
-    found += energy_fact(ledger, shift, state)
+    found += energy_facts(ledger, shift, state)
     if target is not None:
         found.append(("10/10/20", target_sentence(target)))
     if shift["cycles_counted"]:
@@ -168,7 +168,7 @@ def _mean_load(shift: Mapping[str, Any]) -> str:
 def _time_facts(
     shift: Mapping[str, Any], ledger: pl.DataFrame, state: ReviewState
 ) -> list[tuple[str, str]]:
-    found = cycle_times(ledger)
+    found = cycle_time_facts(ledger)
     motion = state.motion
     if motion.distance_m is not None and motion.top_speed_m_s is not None:
         haul_m = ledger["haul_m"].mean()
@@ -265,7 +265,7 @@ def scale_text(shift: Mapping[str, Any]) -> str:
     )
 
 
-def cycle_times(ledger: pl.DataFrame) -> list[tuple[str, str]]:
+def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     """What a cycle's time goes into, on average; nothing where no cycle was seen whole.
 
     A cycle with a hole in it, or with a reviewer's verdict against it, is in no mean.

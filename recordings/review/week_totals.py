@@ -188,15 +188,15 @@ def sum_by(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
     members: dict[str, list[WeekPart]] = defaultdict(list)
     for part in parts:
         members[getattr(part, by)].append(part)
-    return [_sum_parts_of_name(name, members[name]) for name in sorted(members)]
+    return [_total_of_parts(name, members[name]) for name in sorted(members)]
 
 
 def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
     """The sum of all."""
-    return _sum_parts_of_name("all", parts)
+    return _total_of_parts("all", parts)
 
 
-def _sum_parts_of_name(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
+def _total_of_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
     common_kg: dict[str, float] = defaultdict(float)
     for part in parts:
         common_kg[part.machine] += part.common_u_kg

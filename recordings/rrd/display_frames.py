@@ -102,7 +102,7 @@ def drawn_columns_of_view(
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
         colour = colours.method(method) if method else colours.line(number)
-        frame = _is_displayed(name)
+        frame = _display_column(name)
         variance = _variance_column(series.std) if series.std else None
         dotted = series.frame in _SHORT or draws_as_points(shown[frame][series.column])
         extremes = (
@@ -138,7 +138,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             if view.kind is Kind.STATES:
                 frames[_lane_entity(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame in _HELD:
-                frames[_is_displayed(name)] = _hold_rows(
+                frames[_display_column(name)] = _hold_rows(
                     drawn_numbers(name, frame), frame["end_t_ns"]
                 )
             else:
@@ -148,11 +148,11 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
                 frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
     for name, wanted in asked.items():
         if decimate and is_long(run):
-            frames[_is_displayed(name)] = _decimate(run, name, list(wanted.values()))
+            frames[_display_column(name)] = _decimate(run, name, list(wanted.values()))
         else:
             numbers = drawn_numbers(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
-            frames[_is_displayed(name)] = (
+            frames[_display_column(name)] = (
                 break_at_gaps(numbers, _period_ns(run)) if sparse else numbers
             )
     return frames
@@ -179,7 +179,7 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     return low - margin, high + margin
 
 
-def _is_displayed(name: str) -> str:
+def _display_column(name: str) -> str:
     return f"{ROOT}/{name}"
 
 

@@ -51,15 +51,15 @@ def recording_properties(run: Run) -> dict[str, Value]:
     }
     if len(said.loads) == 1:
         load = said.loads[0]
-        found |= _quantity("mass", "kg", load["mass_kg"], load["u_kg"])
+        found |= _quantity_property("mass", "kg", load["mass_kg"], load["u_kg"])
     if said.shift:
         cycles, kg = said.shift["cycles_counted"], said.shift["payload_kg"]
         found["cycles"] = cycles
-        found |= _quantity("tonnes", "t", kg, said.shift["payload_u_kg"], per_unit=1e3)
+        found |= _quantity_property("tonnes", "t", kg, said.shift["payload_u_kg"], per_unit=1e3)
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _quantity(
+def _quantity_property(
     name: str, unit: str, value: float | None, u: float | None, per_unit: float = 1.0
 ) -> dict[str, float | None]:
     """A quantity and its expanded uncertainty."""

@@ -13,7 +13,7 @@ from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of, findings_text
 from recordings.report.number_text import SCALE_NOT_KNOWN, number, outcome_text, plus_minus, table
-from recordings.report.planar_text import planar_lines, planar_markdown
+from recordings.report.planar_text import planar_fit_lines, planar_markdown
 from recordings.report.shift_text import shift_sentence
 from recordings.report.worth_text import (
     answer_lines,
@@ -134,7 +134,7 @@ def summary_text(run: Run) -> str:
             inertia = row.value(_INERTIA[0], method)
             turns = f", yaw inertia {_value_text(row, method, *_INERTIA)} kg·m²" if inertia else ""
             lines.append(f"{method:<8} {mass}{turns}")
-    lines += planar_lines(said.planar, said.planar_budget)
+    lines += planar_fit_lines(said.planar, said.planar_budget)
     for each in findings_of(run)[:_FOUND]:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
@@ -181,7 +181,7 @@ def answer_text(run: Run) -> str:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
         parts += [each for row in said.rows for each in _mass_cells(row)]
-    if lines := planar_lines(said.planar, said.planar_budget):
+    if lines := planar_fit_lines(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
     parts += _verdict_lines(said.verdict) + _describe_acceptance(run)
     parts += [f"- {note}" for note in said.notes]

@@ -100,7 +100,7 @@ def run_command(
             fleet,
             output,
             _engine(address, workers),
-            shown.done,
+            shown.mark_done,
             shown.on_engine,
             recordings=recordings,
         )
@@ -295,7 +295,7 @@ def _what_if(
     from replay.fleet.compare_results import RunCallbacks, replay_with_settings
 
     with FleetProgress() as shown:
-        told = RunCallbacks(shown.begin, shown.done, shown.on_engine)
+        told = RunCallbacks(shown.begin, shown.mark_done, shown.on_engine)
         other, did, gone = replay_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer where they were, and left out", err=True)

@@ -48,7 +48,7 @@ class FleetProgress:
         """The engine is open."""
         self._slots = engine.slots()
 
-    def done(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
+    def mark_done(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
         """A log is done."""
         took = outcome.seconds + outcome.overhead_s
         self._left.done(log.size_bytes, took if outcome.status == "made" else None)

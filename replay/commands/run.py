@@ -220,7 +220,7 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
 
 def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
     """What else bears on the answer, the most important first."""
-    from recordings.report.planar_text import planar_lines
+    from recordings.report.planar_text import planar_fit_lines
     from recordings.report.worth_text import goal_lines, shift_lines
 
     if goal is not None:
@@ -228,7 +228,7 @@ def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterat
     if answer.verdict.can_tell_inertia and not verbose:
         yield from _inertia_lines(answer)
     yield from shift_lines(answer)
-    yield from planar_lines(answer.planar, answer.planar_budget)
+    yield from planar_fit_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
     yield from _first_lines(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"

@@ -101,8 +101,8 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
             continue
         calibrations.append((by, weighing))
     calibrations.sort(key=lambda each: last_campaign_day(each[0]), reverse=True)
-    calibrated = [_setup(name, files, weighing, by) for by, weighing in calibrations]
-    return (*calibrated, _setup(name, files, machine, None))
+    calibrated = [_make_setup(name, files, weighing, by) for by, weighing in calibrations]
+    return (*calibrated, _make_setup(name, files, machine, None))
 
 
 def setup_of_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
@@ -110,7 +110,7 @@ def setup_of_day(setups: Sequence[MachineSetup], day: dt.date | None) -> Machine
     return next(each for each in setups if each.holds_on(day))
 
 
-def _setup(
+def _make_setup(
     name: str, files: NamedFiles, machine: Machine, by: MachineCalibration | None
 ) -> MachineSetup:
     whole = {

@@ -19,7 +19,7 @@ from recordings.follow.growing_recording import (
     FollowedLog,
     GrowingRecording,
     RecordingEnd,
-    read_end,
+    read_recording_end,
 )
 from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
 from replay.follow.follow_logs import Following
@@ -205,7 +205,7 @@ def find_continuation(
         check_recording(output, force=force or output.is_file())
         return None
     if is_unfinished(output):
-        end = read_end(output)
+        end = read_recording_end(output)
         if end is None:
             return None
         if end.about.identity != identity:

@@ -41,7 +41,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
     Raises:
         QueryError: no such table or column, no SQL, or a statement that does not only read tables.
     """
-    query = checked_select(sql)
+    query = normalise_select(sql)
     frames = {name: tables[name]() for name in _select_used_tables(query, tables)}
     with pl.SQLContext(frames=frames, eager=False) as context:
         try:
@@ -65,7 +65,7 @@ def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
     return QueryError(f"query: {said}")
 
 
-def checked_select(sql: str) -> str:
+def normalise_select(sql: str) -> str:
     """The statement without what ends it.
 
     Raises:

@@ -15,7 +15,7 @@ from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
 from replay.fleet.gathered_tables import fleet_results, fleet_tables
 from replay.fleet.results_layout import MARK
-from replay.frames.scan import lazy_frame, log_paths, topic_source
+from replay.frames.scan import lazy_frame, resolve_log_paths, topic_source
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import TopicSource, opened_log
 from replay.logs import TABLE, Log, TimeAxis
@@ -160,7 +160,7 @@ class _TopicOptions:
 
 def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
     named = logs[0] if len(logs) == 1 else logs
-    paths, _ = log_paths(named)
+    paths, _ = resolve_log_paths(named)
     topics: dict[str, list[Path]] = {}
     for path in paths:
         for topic in opened_log(path, options.time).topic_names():

@@ -13,7 +13,7 @@ import polars as pl
 
 from estimators.errors import OutputError, QueryError
 from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
-from replay.frames.select_statement import checked_select, query_fault, quoted_names, select_rows
+from replay.frames.select_statement import normalise_select, query_fault, quoted_names, select_rows
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import SOURCE, LossWarning
 from replay.logs import TimeAxis
@@ -101,7 +101,7 @@ def query(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Que
     Raises:
         PayscopeError: a source that cannot be opened, a statement that is no SELECT over them.
     """
-    checked_select(sql)  # before logs are opened
+    normalise_select(sql)  # before logs are opened
     named = named_tables(sources, time, quoted_names(sql))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LossWarning)

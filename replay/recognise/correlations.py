@@ -84,7 +84,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
     return {}
 
 
-def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
+def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     """Fields of an accelerometer of which no axis shows gravity: a program took it off."""
     axes = [column for column in accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):

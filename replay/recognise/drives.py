@@ -17,17 +17,22 @@ _TURNS: Final = ("rpm", "rad/s", "Hz")
 def propose_drives(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Sketch force and speed from what motors and wheels report, where no column has them."""
     if "force_x_N" not in found.named and not _has_both_sides(found, "torque_{}_N_m"):
-        sketches = (_unnamed_sides, _motor_force, _recognise_pressure, _recognise_power)
+        sketches = (
+            recognise_unnamed_sides,
+            recognise_motor_force,
+            _recognise_pressure,
+            _recognise_power,
+        )
         any(propose(columns, found) for propose in sketches)
     if "speed_x_m_s" not in found.named and not _has_both_sides(found, "speed_{}_m_s"):
-        any(propose(columns, found) for propose in (_wheel_speeds, _motor_speed))
+        any(propose(columns, found) for propose in (recognise_wheel_speeds, _recognise_motor_speed))
 
 
 def _has_both_sides(found: Recognition, name: str) -> bool:
     return {name.format(side) for side in _SIDES} <= found.named
 
 
-def _unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Two torques of wheels without a side."""
     torques = [
         c
@@ -50,7 +55,7 @@ def _unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
     return True
 
 
-def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from a motor's torque, or from its current."""
     for quantity, unit, name, factor in (
         ("torque", "N*m", "motor_torque_N_m", ""),
@@ -140,7 +145,7 @@ def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
     return True
 
 
-def _wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def recognise_wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Speeds of wheels in revolutions: of both sides, or of one wheel."""
     wheels = [
         c
@@ -167,7 +172,7 @@ def _wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
     return True
 
 
-def _motor_speed(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _recognise_motor_speed(columns: Sequence[LogColumn], found: Recognition) -> bool:
     turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
         (c for c in columns if c.quantity == "speed" and c.unit in _TURNS), None
     )

@@ -74,12 +74,12 @@ def _fill_channels_of_side(
 ) -> None:
     efforts = fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
-    if torque not in found.taken:
+    if torque not in found.taken_columns:
         parts = fill_parts(found, topic, efforts, torque)
         if len(parts) > 1:
             _propose_formula(found, torque, " + ".join(parts), f"the {side} wheels' torques")
     velocities = fields_with_values(log, topic, "velocity", joints, start_ns)
-    if speed in found.taken or not velocities:
+    if speed in found.taken_columns or not velocities:
         return
     if not turns:
         _propose_field(found, speed, topic, velocities[0])
@@ -107,7 +107,7 @@ def fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str
 
 
 def _propose_field(found: Recognition, column: str, topic: str, field: str) -> None:
-    if column not in found.taken:
+    if column not in found.taken_columns:
         found.channels.append(ChannelProposal(column, topic, field, None, "the name of its joint"))
 
 

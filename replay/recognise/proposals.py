@@ -82,7 +82,7 @@ class Recognition:
         return list(dict.fromkeys(text for _, text in ranked))
 
     @property
-    def taken(self) -> set[str]:
+    def taken_columns(self) -> set[str]:
         """The channels that are filled."""
         return {each.column for each in self.channels if not each.is_comment}
 
@@ -97,7 +97,7 @@ class Recognition:
 
     def fill(self, column: LogColumn, channel: str, reason: str, unit: str | None = None) -> None:
         """Fill a channel; the first column that does so stands."""
-        if channel in self.taken:
+        if channel in self.taken_columns:
             return
         stated = _not_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))

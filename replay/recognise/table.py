@@ -18,8 +18,8 @@ from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
     add_correlations,
     are_same_readings,
+    lacks_gravity,
     units_by_gravity,
-    without_gravity,
 )
 from replay.recognise.drives import propose_drives
 from replay.recognise.proposals import LogColumn, Recognition
@@ -55,13 +55,13 @@ def recognise(log: Log) -> Recognition:
         if column.field in _KNOWN:
             found.fill(column, column.field, "its name", unit_of(column.field))
     by_gravity = units_by_gravity(log, columns)
-    kinematic = without_gravity(log, columns)
+    kinematic = lacks_gravity(log, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)
     for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
             channel = channel_of(column) if column.quantity == quantity else None
             if channel is None and column.field in by_gravity:
-                channel = _specific_force(column)
+                channel = _recognise_specific_force(column)
             if channel is None:
                 continue
             if column.field in kinematic or (
@@ -79,9 +79,9 @@ def recognise(log: Log) -> Recognition:
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
         settle_claims(log, channel, each, found)
-    _by_unit_alone(columns, found)
+    recognise_by_unit(columns, found)
     propose_drives(columns, found)
-    _without_unit(columns, found)
+    recognise_without_unit(columns, found)
     return add_correlations(log, columns, found)
 
 
@@ -90,7 +90,7 @@ def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recogn
 
     Of several that show the same the first is taken, but of forces: those add up.
     """
-    if channel in found.taken:
+    if channel in found.taken_columns:
         return
     column, reason, unit = claims[0]
     adds_up = channel.startswith(("force", "torque"))
@@ -149,42 +149,42 @@ def _quantity_in(unit: str) -> str | None:
     return None
 
 
-def _speed(column: LogColumn) -> str | None:
+def _recognise_speed(column: LogColumn) -> str | None:
     if column.said.axis in ("y", "z") or column.said.part == "motor":
         return None
     name = f"speed_{column.said.side}_m_s" if column.said.side else "speed_x_m_s"
     return name if column.fits(name) else None
 
 
-def _force(column: LogColumn) -> str | None:
+def _recognise_force(column: LogColumn) -> str | None:
     off_axis = column.said.axis in ("y", "z") or column.said.side or column.said.is_linkage
     return "force_x_N" if not off_axis and column.fits("force_x_N") else None
 
 
-def _torque(column: LogColumn) -> str | None:
+def _recognise_torque(column: LogColumn) -> str | None:
     side = column.said.side
     name = f"torque_{side}_N_m"
     return name if side and column.said.part != "motor" and column.fits(name) else None
 
 
-def _acceleration(column: LogColumn) -> str | None:
-    return _specific_force(column) if column.fits("acc_x_m_s2") else None
+def _recognise_acceleration(column: LogColumn) -> str | None:
+    return _recognise_specific_force(column) if column.fits("acc_x_m_s2") else None
 
 
-def _specific_force(column: LogColumn) -> str | None:
+def _recognise_specific_force(column: LogColumn) -> str | None:
     return f"specific_force_{column.said.axis}_m_s2" if column.said.axis else None
 
 
-def _position(column: LogColumn) -> str | None:
+def _recognise_position(column: LogColumn) -> str | None:
     along = column.said.axis in (None, "x")
     return "position_x_m" if along and column.fits("position_x_m") else None
 
 
-def _yaw_rate(column: LogColumn) -> str | None:
+def _recognise_yaw_rate(column: LogColumn) -> str | None:
     return "yaw_rate_rad_s" if column.fits("yaw_rate_rad_s") else None
 
 
-def _angle(name: str, column: LogColumn) -> str | None:
+def _recognise_angle(name: str, column: LogColumn) -> str | None:
     return name if column.unit in ("deg", "rad") else None
 
 
@@ -193,20 +193,20 @@ def _degrees(column: LogColumn) -> bool:
 
 
 _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
-    "speed": _speed,
-    "force": _force,
-    "torque": _torque,
-    "acceleration": _acceleration,
-    "position": _position,
-    "yaw rate": _yaw_rate,
-    "boom": lambda column: _angle("boom_rad", column),
-    "bucket": lambda column: _angle("bucket_rad", column),
+    "speed": _recognise_speed,
+    "force": _recognise_force,
+    "torque": _recognise_torque,
+    "acceleration": _recognise_acceleration,
+    "position": _recognise_position,
+    "yaw rate": _recognise_yaw_rate,
+    "boom": lambda column: _recognise_angle("boom_rad", column),
+    "bucket": lambda column: _recognise_angle("bucket_rad", column),
     "latitude": lambda column: "latitude_deg" if _degrees(column) else None,
     "longitude": lambda column: "longitude_deg" if _degrees(column) else None,
 }
 
 
-def _by_unit_alone(columns: Sequence[LogColumn], found: Recognition) -> None:
+def recognise_by_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Columns whose names say nothing, the only ones in a unit of force or of speed."""
     units = Counter(quantity_of_name("", column.unit) for column in columns if column.unit)
     for column in columns:
@@ -228,7 +228,7 @@ _WITHOUT_UNIT: Final = {
 }
 
 
-def _without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
+def recognise_without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
     """A column whose name says what it is, and nothing its unit."""
     given = {each.column for each in found.channels}
     for quantity, channel in _WITHOUT_UNIT.items():

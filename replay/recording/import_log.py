@@ -12,7 +12,7 @@ from recordings.rrd.viewer_stream import ViewerRequest, stream_run, stream_topic
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
-from replay.recording.importer_files import VARIABLE, machine_of
+from replay.recording.importer_files import VARIABLE, machine_file_of_log
 
 #: Elements of a list without names that are drawn.
 _ELEMENTS: Final = 12
@@ -33,7 +33,7 @@ def import_log(log: Path, asks: ViewerRequest) -> str | None:
     Raises:
         PayscopeError: the log cannot be read.
     """
-    machine_file = machine_of(log)
+    machine_file = machine_file_of_log(log)
     fault: str | None = None
     if machine_file is not None:
         try:

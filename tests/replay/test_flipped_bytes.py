@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recordings.calibration.bundle_checks import check_files, check_signature
+from recordings.calibration.bundle_checks import check_bundle_files, check_signature
 from recordings.calibration.bundle_folder import (
     EVIDENCE,
     POINTS,
@@ -72,7 +72,7 @@ def test_a_flip_of_any_byte_of_any_file_is_found(made: Made, tmp_path: Path) -> 
         for place in range((folder / name).stat().st_size):
             with flipped(folder / name, place):
                 checked = CheckedBundle()
-                held = check_files(folder, checked)
+                held = check_bundle_files(folder, checked)
                 if name in UNLISTED:
                     digests = {n: each.sha256 for n, each in held.items() if n not in UNLISTED}
                     check_signature(checked, held, digests, document, key, Keyring(Path()))

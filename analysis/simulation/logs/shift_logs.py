@@ -18,7 +18,7 @@ from analysis.simulation.plant.integrated_motion import IntegratedLog
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.random_streams import generator
-from analysis.simulation.sensors.recorder import phase_s, topics_of
+from analysis.simulation.sensors.recorder import phase_s, recorded_topics
 from analysis.simulation.sensors.sensors import measure
 from analysis.simulation.trials.trial_limits import check_shift
 from estimators.arrays import Floats
@@ -140,7 +140,7 @@ class ShiftSimulation:
             _ShiftTimeline(motion, start_ns).sample,
             _PositionAndBoom(motion, tuple(driver.angles), start_ns).hints,
         )
-        topics = topics_of(scenario)
+        topics = recorded_topics(scenario)
         return SimulatedLog(
             scenario=scenario,
             load_kg=0.0,

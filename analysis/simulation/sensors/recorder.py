@@ -16,7 +16,7 @@ from estimators.arrays import Floats
 TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
 
 
-def topics_of(scenario: Scenario) -> tuple[TopicName, ...]:
+def recorded_topics(scenario: Scenario) -> tuple[TopicName, ...]:
     """The topics that are recorded."""
     return TOPICS if scenario.shift is None else (*TOPICS, *scenario.shift.topics)
 

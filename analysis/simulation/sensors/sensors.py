@@ -21,8 +21,8 @@ from analysis.simulation.sensors.recorder import (
     phase_s,
     rate_hz,
     record,
+    recorded_topics,
     sample_times_ns,
-    topics_of,
 )
 from estimators.arrays import Floats
 
@@ -49,7 +49,7 @@ def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str
         of recording.
     """
     frames: dict[str, pl.DataFrame] = {}
-    for topic in topics_of(scenario):
+    for topic in recorded_topics(scenario):
         phase = phase_s(scenario, topic, load_index)
         at_ns = sample_times_ns(timeline, rate_hz(scenario, topic), phase)
         streams = Streams(scenario.sensors.seed, load_index, timeline.trial(at_ns))

@@ -126,7 +126,7 @@ class _Trial:
         names = ("accelerating", "cruising", "braking") if axis == 0 else ("spinning",) * 3
         machine = DrivenMotion(self.body, lag_s, (axis == 0, axis == 1))
 
-        stalled, state = self._is_stalled(axis, sign, full, begin_s, heading_rad)
+        stalled, state = self._solve_stalled_trial(axis, sign, full, begin_s, heading_rad)
         asked = Commands(_constant_drive(axis, sign * full))
         opened, state = machine.move(names[0], stalled.end_s, steady_s, state, asked)
         signs = AxisPair(sign, 0.0) if axis == 0 else AxisPair(0.0, sign)
@@ -139,7 +139,7 @@ class _Trial:
         kind = manoeuvre.kind
         return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
 
-    def _is_stalled(
+    def _solve_stalled_trial(
         self, axis: int, sign: float, full: float, begin_s: float, heading_rad: float
     ) -> tuple[MotionPhase, Floats]:
         """The throttle opens until the drive overcomes slope and friction: that, and the state.

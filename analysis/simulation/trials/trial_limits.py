@@ -12,7 +12,7 @@ from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start, Travel
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.sensors.recorder import rate_hz, topics_of
+from analysis.simulation.sensors.recorder import rate_hz, recorded_topics
 from analysis.simulation.trials.arc import arc_phases
 from analysis.simulation.trials.switches import check_switches
 from estimators.errors import ScenarioError
@@ -39,7 +39,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
     check_switches(scenario)
     if (
         scenario.log.latency_jitter_s
-        * max(rate_hz(scenario, topic) for topic in topics_of(scenario))
+        * max(rate_hz(scenario, topic) for topic in recorded_topics(scenario))
         >= 1
     ):
         raise ScenarioError(

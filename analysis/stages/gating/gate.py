@@ -8,7 +8,11 @@ from analysis.model.schema import PHASE, REASON, build, values
 from analysis.model.settings import Settings
 from analysis.model.windows import flagged_windows, samples_in_windows
 from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide, is_braking, row_flags
-from analysis.stages.motion.phases import average_like_speed_rate, span_rows, yaw_speeding_sign
+from analysis.stages.motion.phases import (
+    average_like_speed_rate,
+    rows_of_rate_span,
+    yaw_speeding_sign,
+)
 from analysis.stages.noise.column_noise import axis_noise
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods import ls
@@ -150,7 +154,9 @@ def settled_windows(
 
 def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
     """The samples that brake, and those before them that may brake unseen."""
-    return flagged_windows(braking[::-1], span_rows(settings) + settings.smooth.samples)[::-1]
+    return flagged_windows(braking[::-1], rows_of_rate_span(settings) + settings.smooth.samples)[
+        ::-1
+    ]
 
 
 def excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:

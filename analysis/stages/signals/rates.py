@@ -143,7 +143,7 @@ class ReducedRegressor:
     def __str__(self) -> str:
         """What a reader of the answer should know of it."""
         return (
-            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_list_names(self.names)} "
+            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_names_text(self.names)} "
             f"are taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow "
             "channel among faster ones biases the estimate"
         )
@@ -223,6 +223,6 @@ def _mean(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
     return share * line + (1.0 - share) * series.at(at_ns)
 
 
-def _list_names(names: frozenset[str]) -> str:
+def _names_text(names: frozenset[str]) -> str:
     *first, last = sorted(names - {"direction_x_1"})
     return f"{', '.join(first)} and {last}"

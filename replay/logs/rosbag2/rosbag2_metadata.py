@@ -129,12 +129,12 @@ def _parse(content: Any, folder: Path) -> Metadata:
     return Metadata(
         tuple(
             _path_inside(require_text(name), folder)
-            for name in _list(_require_value(information, "relative_file_paths"))
+            for name in _require_list(_require_value(information, "relative_file_paths"))
         ),
         mode == "message",
         tuple(
             _announced_count(entry)
-            for entry in _list(_require_value(information, "topics_with_message_count"))
+            for entry in _require_list(_require_value(information, "topics_with_message_count"))
         ),
         None if messages is None else message_count(messages),
     )
@@ -158,7 +158,7 @@ def _require_value(mapping: Any, key: str) -> Any:
     return mapping[key]
 
 
-def _list(value: Any) -> list[Any]:
+def _require_list(value: Any) -> list[Any]:
     if not isinstance(value, list):
         raise _other_layout_error()
     return value

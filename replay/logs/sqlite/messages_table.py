@@ -8,7 +8,7 @@ import numpy as np
 
 from estimators.interpreted import is_compiler_loaded
 from replay.logs.sqlite.database_pages import PageLayout, RowFilter, page_layout
-from replay.logs.sqlite.row_query import LEAST_ID, Row, TableRows, read_rows, sqlite_call
+from replay.logs.sqlite.row_query import LEAST_ID, Row, TableRows, guard_sqlite_call, read_rows
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch
 
 _TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
@@ -40,7 +40,7 @@ class MessageTable:
             file: the same.
             note: told what was lost, a sentence a damaged place.
         """
-        with sqlite_call():
+        with guard_sqlite_call():
             database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
         self._database = database
         self._file = file

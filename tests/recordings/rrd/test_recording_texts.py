@@ -5,7 +5,7 @@ import polars as pl
 from analysis import Run
 from analysis.model.answer import answer
 from analysis.model.loss import Loss
-from recordings.report.planar_text import planar_lines
+from recordings.report.planar_text import planar_fit_lines
 from recordings.rrd.recording_texts import (
     headline,
     number,
@@ -158,7 +158,7 @@ def test_the_centre_of_mass_is_told_with_its_deviation_and_what_the_motion_deter
 
 def test_a_centre_of_mass_behind_and_to_the_right_is_told_without_a_sign():
     row = {"com_x_m": -0.2, "com_x_std_m": 0.01, "com_y_m": -0.05, "com_y_std_m": 0.01}
-    told = planar_lines([{"kind": "joint", "withheld": False, **row}])
+    told = planar_fit_lines([{"kind": "joint", "withheld": False, **row}])
     where = "0.200 ± 0.010 m behind the origin, 0.050 ± 0.010 m to its right"
     assert told == [f"centre of mass from all motion together: {where}"]
 
