@@ -99,7 +99,7 @@ class Loop:
 
     @cached_property
     def interpreted(self) -> Callable[..., Any]:
-        """For the interpreter."""
+        """The function as the interpreter runs it."""
         if self._by_arrays is not None:
             return self._by_arrays
         return self._with_globals(

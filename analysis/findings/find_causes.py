@@ -177,7 +177,7 @@ def _has_cause(found: pl.DataFrame, cause: str) -> bool:
 def merge_looks(
     found: pl.DataFrame, hiding: list[pl.DataFrame], seen: pl.DataFrame
 ) -> pl.DataFrame:
-    """What the first look saw and the part that was looked at once more may not have."""
+    """Add to the second look the findings of the first that it cannot have, being of a part."""
     explained = [
         key for each in CAUSES for key in each.explains if _is_hidden_by_any(hiding, each.key)
     ]

@@ -120,7 +120,7 @@ def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
 
 
 def run_starts(x: Bools | Ints) -> Bools:
-    """(n,) where true begins, or a larger number."""
+    """(n,) where a run of true begins, or of a larger number than before."""
     return np.diff(x.astype(np.int64), prepend=0) > 0
 
 

@@ -96,7 +96,7 @@ class Extracts:
         return self._made[extract]
 
     def one(self, extract: Extract[Any, T]) -> T:
-        """What the extract made of a source without repetitions."""
+        """The result of an extract whose source has no repetitions."""
         (made,) = self._made[extract]
         return made
 

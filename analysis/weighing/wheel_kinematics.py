@@ -118,7 +118,7 @@ def compare_wheels(
     priors: PriorSettings,
     earlier: WheelKinematics | None = None,
 ) -> WheelKinematics | None:
-    """Compare them; None where there is no accelerometer, or no stretch is long enough.
+    """Compare wheels with the accelerometer; None without one, or where no stretch is long enough.
 
     Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
     goes better without it, it is taken off by the pitch; not elsewhere, since a body that squats

@@ -258,7 +258,7 @@ def _add_neighbours_by_arrays(
 def sum_correlated_neighbours(
     z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:
-    """Of each sample, its correlated neighbours, so that each pair counts once.
+    """Sum the correlated neighbours of each sample, each pair of samples counted once.
 
     Of a pair in the second block the later sample has it, in the first block the earlier one; of
     a pair across, the later one if `across_later`.

@@ -271,7 +271,7 @@ def check_signature(
 def _add_unsigned(
     checked: CheckedBundle, document: EvidenceDocument | None, key: PublicKey | None
 ) -> None:
-    """What it means that there is no statement."""
+    """Add the findings of a bundle that has no signed statement."""
     if document is not None and document.signer is not None:
         checked.add(
             BundleOutcome.INCOMPLETE, STATEMENT, "is missing, and evidence.json has a signer"

@@ -353,7 +353,7 @@ def drift_picture(number: int, shown: MachineChart) -> Drawing:
 
 
 def _weeks(days: Sequence[dt.date], values: np.ndarray) -> list[tuple[float, float, int]]:
-    """Of every week with values: its number since the first day, their mean and count."""
+    """The number since the first day, the mean and the count of each week that has values."""
     number = np.array([(day - days[0]).days // _WEEK for day in days])
     return [
         (float(n), float(values[number == n].mean()), int((number == n).sum()))

@@ -109,7 +109,7 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
 
 
 def _check_head(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
-    """The first line, by the key that it names itself."""
+    """Check the signature of the first line by the key that the line names."""
     if not lines or not isinstance(lines[0].content, NotaryHead):
         checked.add_forgery("does not begin with the head of a list")
         return

@@ -203,7 +203,7 @@ def state_of(
 
 
 def read_state(folder: Path) -> ReviewState | None:
-    """The state of an earlier review, None where there is none that this payscope understands."""
+    """Read the state of an earlier review; None where there is none in a format of this version."""
     try:
         state = ReviewState.model_validate_json((folder / STATE).read_bytes())
     except (OSError, ValidationError):

@@ -178,7 +178,7 @@ def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.dat
 
 
 def checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
-    """What a check of the folder itself looked at."""
+    """List what the check of the folder by itself has covered."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked.document is not None:
         done.append("the schema of evidence.json")

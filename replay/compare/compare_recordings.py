@@ -47,7 +47,7 @@ class RecordedRun:
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
-        """Some columns of a frame."""
+        """Read some columns of a frame from the recording."""
         if stage == "loads" and self._loads is not None:
             return self._loads.select(columns)
         return self._held.read(stage, columns)

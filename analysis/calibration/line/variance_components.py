@@ -43,7 +43,7 @@ class Variances:
     covariance: Floats
 
     def transform(self, by: Floats) -> "Variances":
-        """Those of `by` @ value."""
+        """The variances of the linear combinations `by` @ value."""
         return Variances(by @ self.value, by @ self.covariance @ by.T)
 
     def dof(self, weight: Floats, total: float) -> float:

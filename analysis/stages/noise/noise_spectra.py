@@ -67,7 +67,7 @@ def stretches(of: Bools) -> list[tuple[int, int]]:
 
 
 def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
-    """Trim a stretch to where no column's short mean has left its level yet, or no longer.
+    """Trim a stretch at both ends to where the short mean of every column is at its level.
 
     A slow start stands by its speed for up to a second.
 
