@@ -267,7 +267,7 @@ class Machine(BaseModel):
             for source in channel.sources:
                 if source not in self.channels and channel.expression is not None:
                     raise ValueError(
-                        f"channels.{name}: '{source}' is no channel and no key of [machine]; "
+                        f"channels.{name}: '{source}' is neither a channel nor a key of [machine]; "
                         f"{nearest(source, (*self.channels, *BODY_NUMBERS))}"
                     )
         # what arithmetic alone needs has a name of its own: current_A
@@ -281,7 +281,7 @@ class Machine(BaseModel):
             if name not in known:
                 raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
             if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
-                raise ValueError(f"channels.{name}: '{channel.derive}' is no {name}")
+                raise ValueError(f"channels.{name}: '{channel.derive}' does not give {name}")
             for source in channel.sources:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")

@@ -139,10 +139,12 @@ def _standard_u(value: DsiValue, what: str, *, several_units: bool) -> float:
         return value.number(inside, name, what)
     k = value.number(inside, "coverageFactor", what)
     if not 1.0 <= k <= _MOST_K:
-        raise EvidenceError(f"{what}: {k:g} is no coverage factor")
+        raise EvidenceError(f"{what}: {k:g} is not a coverage factor")
     p = value.number(inside, "coverageProbability", what)
     if not 0.5 <= p < 1.0:
-        raise EvidenceError(f"{what}: {p:g} is no coverage probability of an expanded uncertainty")
+        raise EvidenceError(
+            f"{what}: {p:g} is not a coverage probability of an expanded uncertainty"
+        )
     return value.number(inside, name, what) / k
 
 
@@ -170,7 +172,7 @@ def list_texts(inside: "_Element", name: str, what: str) -> list[str]:
 
 def _parse_number(text: str, name: str, what: str) -> float:
     if len(text) > _MOST_DIGITS or not _NUMBER.fullmatch(text):
-        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is no decimal number")
+        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not a decimal number")
     value = float(text)
     if not math.isfinite(value):
         raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not finite")

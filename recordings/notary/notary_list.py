@@ -139,7 +139,7 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
         raise EvidenceError(f"{what}: is longer than the {MOST_LINE_BYTES} bytes allowed")
     values: Any = parse(data, what)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
-        raise EvidenceError(f"{what}: is no signed line of a notary")
+        raise EvidenceError(f"{what}: is not a signed line of a notary")
     text = values.pop("signature")
     model = NotaryHead if values.get("counter") == 0 else NotaryEntry
     try:

@@ -43,7 +43,7 @@ def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
         try:
             found = rows_at_time(match, rows, clock)
         except ValueError as error:  # 30 February, an offset of 25 h
-            raise ReviewError(f"'{when}' is no time ({error})") from None
+            raise ReviewError(f"'{when}' is not a time ({error})") from None
     else:
         raise ReviewError(
             f"'{when}' names no cycle; give its number (14), its id, or a local time (14:32:10)"
@@ -67,9 +67,9 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
     try:
         found = [] if match is None else match_instants(match, clock)
     except ValueError as error:
-        raise ReviewError(f"'{text}' is no time ({error})") from None
+        raise ReviewError(f"'{text}' is not a time ({error})") from None
     if match is None:
-        raise ReviewError(f"'{text}' is no time; write it like 14:32 or 2023-11-14 14:32:10")
+        raise ReviewError(f"'{text}' is not a time; write it like 14:32 or 2023-11-14 14:32:10")
     begin_s = clock.t0_unix_ns / NS
     within_shift = [each for each in found if 0.0 <= each - begin_s <= clock.duration_s]
     # of a shift over midnight the other day's hour is hours before it begins

@@ -154,7 +154,7 @@ def parse_verdicts(text: str, folder: Path) -> VerdictFile:
     try:
         return VerdictFile.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise ReviewError(f"{path}: is no TOML ({error})") from None
+        raise ReviewError(f"{path}: is not TOML ({error})") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))

@@ -108,7 +108,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             ) from None
         except pl.exceptions.PolarsError:
             raise ReviewError(
-                f"{folder / PARQUET}: is no ledger of this version; review its logs once more"
+                f"{folder / PARQUET}: is not a ledger of this version; review its logs once more"
             ) from None
         machine = name_machine(state)
         for ends_ns in rows["end_unix_ns"] if state.clock.is_dated else ():

@@ -130,14 +130,14 @@ def load_keyring(path: Path | None = None) -> Keyring:
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > _MOST_BYTES:
-        raise EvidenceError(f"{path}: is no keyring: larger than {_MOST_BYTES} bytes")
+        raise EvidenceError(f"{path}: is not a keyring: larger than {_MOST_BYTES} bytes")
     try:
         content: dict[str, Any] = tomllib.loads(data.decode())
     except ValueError as error:
-        raise EvidenceError(f"{path}: is no TOML: {error}") from None
+        raise EvidenceError(f"{path}: is not TOML: {error}") from None
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
-        raise EvidenceError(f"{path}: is no keyring; it has [[keys]] tables and nothing else")
+        raise EvidenceError(f"{path}: is not a keyring; it has [[keys]] tables and nothing else")
     keys = tuple(_parse_key(path, number, row) for number, row in enumerate(rows, start=1))
     ids = [each.public.key_id for each in keys]
     if len(set(ids)) < len(ids):

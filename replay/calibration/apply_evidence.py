@@ -232,10 +232,10 @@ def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
             f"{folder}: is a check against one known mass; name the calibration that it checked"
         )
     if document.calibration is None:
-        raise EvidenceError(f"{folder}: is no calibration: {document.no_fit}")
+        raise EvidenceError(f"{folder}: is not a calibration: {document.no_fit}")
     if document.estimator.name not in ESTIMATORS:
         raise EvidenceError(
-            f"{folder}: calibrates '{document.estimator.name}', which is no mass of a load; "
+            f"{folder}: calibrates '{document.estimator.name}', which is not a mass of a load; "
             f"calibrate {' or '.join(ESTIMATORS)}"
         )
     return MachineCalibration(folder, document, document.calibration, by)

@@ -132,7 +132,7 @@ def _check_day(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
         try:
             return dt.date.fromisoformat(day)
         except ValueError:
-            raise CampaignError(f"--day {day}: is no date; write it as 2026-05-31") from None
+            raise CampaignError(f"--day {day}: is not a date; write it as 2026-05-31") from None
     with open_log(log, time=time_axis(last.machine)) as opened:
         start_ns = opened.topics()["start_ns"].min()
     if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:

@@ -281,7 +281,9 @@ def _days(first: str | None, last: str | None) -> "DayRange":
         try:
             found.append(None if text is None else dt.date.fromisoformat(text))
         except ValueError:
-            raise typer.BadParameter(f"{name} {text}: is no day; write it as 2026-10-01") from None
+            raise typer.BadParameter(
+                f"{name} {text}: is not a day; write it as 2026-10-01"
+            ) from None
     return DayRange(*found)
 
 

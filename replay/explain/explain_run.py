@@ -85,10 +85,10 @@ def explain_run(
 
 def _check_request(asked: ExplainRequest) -> None:
     if asked.at_s is not None and not math.isfinite(asked.at_s):
-        raise RecordingError(f"--at {asked.at_s}: is no time; name seconds since the start")
+        raise RecordingError(f"--at {asked.at_s}: is not a time; name seconds since the start")
     if asked.machine_file is None and asked.path.suffix != SUFFIX:
         raise MachineError(
-            f"{asked.path}: is no recording ({SUFFIX}); to replay a log, name its machine file "
+            f"{asked.path}: is not a recording ({SUFFIX}); to replay a log, name its machine file "
             "with -m"
         )
     inputs = [asked.path, *([asked.machine_file] if asked.machine_file else [])]

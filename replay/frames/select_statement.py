@@ -74,7 +74,7 @@ def normalise_select(sql: str) -> str:
     query = sql.strip().rstrip(";").strip()
     first = next(iter(_tokens(query)), "")
     if first.upper() not in _READING:
-        fault = f"'{first}' is no SELECT; a query only reads tables" if first else "it is empty"
+        fault = f"'{first}' is not a SELECT; a query only reads tables" if first else "it is empty"
         raise QueryError(f'query: {fault}; write "SELECT … FROM …"')  # noqa: S608 - a message
     function = _FILE_FUNCTION.search(query)
     if function:

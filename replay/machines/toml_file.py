@@ -44,9 +44,9 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
     except OSError as fault:
         raise error(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
-        raise error(f"{path}: is no TOML: not UTF-8") from None
+        raise error(f"{path}: is not TOML: not UTF-8") from None
     except ValueError as fault:  # a TOMLDecodeError, or a number of thousands of digits
-        raise error(f"{path}: is no TOML: {fault}") from None
+        raise error(f"{path}: is not TOML: {fault}") from None
     try:
         renamed = rename_old_keys(content)
     except BothNamesError as fault:

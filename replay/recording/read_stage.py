@@ -100,7 +100,7 @@ class RecordedStage:
             RecordingError: the stage has no time, or that is no second.
         """
         if not math.isfinite(second):
-            raise RecordingError(f"--at {second}: is no time; name seconds since the start")
+            raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
         column = self._time_to_cut_by()
         begin = self._since_start_ns(column) / 1e9
         if "end_t_ns" in self.rows.columns:

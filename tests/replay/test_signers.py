@@ -230,9 +230,9 @@ def test_keys_are_revoked_from_the_command_line(
         ("[[keys]]\nkey = 3", "key"),
         ("[[keys]]\nkey = 'AA=='\nowner = 'x'", "32 bytes"),
         ("[[keys]]\nowner = 'x'", "key"),
-        ("keys = 3", "is no keyring"),
-        ("more = 3", "is no keyring"),
-        ("[[keys]", "is no TOML"),
+        ("keys = 3", "is not a keyring"),
+        ("more = 3", "is not a keyring"),
+        ("[[keys]", "is not TOML"),
     ],
 )
 def test_a_damaged_keyring_is_refused_in_one_line(

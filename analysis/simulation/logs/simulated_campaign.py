@@ -86,7 +86,7 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
             the first log.
     """
     if scenario.shift is not None:
-        raise ScenarioError("shift: is no campaign; use ShiftSimulation")
+        raise ScenarioError("shift: is not a campaign; use ShiftSimulation")
     check_limits(scenario, scenario.campaign.loads_kg)
     return _logs(scenario)
 

@@ -65,7 +65,7 @@ def check_switches(scenario: Scenario) -> None:
     for number, manoeuvre in enumerate(scenario.campaign.trial):
         if not _is_straight(manoeuvre):
             raise ScenarioError(
-                f"campaign.manoeuvres.{number}: is no straight motion, which alone is simulated "
+                f"campaign.manoeuvres.{number}: is not a straight motion, which alone is simulated "
                 f"with {asked}; choose rests, starts and forces, or leave out {asked}"
             )
 

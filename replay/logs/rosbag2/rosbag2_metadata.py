@@ -53,7 +53,7 @@ def read_metadata(folder: Path) -> Metadata:
     """
     path = folder / METADATA
     if not path.is_file():  # a pipe would be waited for
-        raise MetadataError("it is no file")
+        raise MetadataError("it is not a file")
     if path.stat().st_size > _LARGEST_BYTES:
         raise MetadataError(f"it has more than {_LARGEST_BYTES:,} bytes")
     try:
@@ -89,7 +89,7 @@ def _load(path: Path) -> Any:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeError as error:
-        raise BrokenBytesError("it is no UTF-8 text") from error
+        raise BrokenBytesError("it is not UTF-8 text") from error
     except OSError as error:
         raise BrokenBytesError(error.strerror or error) from error
     return parse_yaml(text)
@@ -179,7 +179,7 @@ def require_text(value: Any) -> str:
     try:
         value.encode()
     except UnicodeEncodeError as error:
-        raise BrokenBytesError("it is no UTF-8 text") from error
+        raise BrokenBytesError("it is not UTF-8 text") from error
     return value
 
 

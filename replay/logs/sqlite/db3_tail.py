@@ -58,7 +58,7 @@ class Db3Tail:
                 times.append(time)
                 contents.append(message)
             else:
-                self._losses.note(self._path, f"row {number} is no message of a known topic")
+                self._losses.note(self._path, f"row {number} is not a message of a known topic")
         return [join_messages(topic, *parts) for topic, parts in messages.items()]
 
     def end(self) -> None:

@@ -105,12 +105,12 @@ class MessageTable:
 def _columns(rows: list[Row], *, has_blob: bool) -> TableRows:
     messages = [row[3] for row in rows] if has_blob else []
     if {*map(type, messages)} - {bytes}:
-        raise _NoMessageError("a message that is no blob")
+        raise _NoMessageError("a message that is not a blob")
     columns = np.zeros((4, len(rows)), np.int64)
     for column, place in ((KEY, 1), (TIME, 2)):
         numbers = np.array([row[place] for row in rows])
         if rows and numbers.dtype != np.int64:
-            raise _NoMessageError("a number that is no integer")
+            raise _NoMessageError("a number that is not an integer")
         columns[column] = numbers
     if has_blob:
         columns[LENGTH] = [len(message) for message in messages]

@@ -138,11 +138,11 @@ def test_what_is_no_calibration_calibrates_nothing(
         load_calibration(CalibrationRequest(check))
     single = campaign_folder(tmp_path / "single", loads=(1,))
     calibrate(single, tmp_path / "one-load")
-    with pytest.raises(EvidenceError, match="is no calibration"):
+    with pytest.raises(EvidenceError, match="is not a calibration"):
         load_calibration(CalibrationRequest(tmp_path / "one-load"))
     paper = campaign_folder(tmp_path / "paper", extra='\n[method]\nestimator = "pooled"\n')
     calibrate(paper, tmp_path / "pooled")
-    with pytest.raises(EvidenceError, match="calibrates 'pooled', which is no mass of a load"):
+    with pytest.raises(EvidenceError, match="calibrates 'pooled', which is not a mass of a load"):
         load_calibration(CalibrationRequest(tmp_path / "pooled"))
 
 

@@ -98,7 +98,7 @@ def test_both_ways_find_the_same_of_damaged_bytes(
 
 def test_large_work_is_compiled_though_there_is_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     loop = interpreted.Loop(len, "compiled", lambda size: size)
-    loop.__dict__["is_kept"] = True
+    loop.__dict__["is_cached"] = True
     called: list[str] = []
     loop.__dict__["compiled"] = lambda _: called.append("compiled")
     loop.__dict__["interpreted"] = lambda _: called.append("interpreted")

@@ -190,7 +190,7 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "other format": (replace(0, b"payscope-notary/1", b"payscope-notary/2"), "line 1"),
     "replaces": (replace(2, b'"replaces":null', b'"replaces":1'), "not signed"),
     "size": (replace(2, b'"size_bytes":', b'"size_bytes":1'), "not signed"),
-    "signature gone": (replace(2, b'"signature":"', b'"signatures":"'), "no signed line"),
+    "signature gone": (replace(2, b'"signature":"', b'"signatures":"'), "not a signed line"),
     "signature of zeros": (
         lambda lines: [line[:-90] + b"A" * 86 + b'=="}' if k == 2 else line
                        for k, line in enumerate(lines)],
@@ -201,8 +201,8 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "a name twice": (replace(2, b'{"begins"', b'{"begins":"","begins"'), "comes twice"),
     "no JSON": (lambda lines: [*lines[:2], b"nonsense", *lines[3:]], "no JSON"),
     "an empty line": (lambda lines: [*lines[:3], b"", *lines[3:]], "no JSON"),
-    "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "no signed line"),
-    "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "no signed line"),
+    "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "not a signed line"),
+    "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "not a signed line"),
     "nested": (lambda lines: [*lines[:3], b"[" * 90_000, *lines[3:]], "nested deeper"),
     "very long": (lambda lines: [*lines[:3], b" " * (2 << 20), *lines[3:]], "is longer than"),
     "carriage returns": (lambda lines: [line + b"\r" for line in lines], "canonical|no JSON"),
