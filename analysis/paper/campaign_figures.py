@@ -72,7 +72,7 @@ LOADS: Final = Extract(CAMPAIGNS, loads_of)
 
 
 def _all_loads(extracts: Extracts) -> pl.DataFrame:
-    return pl.concat(extracts.all(LOADS), how="vertical_relaxed")
+    return pl.concat(extracts.results(LOADS), how="vertical_relaxed")
 
 
 @dataclass(frozen=True, eq=False)

@@ -70,7 +70,7 @@ CHAINED_LINES: Final = Extract(CHAINED_CAMPAIGNS, partial(fitted_lines, chain="f
 def table_2(extracts: Extracts) -> Table2:
     """Average the lines over the campaigns."""
     lines = pl.concat(
-        [*extracts.all(IDEAL_LINES), *extracts.all(CHAINED_LINES)], how="vertical_relaxed"
+        [*extracts.results(IDEAL_LINES), *extracts.results(CHAINED_LINES)], how="vertical_relaxed"
     )
     means = mean_intervals(lines, ["chain", "method"], ["alpha_1", "beta_kg"])
     printed = pl.DataFrame({"method": printed_numbers.METHODS, **printed_numbers.TABLE_2}).rename(
@@ -156,12 +156,14 @@ OVER_WINDOWS: Final = Extract(
 
 def table_3(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
-    return _make_swept_table(extracts.all(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG)
+    return _make_swept_table(
+        extracts.results(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
+    )
 
 
 def table_4(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
-    return _make_swept_table(extracts.all(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG)
+    return _make_swept_table(extracts.results(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG)
 
 
 def _make_swept_table(

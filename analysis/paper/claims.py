@@ -177,13 +177,15 @@ class Buffers:
 def claims(extracts: Extracts) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
     means = mean_intervals(
-        pl.concat(extracts.all(CAMPAIGN_ERRORS), how="vertical_relaxed"),
+        pl.concat(extracts.results(CAMPAIGN_ERRORS), how="vertical_relaxed"),
         ["method", "fed"],
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
     gated = means.filter(pl.col("fed") == "gated")
-    windows = extracts.one(TEN_SECONDS).filter(pl.col("method").is_in(printed_numbers.METHODS))
-    buffer = _buffer_rows(pl.concat(extracts.all(OVER_WINDOWS), how="vertical_relaxed"))
+    windows = extracts.single_result(TEN_SECONDS).filter(
+        pl.col("method").is_in(printed_numbers.METHODS)
+    )
+    buffer = _buffer_rows(pl.concat(extracts.results(OVER_WINDOWS), how="vertical_relaxed"))
     rows = [
         *buffer,
         *(claim_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
@@ -193,7 +195,7 @@ def claims(extracts: Extracts) -> Claims:
             claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
-        *_cruise_rows(np.array(extracts.all(CRUISE_ERRORS))),
+        *_cruise_rows(np.array(extracts.results(CRUISE_ERRORS))),
         *_campaign_rows(means),
     ]
     frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(

@@ -91,11 +91,11 @@ class Extracts:
         """Keep the extract of another repetition."""
         self._made.setdefault(extract, []).append(made)
 
-    def all(self, extract: Extract[Any, T]) -> list[T]:
+    def results(self, extract: Extract[Any, T]) -> list[T]:
         """What the extract made of every repetition."""
         return self._made[extract]
 
-    def one(self, extract: Extract[Any, T]) -> T:
+    def single_result(self, extract: Extract[Any, T]) -> T:
         """The result of an extract whose source has no repetitions."""
         (made,) = self._made[extract]
         return made
@@ -165,7 +165,7 @@ def _make_steady_study(study: Study, _: int) -> SteadyStudy:
     return SteadyStudy(steady_drive(study.scenario), study.scenario.sensors, study.windows)
 
 
-def _campaign(study: Study, number: int) -> ReplayedCampaign:
+def _replay_seeded_campaign(study: Study, number: int) -> ReplayedCampaign:
     settings = study.machine.settings.with_changes(
         {"gate.window_samples": WINDOW_SAMPLES, "gate.threshold_nat": THRESHOLD_NAT}
     )
@@ -198,7 +198,7 @@ def _replay_start(study: Study, _: int) -> ReplayedCampaign:
     return study.replay(one_start_scenario(study.scenario), study.machine, _unchanged_log)
 
 
-def _cruise(study: Study, number: int) -> ReplayedCampaign:
+def _replay_cruise(study: Study, number: int) -> ReplayedCampaign:
     short = one_start_scenario(study.seeded(number))
     campaign = short.campaign.model_copy(update={"cruise_s": CRUISE_S})
     return study.replay(
@@ -212,23 +212,23 @@ def one_start_scenario(scenario: Scenario) -> Scenario:
     return scenario.model_copy(update={"campaign": campaign})
 
 
-def _campaigns(study: Study) -> int:
+def _campaign_count(study: Study) -> int:
     return study.campaigns
 
 
-def _cruises(study: Study) -> int:
+def _cruise_count(study: Study) -> int:
     return max(study.windows // _WINDOWS_A_CRUISE, 2)
 
 
 #: The steady oscillation under the paper's triangle, for windows without a gate.
 OSCILLATION: Final = Source("windows", _make_steady_study)
 #: Campaigns of section 4.3, with an ideal torque chain and with one that would explain Table 2.
-CAMPAIGNS: Final = Source("campaign", _campaign, _campaigns)
-CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _campaigns)
+CAMPAIGNS: Final = Source("campaign", _replay_seeded_campaign, _campaign_count)
+CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _campaign_count)
 #: The excitations of Figures 2 to 4.
 LINEAR: Final = Source("linear motion", _drive_straight)
 ROTATION: Final = Source("rotation", _drive_spin)
 #: One start and stop.
 START: Final = Source("start and stop", _replay_start)
 #: A start, and a long cruise.
-CRUISES: Final = Source("cruise", _cruise, _cruises)
+CRUISES: Final = Source("cruise", _replay_cruise, _cruise_count)

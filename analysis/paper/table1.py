@@ -78,7 +78,7 @@ class Table1:
 
 def table_1(extracts: Extracts) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
-    table = pl.concat([extracts.one(extract) for extract in AT_LENGTH.values()])
+    table = pl.concat([extracts.single_result(extract) for extract in AT_LENGTH.values()])
     beside = table.filter(pl.col("paper_kg").is_not_null())
     ours = {
         str(method): lowest_errors(dict(part.select("window_s", "rmse_kg").iter_rows()))[0]
@@ -88,7 +88,9 @@ def table_1(extracts: Extracts) -> Table1:
     over_bound = long["over_bound_1"].to_list()
     long_rms = _rms_over_bound(long)
     forgetting = RlsOptions().forgetting
-    noisier = {row["method"]: row for row in extracts.one(RAW_UNITS).iter_rows(named=True)}
+    noisier = {
+        row["method"]: row for row in extracts.single_result(RAW_UNITS).iter_rows(named=True)
+    }
     return Table1(
         frame=table,
         beside=beside.height,

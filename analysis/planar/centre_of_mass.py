@@ -98,7 +98,7 @@ def fit_planar(
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
-    parts = _budget(*joint, machine) if joint else []
+    parts = uncertainty_rows(*joint, machine) if joint else []
     declared = FRAMES["planar_budget"].columns
     budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
     return build("planar", table.to_dict()), build("planar_budget", budget.to_dict())
@@ -356,7 +356,7 @@ _QUANTITIES: Final = {
 }
 
 
-def _budget(
+def uncertainty_rows(
     row: Mapping[str, Any], fitted: NamedEstimate, machine: Machine
 ) -> list[dict[str, Any]]:
     """Where the uncertainty of each quantity that all motion tells comes from."""

@@ -22,9 +22,9 @@ def report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[
     fitted, points = document.calibration, readings_about_mean(document, readings)
     found: list[Drawing] = []
     if fitted is not None and document.kind == "calibration":
-        found += [_line(fitted), _residuals(fitted), _budget_bars(fitted)]
+        found += [_draw_line(fitted), _draw_residuals(fitted), _budget_bars(fitted)]
     if points.height:
-        found.append(_scatter(points))
+        found.append(_draw_points(points))
     return found
 
 
@@ -40,7 +40,7 @@ def calibrated_band(fitted: Calibration) -> list[tuple[float, float, float]]:
     return found
 
 
-def _line(fitted: Calibration) -> Drawing:
+def _draw_line(fitted: Calibration) -> Drawing:
     known = [point for point in fitted.points if point.calibrated_kg is not None]
     edges = calibrated_band(fitted)
     low, high = fitted.range_kg
@@ -63,7 +63,7 @@ def _line(fitted: Calibration) -> Drawing:
     return picture
 
 
-def _residuals(fitted: Calibration) -> Drawing:
+def _draw_residuals(fitted: Calibration) -> Drawing:
     edges = [(mass, low - mass, high - mass) for mass, low, high in calibrated_band(fitted)]
     errors = [(p, p.error_kg, "point") for p in fitted.points if p.error_kg is not None]
     left = [
@@ -116,7 +116,7 @@ def _budget_bars(fitted: Calibration) -> Drawing:
     return picture
 
 
-def _scatter(points: pl.DataFrame) -> Drawing:
+def _draw_points(points: pl.DataFrame) -> Drawing:
     runs = points["run_id"].unique(maintain_order=True).to_list()
     used = points.filter("used")["off_kg"].to_list()
     picture = Drawing(

@@ -210,7 +210,7 @@ def _reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
             "id": mass.id,
             "value": kilograms_text(mass.value_kg, 3),
             "u": kilograms_text(mass.u_kg, 3),
-            "certificate": _certificate(mass),
+            "certificate": _certificate_text(mass),
             "issuer": mass.certificate_issuer or _NONE,
             "expires": day(mass.expires),
             "shared": f"{mass.source}: {kilograms_text(mass.shared_u_kg, 3)} kg"
@@ -234,7 +234,7 @@ def _reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     return rows
 
 
-def _certificate(mass: ReferenceMass) -> str:
+def _certificate_text(mass: ReferenceMass) -> str:
     """The certificate of a mass, or who says the mass; of a digital one who signed it."""
     if mass.stated_by:
         return f"stated by the {mass.stated_by}"

@@ -75,7 +75,7 @@ def compare_recomputed(
     )
     for item, step in steps:
         found += _run_step(item, step)
-    found += _verdicts(document)
+    found += compare_verdicts(document)
     return found, notes
 
 
@@ -113,7 +113,7 @@ def compare_page(
         )
 
 
-def differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
+def find_differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
     """Where two JSON values differ: the place, and whether it is in the last bits alone."""
     if isinstance(stored, dict) and isinstance(computed, dict):
         found: list[tuple[str, bool]] = []
@@ -122,13 +122,15 @@ def differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, 
             if name not in stored or name not in computed:
                 found.append((inside, False))
             else:
-                found += differences(stored[name], computed[name], inside)
+                found += find_differences(stored[name], computed[name], inside)
         return found
     if isinstance(stored, list | tuple) and isinstance(computed, list | tuple):
         if len(stored) != len(computed):
             return [(place, False)]
         pairs = zip(stored, computed, strict=True)
-        return [each for k, pair in enumerate(pairs) for each in differences(*pair, f"{place}.{k}")]
+        return [
+            each for k, pair in enumerate(pairs) for each in find_differences(*pair, f"{place}.{k}")
+        ]
     if stored == computed and isinstance(stored, bool) == isinstance(computed, bool):
         return []
     return [(place, differ_by_rounding(stored, computed))]
@@ -198,7 +200,7 @@ def compare_learnt_priors(document: EvidenceDocument) -> Findings:
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (learnt.terms, learnt_terms(learnt.logs))
     )
-    if not all(near for _, near in differences(stored, computed)):
+    if not all(near for _, near in find_differences(stored, computed)):
         yield _irreproducible_finding("learnt", "does not follow from what its logs say")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.logs):
@@ -266,7 +268,9 @@ def compare_fit(
         ("limits", _to_json(document.limits), _to_json(fitted.limits)),
         ("drift", _to_json(document.drift), _to_json(drift)),
     )
-    places = [each for name, kept, computed in pairs for each in differences(kept, computed, name)]
+    places = [
+        each for name, kept, computed in pairs for each in find_differences(kept, computed, name)
+    ]
     wrong = [place for place, near in places if not near]
     for place in wrong[:_MOST]:
         yield _irreproducible_finding(place, "does not follow from the readings")
@@ -301,7 +305,7 @@ def _to_json(value: Any) -> Any:
     return None if value is None else to_jsonable_python(value)
 
 
-def _verdicts(document: EvidenceDocument) -> Findings:
+def compare_verdicts(document: EvidenceDocument) -> Findings:
     """What the evidence itself says is not within limits."""
     limits, drift = document.limits, document.drift
     if limits is not None and limits.verdict != WITHIN:
@@ -320,7 +324,7 @@ def compare_as_found(document: EvidenceDocument, points: pl.DataFrame) -> Findin
     found = document.as_found
     if found is not None and found.rms_error_kg is not None:
         computed = rms_error_kg(found, points)
-        if differences(found.rms_error_kg, computed) not in ([], [("", True)]):
+        if find_differences(found.rms_error_kg, computed) not in ([], [("", True)]):
             yield _irreproducible_finding(
                 "as_found.rms_error_kg", "does not follow from the points"
             )

@@ -136,7 +136,7 @@ def check_timestamp(
             "authority's certificate shows: --tsa CA.pem"
         )
     else:
-        fault = _fault(response, statement, authorities)
+        fault = timestamp_fault(response, statement, authorities)
         if fault:
             checked.add(BundleOutcome.TAMPERED, TIMESTAMP, fault)
         else:
@@ -144,7 +144,7 @@ def check_timestamp(
             checked.notes.append(f"signed by {stamped:%F %R} UTC, as its time stamp proves")
 
 
-def _fault(
+def timestamp_fault(
     response: "TimeStampResponse", statement: bytes, authorities: "Sequence[Certificate]"
 ) -> str:
     """Why the stamp is by none of the authorities; "" where it is."""

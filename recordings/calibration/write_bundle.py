@@ -22,7 +22,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import write_table
 from recordings.calibration.calibration_report import report_html, report_pdf
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
-from recordings.signatures.signing import SigningKey, envelope, statement
+from recordings.signatures.signing import SigningKey, make_envelope, make_statement
 
 
 def tables_of(
@@ -76,8 +76,8 @@ def write_bundle(
     (folder / SUMS).write_bytes(sums)
     if key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
-        payload = statement(digests, predicate_of(document))
-        (folder / STATEMENT).write_bytes(envelope(payload, key))
+        payload = make_statement(digests, predicate_of(document))
+        (folder / STATEMENT).write_bytes(make_envelope(payload, key))
     return [remark] if remark else []
 
 

@@ -14,7 +14,7 @@ from analysis.compare.run_alignment import align_times, subtract_run
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.number_text import number, plus_minus, table
+from recordings.report.number_text import markdown_table, number_text, plus_minus
 from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_ns
 from recordings.rrd.display_frames import (
     ROOT,
@@ -83,14 +83,14 @@ def write_overlay(
         return Scene(
             name="A and B",
             shown={name: rows for side in sides for name, rows in side.frames_by_place().items()},
-            layout=lay_out_tabs(_pages(*sides), unix_span_ns(a)),
+            layout=lay_out_tabs(_overlay_pages(*sides), unix_span_ns(a)),
             texts={COMPARED: text},
         )
 
     return write_scene(Run({}, about), scene, path, force=force)
 
 
-def _pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
+def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
     first, *rest = [tab for tab in TABS if tab.views]
     panels: list[Panel | None] = []
     elsewhere = {view for tab in rest for view in tab.views}
@@ -104,7 +104,7 @@ def _pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
             over = page_of_both_runs(view, a, b)
             panels.append(over)
             if view.kind is Kind.BANDS:  # the other tabs have the differences of what led to it
-                panels.append(_difference(view, less, over))
+                panels.append(difference_panel(view, less, over))
         elif view.name in _CONTEXT:
             panels.append(page_of_one_run(view, a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
@@ -120,7 +120,7 @@ def _pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
         found: list[Panel | None] = []
         for view in differ:
             over = page_of_both_runs(view, a, b)
-            found += [over, _difference(view, less, over)]
+            found += [over, difference_panel(view, less, over)]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
@@ -169,7 +169,7 @@ def _shorten_shared_names(
     return {each.label for each in mine if not lone or each.column == "threshold"} & both
 
 
-def _difference(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:
+def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:
     """B less A, below both over each other; None where no number differs, and of states."""
     if view.kind is Kind.STATES:
         return None
@@ -212,7 +212,7 @@ def _style_lines(
         colour = each.colour
         if side == _B and colour:
             other = lone and each.column != "threshold"
-            colour = colours.line(1) if other else colours.lighten(colour)
+            colour = colours.line_colour(1) if other else colours.lighten(colour)
         found.append(
             replace(
                 each,
@@ -255,33 +255,35 @@ def comparison_text(found: Comparison, a: str, b: str) -> str:
         ("Manoeuvres that moved most", found.manoeuvres),
     ):
         if moved:
-            parts.append(f"## {title}\n\n{_estimates(moved)}")
+            parts.append(f"## {title}\n\n{_estimates_table(moved)}")
     if found.stages:
         rows = [(stage.name, ", ".join(c.name for c in stage.columns)) for stage in found.stages]
-        parts.append(f"## Columns that differ\n\n{table(('stage', 'columns'), rows)}")
+        parts.append(f"## Columns that differ\n\n{markdown_table(('stage', 'columns'), rows)}")
     return "\n\n".join(parts)
 
 
 def _values_table(changes: Iterable[ValueChange]) -> str:
-    return table(
+    return markdown_table(
         ("", "A", "B"), [(c.name, _format_value(c.a), _format_value(c.b)) for c in changes]
     )
 
 
 def _format_value(value: object) -> str:
-    return number(value if value is None or isinstance(value, bool | int | float) else str(value))
+    return number_text(
+        value if value is None or isinstance(value, bool | int | float) else str(value)
+    )
 
 
-def _estimates(changes: tuple[EstimateChange, ...]) -> str:
+def _estimates_table(changes: tuple[EstimateChange, ...]) -> str:
     rows = [
         (
             each.about,
             each.quantity,
             plus_minus(each.a, each.a_std),
             plus_minus(each.b, each.b_std),
-            number(each.change),
-            number(each.change_in_stds),
+            number_text(each.change),
+            number_text(each.change_in_stds),
         )
         for each in changes[:_MOST]
     ]
-    return table(("", "quantity", "A", "B", "B − A", "in deviations"), rows)
+    return markdown_table(("", "quantity", "A", "B", "B − A", "in deviations"), rows)

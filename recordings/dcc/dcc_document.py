@@ -87,13 +87,13 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
             f"{what}: is of DCC version {version[:20]}, and only {VERSION} is read; ask the "
             f"laboratory for one of {VERSION}, or state the masses by value_kg and u_kg"
         )
-    fault = next(_faults(root), None)
+    fault = next(schema_faults(root), None)
     if fault is not None:
         raise EvidenceError(f"{what}: {fault}")
     return root
 
 
-def _faults(root: "_Element") -> Iterator[str]:
+def schema_faults(root: "_Element") -> Iterator[str]:
     """What keeps the frame from being a certificate's."""
     seen: set[str] = set()
     for count, element in enumerate(root.iter()):

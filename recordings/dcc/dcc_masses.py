@@ -62,7 +62,7 @@ def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMa
     admin = root.find(f"{{{DCC}}}administrativeData")
     assert admin is not None
     items = admin.findall(f"{{{DCC}}}items/{{{DCC}}}item")
-    named = [(each, _names(each)) for each in items]
+    named = [(each, _item_names(each)) for each in items]
     wanted = [(each, names) for each, names in named if not item or item in names]
     if not wanted or any(not names for _, names in wanted):
         choices = ", ".join(names[0] for _, names in named if names)[:400] or "none with an id"
@@ -84,7 +84,7 @@ def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMa
     return found
 
 
-def _names(item: "_Element") -> list[str]:
+def _item_names(item: "_Element") -> list[str]:
     """What an item may be called by."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
     names = [item.get("id"), *(leaf_text(value) for value in values)]

@@ -15,7 +15,7 @@ from recordings.report.finding_text import (
     proposal_of,
     span_of,
 )
-from recordings.report.number_text import number, plus_minus
+from recordings.report.number_text import number_text, plus_minus
 from recordings.rrd.recording_texts import headline
 
 _DECIDES: Final = {
@@ -71,9 +71,8 @@ def _decision_text(stretch: GateStretch) -> str:
     if stretch.column is None or stretch.value is None:
         return ""
     name, unit = _DECIDES[stretch.column]
-    return (
-        f" ({name} {number(round(stretch.value, 3))}, {stretch.limit}{f' {unit}' if unit else ''})"
-    )
+    value = number_text(round(stretch.value, 3))
+    return f" ({name} {value}, {stretch.limit}{f' {unit}' if unit else ''})"
 
 
 def finding_lines(explained: Explanation) -> Iterator[str]:
@@ -136,4 +135,4 @@ def manoeuvre_line(seen: ManoeuvreReport) -> str:
         return mass
     apart = f"{seen.deviations:+.1f} standard deviations from load {seen.load_id}"
     note = ", worth a look" if abs(seen.deviations) > _APART else ""
-    return f"{mass}, {apart} ({number(seen.load_kg)} kg){note}"
+    return f"{mass}, {apart} ({number_text(seen.load_kg)} kg){note}"

@@ -99,7 +99,7 @@ def fleet_html(page: FleetPage) -> str:
             for n, row in enumerate(page.looks.head(MOST_LOOKS).to_dicts(), start=1)
         ],
         more_looks=max(page.looks.height - MOST_LOOKS, 0),
-        calibrations=_calibrations(page),
+        calibrations=_calibration_rows(page),
         changes=[_line_change(each) for each in page.changes],
         weeks=_week_table(page.weeks),
         failed=list(page.failed.items())[:_MOST_FAILED],
@@ -234,7 +234,7 @@ def _drift_cells(chart: MachineChart) -> tuple[str, ...]:
     )
 
 
-def _calibrations(page: FleetPage) -> list[tuple[str, ...]]:
+def _calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
     """The latest of every machine, the one that ends first above."""
     latest: dict[str, FleetCalibration] = {}
     for each in sorted(page.calibrations, key=lambda c: c.first):

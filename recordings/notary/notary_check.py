@@ -104,7 +104,7 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
     checked.lines = lines[1:]
     _check_chain(checked, lines, first)
     checked.faults += _time_faults(checked.entries, now)
-    checked.notes += _notes(checked.entries)
+    checked.notes += list_notes(checked.entries)
     return checked
 
 
@@ -208,7 +208,7 @@ def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[L
             )
 
 
-def _notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
+def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
     """What is no fault, and yet is to be known."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}

@@ -85,7 +85,7 @@ def find(item: Item[N], extracts: Extracts) -> ItemResult:
 
 def _take_extract(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
     """An item that is the extract of a single simulation."""
-    return lambda extracts: extracts.one(extract)
+    return lambda extracts: extracts.single_result(extract)
 
 
 #: In the paper's order.

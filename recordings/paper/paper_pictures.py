@@ -85,7 +85,7 @@ def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str])
     for number, (axes, (column, label)) in enumerate(zip(rows, panels.items(), strict=True)):
         scale = 1e-3 if column.endswith("_N") else 1.0
         values = series[column].fill_null(float("nan")).to_numpy() * scale
-        axes.plot(t_s, values, color=colours.line(number), lw=1.0)
+        axes.plot(t_s, values, color=colours.line_colour(number), lw=1.0)
         _format_panel(axes, label)
     rows[-1].set_xlabel("time (s)", fontsize=8)
     return rows
@@ -97,7 +97,7 @@ def draw_traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str,
     for axes, (column, std_column, true, label) in zip(rows, panels, strict=True):
         for (method,), part in series.group_by("method", maintain_order=True):
             t_s, value, std = (part[c].to_numpy() for c in ("t_s", column, std_column))
-            colour = colours.method(str(method))
+            colour = colours.method_colour(str(method))
             axes.plot(t_s, value, color=colour, lw=1.0, label=NAMES[str(method)])
             axes.fill_between(t_s, value - std, value + std, color=colour, alpha=0.15, lw=0)
         axes.axhline(series[true][0], color="black", lw=0.7, ls=":", label="truth")
@@ -131,7 +131,7 @@ def draw_masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, labe
             ms=3,
             lw=1.0,
             capsize=2,
-            color=colours.method(method),
+            color=colours.method_colour(method),
             label="mean ± one run",
         )
         axes.set_title(NAMES[method], fontsize=9)
@@ -161,7 +161,7 @@ def _figure_8(figure: "Figure", table: pl.DataFrame) -> None:
                 value,
                 width,
                 yerr=None if np.isnan(low).any() else value - low,
-                color=colours.method(method),
+                color=colours.method_colour(method),
                 alpha=1.0 if half == 0 else 0.55,
                 hatch=hatch,
                 edgecolor="white",

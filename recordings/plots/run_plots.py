@@ -149,7 +149,7 @@ def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:
     reference = points["reference_kg"]
     fits.axline((reference[0], reference[0]), slope=1, color="black", lw=0.5, ls=":")
     for (method,), group in points.group_by("method", maintain_order=True):
-        name, colour = str(method), colours.method(str(method))
+        name, colour = str(method), colours.method_colour(str(method))
         estimate, known = group["estimate_kg"].to_numpy(), group["reference_kg"].to_numpy()
         std = group["estimate_std_kg"].fill_null(float("nan")).to_numpy()
         fits.errorbar(estimate, known, xerr=std, fmt="o", ms=3, color=colour, label=name)

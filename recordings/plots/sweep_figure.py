@@ -133,7 +133,7 @@ def _order_methods(parts: Sequence[Mapping[str, float | None]]) -> list[str]:
 def _line_style(method: str) -> dict[str, Any]:
     if method == _JOINT:
         return {"color": "black", "lw": 1.8, "zorder": 5}
-    return {"color": colours.method(method), "lw": 1.0}
+    return {"color": colours.method_colour(method), "lw": 1.0}
 
 
 def _method_values(parts: Sequence[Mapping[str, float | None]], method: str) -> NDArray[np.float64]:

@@ -5,7 +5,12 @@ from typing import Any
 
 from analysis.model.run_record import Run
 from estimators.errors import counted
-from recordings.report.number_text import number, plus_minus, scale_unknown_line, table
+from recordings.report.number_text import (
+    markdown_table,
+    number_text,
+    plus_minus,
+    scale_unknown_line,
+)
 
 #: Of the variance.
 _SMALL = 0.005
@@ -82,7 +87,7 @@ def planar_markdown(run: Run) -> str:
         for row in rows
     ]
     head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
-    parts = ["# Centre of mass", table(head, cells)]
+    parts = ["# Centre of mass", markdown_table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
     parts += [f"- {line}" for line in missing_values(rows)]
     parts += [f"**{_OF[row['kind']].capitalize()}**: {list_determined(row)}" for row in whole]
@@ -93,7 +98,7 @@ def planar_markdown(run: Run) -> str:
             # smaller shares of the variance are not listed
             if row["share_1"] is not None and row["share_1"] < _SMALL:
                 continue
-            u = "not known" if row["u"] is None else f"{number(row['u'])} {row['unit']}"
+            u = "not known" if row["u"] is None else f"{number_text(row['u'])} {row['unit']}"
             # a list, not a table: the viewer wraps it
             line = f"- **{row['cause']}** ({row['kind']}): {u}; shrinks with {row['shrinks']}"
             lines.setdefault(row["quantity"], []).append(line)

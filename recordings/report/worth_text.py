@@ -7,7 +7,12 @@ from typing import Any, Final
 from analysis.model.answer import Answer
 from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
-from recordings.report.number_text import SCALE_NOT_KNOWN, number, plus_minus, scale_unknown_line
+from recordings.report.number_text import (
+    SCALE_NOT_KNOWN,
+    number_text,
+    plus_minus,
+    scale_unknown_line,
+)
 
 #: Characters of the longest bar.
 _BAR: Final = 24
@@ -43,7 +48,7 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
             _seconds_text(load["end_t_ns"]),
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
-            _payload(load),
+            _payload_text(load),
             *(calibrated_interval(load) if _is_calibrated(said) else ()),
             _load_remark(load),
         )
@@ -83,7 +88,7 @@ def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
             "--empty FROM:TO says when it was"
         )
     known = [load for load in said.loads if load["mass_kg"] is not None]
-    return lines + (_notes(known[0]) if known else [])
+    return lines + (_load_notes(known[0]) if known else [])
 
 
 def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
@@ -94,26 +99,26 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     low, high = mass - COVERAGE * u, mass + COVERAGE * u
     lines = [
         f"mass {plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
-        f"{number(low)} to {number(high)} kg, from {load['manoeuvres']} "
+        f"{number_text(low)} to {number_text(high)} kg, from {load['manoeuvres']} "
         f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
     lines += filter(None, [calibrated_line(load)])
     if load["payload_kg"] is not None:
-        lines.append(f"payload {_payload(load)} kg")
+        lines.append(f"payload {_payload_text(load)} kg")
     if not brief:
         lines.append(prior_line(load))
-    return lines + _notes(load)
+    return lines + _load_notes(load)
 
 
 def prior_line(load: Mapping[str, Any]) -> str:
     """The mass under priors half and twice as wide."""
     return (
-        f"prior sensitivity: {number(load['mass_halved_priors_kg'])} kg (×½) … "
-        f"{number(load['mass_doubled_priors_kg'])} kg (×2)"
+        f"prior sensitivity: {number_text(load['mass_halved_priors_kg'])} kg (×½) … "
+        f"{number_text(load['mass_doubled_priors_kg'])} kg (×2)"
     )
 
 
-def _notes(load: Mapping[str, Any]) -> list[str]:
+def _load_notes(load: Mapping[str, Any]) -> list[str]:
     """What holds for every load of the log."""
     lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
@@ -207,7 +212,7 @@ def uncertainty_advice(said: Answer) -> str | None:
     return f"largest contribution: {meaning} ({most['cause']}{part}); to reduce: {most['shrinks']}"
 
 
-def _payload(load: Mapping[str, Any]) -> str:
+def _payload_text(load: Mapping[str, Any]) -> str:
     if load["payload_kg"] is None:
         return "–"
     if load.get("empty"):

@@ -265,7 +265,7 @@ def review_html(page: ReviewPage) -> str:
         verdict_lines=verdict_lines(page.verdicts),
         verdict_file=VERDICTS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
-        friction=_friction(state),
+        friction=_friction_text(state),
         energy=energy_table(state),
         energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],
     )
@@ -297,6 +297,6 @@ def _warnings(page: ReviewPage) -> list[str]:
     return found
 
 
-def _friction(state: ReviewState) -> str:
+def _friction_text(state: ReviewState) -> str:
     value, std = state.friction
     return "–" if value is None else f"{plus_minus(value, std)} N·s/m (standard uncertainty)"

@@ -196,10 +196,10 @@ def match_verdicts(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[in
     Raises:
         ReviewError: an id that no cycle has.
     """
-    times = [_seconds(each) for each in ids]
+    times = [seconds_of_id(each) for each in ids]
     found: dict[int, CycleVerdict] = {}
     for verdict in sorted(verdicts.cycle, key=lambda v: v.time.astimezone(dt.UTC)):
-        at = _seconds(verdict.id)
+        at = seconds_of_id(verdict.id)
         away = {} if at is None else {k: abs(t - at) for k, t in enumerate(times) if t is not None}
         best = min(away, key=away.__getitem__, default=None)
         if best is None or away[best] > _SAME_S:
@@ -211,7 +211,7 @@ def match_verdicts(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[in
     return found
 
 
-def _seconds(identity: str) -> float | None:
+def seconds_of_id(identity: str) -> float | None:
     """An id as seconds, None where it is none."""
     try:
         if identity.endswith("s"):

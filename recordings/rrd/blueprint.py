@@ -307,7 +307,7 @@ def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
     for each in panel.drawn:
         overrides.setdefault(entity_path(each.frame, under), []).extend(
-            _visualizers(panel.kind, each)
+            _view_visualizers(panel.kind, each)
         )
     contents = [str(entity) for entity in overrides]
     if panel.kind is Kind.STATES:
@@ -324,7 +324,7 @@ def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     )
 
 
-def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
+def _view_visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
     import rerun as rr
 
     if kind is Kind.STATES:
@@ -333,14 +333,14 @@ def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
             labels=[state.replace("_", " ") for state in colours.state_colours()],
             colors=[colours.rgba(colour) for colour in colours.state_colours().values()],
         )
-        yield looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
+        yield looks.visualizer(mappings=[_column_mapping("StateChange:state", drawn.column)])
         return
     colour = colours.rgba(drawn.colour, "60" if drawn.faint else "ff")
-    scalars = _mapping("Scalars:scalars", drawn.column)
+    scalars = _column_mapping("Scalars:scalars", drawn.column)
     if drawn.variance is not None:
         band = rr.Measurements.from_fields(names=drawn.label, colors=colour)
-        values = _mapping("Measurements:values", drawn.column)
-        variances = _mapping("Measurements:variances", drawn.variance)
+        values = _column_mapping("Measurements:values", drawn.column)
+        variances = _column_mapping("Measurements:variances", drawn.variance)
         yield band.visualizer(mappings=[values, variances])
     else:
         width = 0.7 if drawn.faint else 3.5 if drawn.wide else 1.5
@@ -356,7 +356,7 @@ def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
         yield dots.visualizer(mappings=[scalars])
 
 
-def _mapping(target: str, column: str) -> "VisualizerComponentMapping":
+def _column_mapping(target: str, column: str) -> "VisualizerComponentMapping":
     from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
     return VisualizerComponentMapping(

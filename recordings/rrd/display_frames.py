@@ -101,7 +101,7 @@ def drawn_columns_of_view(
             continue
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
-        colour = colours.method(method) if method else colours.line(number)
+        colour = colours.method_colour(method) if method else colours.line_colour(number)
         frame = _display_column(name)
         variance = _variance_column(series.std) if series.std else None
         dotted = series.frame in _SHORT or draws_as_points(shown[frame][series.column])
@@ -116,7 +116,7 @@ def drawn_columns_of_view(
         drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
-        label = f"threshold {_threshold(run, view):g}{unit}"
+        label = f"threshold {_threshold_value(run, view):g}{unit}"
         drawn.append(DisplayColumn(_threshold_frame(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 
@@ -136,7 +136,7 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             if series.frame == "findings":
                 frame = shortest_findings_first(frame, span_ns(run))
             if view.kind is Kind.STATES:
-                frames[_lane_entity(series)] = _transitions(series, frame, _period_ns(run))
+                frames[_lane_entity(series)] = state_changes(series, frame, _period_ns(run))
             elif series.frame in _HELD:
                 frames[_display_column(name)] = _hold_rows(
                     drawn_numbers(name, frame), frame["end_t_ns"]
@@ -144,11 +144,11 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
             else:
                 asked.setdefault(name, {}).update(bin_expressions(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
-                level = [_threshold(run, view)] * 2
+                level = [_threshold_value(run, view)] * 2
                 frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
     for name, wanted in asked.items():
         if decimate and is_long(run):
-            frames[_display_column(name)] = _decimate(run, name, list(wanted.values()))
+            frames[_display_column(name)] = _decimate_frame(run, name, list(wanted.values()))
         else:
             numbers = drawn_numbers(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
@@ -199,7 +199,7 @@ def _extreme_column(column: str, end: str) -> str:
     return f"{column}_{end}"
 
 
-def _threshold(run: Run, view: View) -> float:
+def _threshold_value(run: Run, view: View) -> float:
     return float(run.provenance.settings.value(str(view.threshold)))
 
 
@@ -282,7 +282,7 @@ def shortest_findings_first(findings: pl.DataFrame, span: tuple[int, int] | None
     return pl.DataFrame(parts, schema=dict(zip(names, types, strict=True)), orient="row")
 
 
-def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+def state_changes(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     """The rows where a state begins; no state (null) in a hole and after the last one."""
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
@@ -303,7 +303,7 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
 
 
-def _decimate(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
+def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     span = span_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS

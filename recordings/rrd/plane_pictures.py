@@ -227,11 +227,13 @@ def _calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
         points = evidence.rename({"mean_kg": "estimate_kg"}).join(
             line.select("alpha_1", "beta_kg"), how="cross"
         )
-        groups = [("a run", colours.line(0), points)]
+        groups = [("a run", colours.line_colour(0), points)]
     else:
         points = run.frames.get("calibration", pl.DataFrame({"method": [], "estimate_kg": []}))
         by_method = points.group_by("method", maintain_order=True)
-        groups = [(str(name), colours.method(str(name)), group) for (name,), group in by_method]
+        groups = [
+            (str(name), colours.method_colour(str(name)), group) for (name,), group in by_method
+        ]
     for name, colour, group in groups:
         estimated = group.drop_nulls("estimate_kg")
         if estimated.height:

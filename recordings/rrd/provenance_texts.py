@@ -7,7 +7,7 @@ from analysis.model.physical_units import NS
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import number, table
+from recordings.report.number_text import markdown_table, number_text
 
 
 def local_time(about: Provenance, t_ns: int = 0) -> str:
@@ -27,34 +27,41 @@ def settings_markdown(run: Run) -> str:
     ]
     machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
     return "\n\n".join(
-        ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]
+        [
+            "# Settings",
+            markdown_table(("setting", "value"), rows),
+            "# Machine",
+            f"```json\n{machine}\n```",
+        ]
     )
 
 
 def provenance_markdown(run: Run) -> str:
     """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
     about = run.provenance
-    inputs = [(each.name, number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs]
+    inputs = [
+        (each.name, number_text(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
+    ]
     frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
     return "\n\n".join(
         [
             "# Inputs",
-            table(("file", "bytes", "SHA-256"), inputs),
+            markdown_table(("file", "bytes", "SHA-256"), inputs),
             f"First aligned sample: {local_time(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
             "# Fingerprint",
             _fingerprint_text(about),
             "# Stamps",
-            table(("topic", "placed by"), about.stamps.items()),
+            markdown_table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
-            table(
+            markdown_table(
                 ("source", "topic", "what"),
                 [(each.source, each.topic, each.what) for each in about.losses],
             ),
             "# Notes",
             "\n".join(f"- {note}" for note in about.notes) or "none",
             "# Versions",
-            table(("what", "version"), about.versions.items()),
+            markdown_table(("what", "version"), about.versions.items()),
             "# Stages",
             "\n".join(frames),
         ]
@@ -68,7 +75,7 @@ def _fingerprint_text(about: Provenance) -> str:
         return "none"
     whole = {"inputs": taken.inputs, "settings": taken.settings, "results": taken.results}
     digests = [(name, f"`{digest}`") for name, digest in (whole | taken.frames).items()]
-    return table(("SHA-256 of", "digest"), digests)
+    return markdown_table(("SHA-256 of", "digest"), digests)
 
 
 def machine_body(about: Provenance) -> dict[str, Any]:

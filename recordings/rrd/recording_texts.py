@@ -12,7 +12,13 @@ from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of, findings_text
-from recordings.report.number_text import SCALE_NOT_KNOWN, number, outcome_text, plus_minus, table
+from recordings.report.number_text import (
+    SCALE_NOT_KNOWN,
+    markdown_table,
+    number_text,
+    outcome_text,
+    plus_minus,
+)
 from recordings.report.planar_text import planar_fit_lines, planar_markdown
 from recordings.report.shift_text import shift_sentence
 from recordings.report.worth_text import (
@@ -141,10 +147,10 @@ def summary_text(run: Run) -> str:
     for check in said.verdict.checks:
         came_out = outcome_text(check, passed="passed", failed="FAILED", absent="n/a")
         if came_out in quiet:
-            value = "" if check.value is None else f" {number(check.value)}"
+            value = "" if check.value is None else f" {number_text(check.value)}"
             quiet[came_out].append(f"{check.check}{value}")
         else:
-            lines.append(f"{came_out:<8} {check.check} {number(check.value)} ({check.limit})")
+            lines.append(f"{came_out:<8} {check.check} {number_text(check.value)} ({check.limit})")
     lines += [f"{name:<8} {', '.join(checks)}" for name, checks in quiet.items() if checks]
     return "\n".join(lines)
 
@@ -166,7 +172,7 @@ def answer_text(run: Run) -> str:
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(
-                f"- **{check.check}** is {number(check.value)}, must be {check.limit}: "
+                f"- **{check.check}** is {number_text(check.value)}, must be {check.limit}: "
                 f"{check.meaning}"
                 for check in failed
             )
@@ -199,22 +205,22 @@ def calibration_markdown(run: Run) -> str:
         fit = group.row(0, named=True)
         if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
             parts.append(
-                f"**{method}**: reference = {number(fit['alpha_1'])} · estimate "
+                f"**{method}**: reference = {number_text(fit['alpha_1'])} · estimate "
                 f"{fit['beta_kg']:+.4g} kg"
             )
     rows = [
         (
             row["method"],
-            number(row["load_kg"]),
-            number(row["reference_kg"]),
+            number_text(row["load_kg"]),
+            number_text(row["reference_kg"]),
             f"{plus_minus(row['estimate_kg'], row['estimate_std_kg'])} ({row['runs']})",
-            number(row["error_kg"]),
-            number(row["error_left_out_kg"]),
+            number_text(row["error_kg"]),
+            number_text(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
     heads = ("method", "load kg", "reference kg", "estimate kg (runs)", *_ERRORS)
-    return "\n\n".join([*parts, table(heads, rows)])
+    return "\n\n".join([*parts, markdown_table(heads, rows)])
 
 
 def _evidence_lines(run: Run) -> list[str]:
@@ -226,18 +232,19 @@ def _evidence_lines(run: Run) -> list[str]:
         (
             row["run_id"],
             row["load"],
-            number(row["reference_kg"]),
+            number_text(row["reference_kg"]),
             f"{plus_minus(row['mean_kg'], row['std_kg'])} ({row['readings']})",
-            number(row["error_kg"]),
-            number(row["error_left_out_kg"]),
+            number_text(row["error_kg"]),
+            number_text(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
     heads = ("run", "load", "reference kg", "estimate kg (readings)", *_ERRORS)
     fitted = [
-        f"reference = {number(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
-        f"{number(row['valid_from_kg'])} to {number(row['valid_to_kg'])} kg; a later mass "
-        f"± {number(row['line_u_kg'])} kg (k = 1), interval with k = {number(row['coverage_k_1'])}"
+        f"reference = {number_text(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
+        f"{number_text(row['valid_from_kg'])} to {number_text(row['valid_to_kg'])} kg; a later "
+        f"mass ± {number_text(row['line_u_kg'])} kg (k = 1), interval with "
+        f"k = {number_text(row['coverage_k_1'])}"
         for row in line.iter_rows(named=True)
     ]
     # a digest does not fit into a column
@@ -249,7 +256,7 @@ def _evidence_lines(run: Run) -> list[str]:
     return [
         "\n".join(f"- {note}" for note in run.provenance.notes),
         *("## Line", *fitted),
-        *("## Points", table(heads, rows)),
+        *("## Points", markdown_table(heads, rows)),
         *("## Logs of the runs", "\n".join(logs)),
     ]
 
@@ -274,7 +281,7 @@ def _mass_cells(row: AnswerRow) -> list[str]:
     return [
         "## By method over the whole log",
         "joint is the answer; the others are the paper's, and their ± is statistical only",
-        table(heads, rows),
+        markdown_table(heads, rows),
     ]
 
 
@@ -292,7 +299,7 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
     parts = ["\n".join(f"- {line}" for line in answer_lines(said))]
     which = ""
     if len(said.loads) > 1:
-        parts += cycles or ["## Loads", table(load_heads(said), load_rows(said))]
+        parts += cycles or ["## Loads", markdown_table(load_heads(said), load_rows(said))]
         which = f" (mass of load {best_known_load(said)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
@@ -304,7 +311,8 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
         "\n".join(
             f"- **{row['term']}**, {row['meaning']}: "
             f"{plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
-            f"{number(row['prior_std'])} {row['unit']}; u of the mass {number(row['u_kg'])} kg"
+            f"{number_text(row['prior_std'])} {row['unit']}; u of the mass "
+            f"{number_text(row['u_kg'])} kg"
             for row in said.nuisances
         ),
     ]
@@ -325,7 +333,7 @@ def _cycle_lines(run: Run) -> list[str]:
         )
         for row in run.frames["cycles"].iter_rows(named=True)
     ]
-    return ["## Cycles", table(("cycle", "dumped at", "payload kg", "quality"), rows)]
+    return ["## Cycles", markdown_table(("cycle", "dumped at", "payload kg", "quality"), rows)]
 
 
 def _verdict_lines(verdict: Verdict) -> list[str]:
@@ -333,7 +341,7 @@ def _verdict_lines(verdict: Verdict) -> list[str]:
         return []
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
     checks = [
-        f"- {outcome_text(check, **words)}: **{check.check}** {number(check.value)} "
+        f"- {outcome_text(check, **words)}: **{check.check}** {number_text(check.value)} "
         f"({check.limit}), {check.meaning}"
         for check in verdict.checks
     ]
@@ -353,5 +361,5 @@ def _describe_acceptance(run: Run) -> list[str]:
     if "reason_x" in gate.columns:
         counts = gate["reason_x"].cast(pl.String).value_counts(sort=True)
         shares = [(reason, f"{n / gate.height:.1%}") for reason, n in counts.rows()]
-        parts.append(table(("reason", "share of windows"), shares))
+        parts.append(markdown_table(("reason", "share of windows"), shares))
     return parts

@@ -162,14 +162,14 @@ def photograph_tabs(
         if at_unix_ns is not None:
             _set_time(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
-        tabs = _tabs(whole)
+        tabs = _tabs_by_title(whole)
         names = [_tab_title(whole, entity) for entity in _children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
             raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
         return list(_take_pictures(client, folder, whole, tabs, tab))
 
 
-def _tabs(whole: dict[str, Any]) -> dict[str, Any]:
+def _tabs_by_title(whole: dict[str, Any]) -> dict[str, Any]:
     """The container of the tabs, of a whole blueprint."""
     return next(
         layout["ContainerBlueprint"]

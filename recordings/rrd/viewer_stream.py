@@ -124,7 +124,7 @@ def _panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Pan
     for name, members in list(parts.items())[:_PANELS]:
         drawn: list[DisplayColumn] = []
         for number, field in enumerate(members):
-            colour = colours.line(number)
+            colour = colours.line_colour(number)
             label = field.removeprefix(name).strip(".[]") or field
             drawn += [
                 DisplayColumn(entity, f"{field} {end}", f"{label}, {end}", colour, faint=True)

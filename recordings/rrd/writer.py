@@ -145,8 +145,8 @@ def write_scene(
     check_recording(path, force=force)
     with atomic_file(path, force=force) as partial:
         with piped_file(partial) as piped:
-            _write(run, scene_of, piped, path, viewer)
-        _verify(run, partial, path)
+            _write_to_pipe(run, scene_of, piped, path, viewer)
+        verify_written(run, partial, path)
     return path
 
 
@@ -161,7 +161,7 @@ def check_recording(path: Path, *, force: bool) -> None:
     check_output(path, force=force)
 
 
-def _write(
+def _write_to_pipe(
     run: Run,
     scene_of: Callable[[Run], Scene],
     piped: PipedFile,
@@ -196,7 +196,7 @@ def _write(
         recording, piped, path
     )  # what describes the frames first, or a cut file is past help
     waiting = 0
-    for index, batch in _batches(run, scene.shown):
+    for index, batch in frame_batches(run, scene.shown):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
         if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run
@@ -275,7 +275,7 @@ def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Pat
             return
 
 
-def _batches(
+def frame_batches(
     run: Run, shown: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """What is drawn, for a live viewer first, rows in time, then every frame; with its index."""
@@ -289,7 +289,7 @@ def _batches(
             yield [ROW], batch
 
 
-def _verify(run: Run, partial: Path, path: Path) -> None:
+def verify_written(run: Run, partial: Path, path: Path) -> None:
     """Read everything back, a frame at a time, and compare."""
     try:
         with open_recording(partial) as held:

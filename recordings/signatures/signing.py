@@ -205,7 +205,7 @@ def pre_authentication_encoding(payload_type: str, payload: bytes) -> bytes:
     return b"DSSEv1 %d %b %d %b" % (len(kind), kind, len(payload), payload)
 
 
-def statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
+def make_statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
     """The in-toto statement about files: their SHA-256 by name, and what is said of them."""
     return canonical_bytes(
         {
@@ -219,7 +219,7 @@ def statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes
     )
 
 
-def envelope(payload: bytes, key: SigningKey) -> bytes:
+def make_envelope(payload: bytes, key: SigningKey) -> bytes:
     """A DSSE envelope about a statement, signed."""
     signature = key.sign(pre_authentication_encoding(PAYLOAD_TYPE, payload))
     return canonical_bytes(

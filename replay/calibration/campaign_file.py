@@ -138,12 +138,12 @@ def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any
         if not isinstance(block, dict) or not isinstance(block.get("dcc"), str):
             found.append(block)
             continue
-        keys = _keys(source, content) if keys is None else keys
+        keys = _weight_keys(source, content) if keys is None else keys
         found += _masses_of(source, block, keys)
     return content if keys is None else {**content, "masses": found}
 
 
-def _keys(source: Path, content: dict[str, Any]) -> list[str]:
+def _weight_keys(source: Path, content: dict[str, Any]) -> list[str]:
     """Ids of the keys that the campaign file trusts."""
     from recordings.dcc.dcc_signature import trusted_key_id
 

@@ -127,7 +127,7 @@ def _print_sweep(
     from replay.commands.frame_output import format_of, print_frame
     from replay.commands.print_tables import console
     from replay.commands.progress_bar import Stages
-    from replay.runs.sweep_settings import combinations, sweep
+    from replay.runs.sweep_settings import sweep, value_combinations
 
     logs, machine_file, overrides, over = asked
     output, figure = outputs
@@ -140,7 +140,7 @@ def _print_sweep(
         check_picture(figure, force=force)
         if figure == output:
             raise OutputError(f"{figure}: is named twice; the table and the picture are two files")
-    grid = combinations(over)
+    grid = value_combinations(over)
     with Stages(len(grid)) as stages:
         rows = sweep(
             logs,

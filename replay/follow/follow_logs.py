@@ -102,7 +102,7 @@ def follow_logs(
         gc.freeze()
         opened.callback(gc.unfreeze)
         try:
-            following.ended = _follow(log, following, on_rows, idle_s)
+            following.ended = follow_until_idle(log, following, on_rows, idle_s)
         except KeyboardInterrupt:
             following.ended = "interrupted"
         try:
@@ -112,7 +112,7 @@ def follow_logs(
     return following
 
 
-def _follow(
+def follow_until_idle(
     log: GrowingLogFile,
     following: Following,
     on_rows: Callable[[Following, list[FollowedRow]], None],

@@ -21,9 +21,9 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import toml_value
 from replay.recognise.joints import recognise_joints
-from replay.recognise.profile import FieldProfile, profiles
+from replay.recognise.profile import FieldProfile, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
-from replay.recognise.table import recognise
+from replay.recognise.table import recognise_channels
 from replay.recognise.words import read_column_name
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
@@ -100,7 +100,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    told = recognise(log) if is_table else _recognise_joints(log, topics)
+    told = recognise_channels(log) if is_table else _recognise_joints(log, topics)
     guesses = [*_recognise_columns(told), *_best_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
@@ -200,7 +200,7 @@ def _comment_lines(proposal: ChannelProposal) -> list[str]:
 def _profile_lines(log: Log, guesses: list[Guess]) -> list[str]:
     """Every column that is not used, with its unit, rate and range."""
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    rest = [each for each in profiles(log) if (each.topic, each.field) not in used]
+    rest = [each for each in profile_fields(log) if (each.topic, each.field) not in used]
     several = any(each.topic != TABLE for each in rest)
     topics = [f"{_one_line(each.topic)} " if several else "" for each in rest]
     return [

@@ -132,7 +132,7 @@ def notarise_folder(
                 continue
             age_s = time.time() - log.written_s  # a log of the future has a wrong clock
             is_quiet = age_s >= quiet_s or age_s < -CLOCK_S
-            entry = _entry(held, log, before) if is_quiet else None
+            entry = make_entry(held, log, before) if is_quiet else None
             if entry is None:
                 waiting.append(log.name)
                 continue
@@ -213,7 +213,7 @@ def _is_same(entry: NotaryEntry, log: FoundLog) -> bool:
     return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
-def _entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryEntry | None:
+def make_entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryEntry | None:
     """The line of a log; None where it is written to meanwhile."""
     inside = log.path if log.path.is_dir() else log.path.parent
     try:

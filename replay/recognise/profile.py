@@ -65,7 +65,7 @@ class FieldProfile:
         }
 
 
-def profiles(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
+def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
     """Every field that holds single values, in the order of the log.
 
     Args:
@@ -97,7 +97,7 @@ def profiles(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile
                 of = row["topic"], name, units.get(name), _rate_hz(t, frame[name].count())
                 shape = shapes.get(name)
                 found.append(
-                    _profile(*of, frame[name])
+                    profile_field(*of, frame[name])
                     if shape is None
                     else FieldProfile(*of, t.size, *shape)
                 )
@@ -124,7 +124,7 @@ def column_profiles(x: Floats) -> list[tuple[float, float, float, str]]:
     return list(zip(low.tolist(), middle.tolist(), high.tolist(), courses, strict=True))
 
 
-def _profile(
+def profile_field(
     topic: str, field: str, unit: str | None, rate_hz: float | None, cells: pl.Series
 ) -> FieldProfile:
     """That of a column which has gaps, or no numbers."""

@@ -43,7 +43,7 @@ _CALLED_BY_UNIT: Final = {
 }  # fmt: skip
 
 
-def recognise(log: Log) -> Recognition:
+def recognise_channels(log: Log) -> Recognition:
     """Recognise the channels of a table.
 
     Args:

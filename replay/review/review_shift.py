@@ -128,7 +128,7 @@ def review(
         key = digest_of_replay(opened, machine, full=options.full)
         before = read_state(folder)
         kept = read_earlier_replay(folder, before, key)
-        made = kept or _replayed(opened, machine, folder, (logs, machine_file), on_stage)
+        made = kept or _replay_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
         if by is not None:
             told = frames_for_calibration(made, folder)
@@ -152,7 +152,7 @@ def review(
                 state = before
             says = "" if by is None else by.describe(logged)
             state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
-            changes = None if before is None else _changes(before, state)
+            changes = None if before is None else _changes_since(before, state)
             page = shift.page(state, changes, made.track)
             write_review(page, stage)
     return ShiftReview.of(folder, page, replayed=kept is None)
@@ -170,7 +170,7 @@ class ReplayedShift:
     mixed: str = ""
 
 
-def _replayed(
+def _replay_shift(
     opened: list[Log],
     machine: Machine,
     folder: Path,
@@ -289,7 +289,7 @@ def _resolved_inputs(
     }
 
 
-def _changes(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
     """Settings, options and logs that differ."""
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]

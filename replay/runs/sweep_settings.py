@@ -158,7 +158,7 @@ def _rms_error(errors: pl.Series) -> float | None:
     return float(np.sqrt((known**2).mean())) if known.size else None
 
 
-def combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
+def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     """Every combination of the values that are asked for.
 
     Args:

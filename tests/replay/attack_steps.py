@@ -16,7 +16,7 @@ from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     PublicKey,
     SigningKey,
-    envelope,
+    make_envelope,
     make_key_pair,
     pre_authentication_encoding,
     signing_key,
@@ -166,7 +166,7 @@ def signed_as_other_kind(made: Made, scratch: Path) -> Asked:
     folder = Path(shutil.copytree(made.bundle, scratch / "b"))
     held = json.loads((folder / STATEMENT).read_bytes())
     said = json.loads(base64.b64decode(held["payload"])) | {"predicateType": "https://slsa.dev/x"}
-    (folder / STATEMENT).write_bytes(envelope(canonical_bytes(said), key))
+    (folder / STATEMENT).write_bytes(make_envelope(canonical_bytes(said), key))
     return verified(made, folder)
 
 
@@ -329,7 +329,7 @@ def signed_under_the_signers_id(bundle: Bundle) -> None:
     def sign(folder: Path) -> None:
         held = json.loads((folder / STATEMENT).read_bytes())
         payload = base64.b64decode(held["payload"])
-        made = json.loads(envelope(payload, SigningKey(Ed25519PrivateKey.generate())))
+        made = json.loads(make_envelope(payload, SigningKey(Ed25519PrivateKey.generate())))
         held["signatures"][0]["sig"] = made["signatures"][0]["sig"]
         (folder / STATEMENT).write_bytes(canonical_bytes(held))
 

@@ -31,9 +31,9 @@ from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     SigningKey,
-    envelope,
+    make_envelope,
     make_key_pair,
-    statement,
+    make_statement,
 )
 
 
@@ -154,6 +154,8 @@ def sign_with(bundle: Bundle, key: SigningKey) -> None:
         assert held["payloadType"] == PAYLOAD_TYPE
         said = json.loads(base64.b64decode(held["payload"]))
         digests = {each["name"]: each["digest"]["sha256"] for each in said["subject"]}
-        (folder / STATEMENT).write_bytes(envelope(statement(digests, said["predicate"]), key))
+        (folder / STATEMENT).write_bytes(
+            make_envelope(make_statement(digests, said["predicate"]), key)
+        )
 
     bundle.last.append(sign)

@@ -93,7 +93,7 @@ def _rotating(speed_m_s: float, plant: Plant) -> float:
 
 
 @inlined
-def _mass(t: float, stage: DriveStage) -> float:
+def _mass_at(t: float, stage: DriveStage) -> float:
     """Machine and load, of which some may fall in or off."""
     mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
     if stage.spill_1_s > 0.0:
@@ -125,7 +125,7 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
 ) -> None:
     """Fill `out` with the derivatives of the state, and with the forces of the instant."""
     wheel, body = y[WHEEL], y[BODY]
-    mass = _mass(t, stage)
+    mass = _mass_at(t, stage)
     slope = plant.slope_rad + plant.hills_rad * math.sin(
         plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
     )

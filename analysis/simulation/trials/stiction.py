@@ -59,10 +59,10 @@ class Stiction:
 
     def accelerations(self, net: AxisPair) -> AxisPair:
         """dv/dt and ω̇ of the axes that are free and not held."""
-        return self.body.accelerations(net, self._moves)
+        return self.body.accelerations(net, self._moves_freely)
 
     @property
-    def _moves(self) -> tuple[bool, bool]:
+    def _moves_freely(self) -> tuple[bool, bool]:
         x, z = (self.free[axis] and self.grip[axis] is not None for axis in (0, 1))
         return x, z
 
@@ -142,7 +142,7 @@ class Stiction:
         still: list[float] = state.tolist()
         lag_s, (brake_x, brake_z) = self.valve_lag_s, asked.brake
         free_x, free_z = self.free
-        moves = self._moves
+        moves = self._moves_freely
         net_of, accelerations, drive = self.net, self.body.accelerations, asked.drive
 
         def rates(time_s: float, part: Floats) -> list[float]:

@@ -140,7 +140,7 @@ def channel_noise(
             add_noise_of_samples(found, sources, tuple(axis), machine, read)
         clip_to_limits(found, sources, x, samples.moving, [each.derivative_of for each in made])
         override_by_settings(found, sources, axis, machine.settings.noise)
-        tables.append(_table(tuple(axis), found, sources))
+        tables.append(_noise_frame(tuple(axis), found, sources))
     return build("noise", pl.concat(tables).to_dict())
 
 
@@ -169,7 +169,9 @@ def add_noise_of_samples(
     """Put what the channels' own samples tell where the grid does not show it."""
     beyond = [source == "differences" for source in sources]
     unseen = (
-        np.array(is_hidden_by_grid([_channels(name, machine) for name in names], machine, read))
+        np.array(
+            is_hidden_by_grid([columns_to_channels(name, machine) for name in names], machine, read)
+        )
         & beyond
     )
     if not unseen.any():
@@ -189,7 +191,7 @@ def add_noise_of_samples(
         sources[column] = "samples"
 
 
-def _channels(name: str, machine: Machine) -> tuple[str, ...]:
+def columns_to_channels(name: str, machine: Machine) -> tuple[str, ...]:
     """The channels that a column of the equations is made of."""
     if name == "regressor_acc_x_m_s2":
         kinematic = machine.settings.forces.acceleration == "kinematic"
@@ -282,7 +284,7 @@ def estimate_covariances(
             spectra[column, column] = cross_spectra(own)[0, 0]
             live[column] = False
     grown = [
-        _growth(samples, column, powers[column]) if live[column] else np.ones(at.size)
+        noise_growth(samples, column, powers[column]) if live[column] else np.ones(at.size)
         for column in range(p)
     ]
     for i in range(p):
@@ -319,7 +321,7 @@ def spectrum_of_fast_changes(power: Floats, made: ColumnResponse, samples: Noise
     return np.where(wanted < fast, level * made.response(wanted), seen)
 
 
-def _growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None) -> Floats:
+def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None) -> Floats:
     """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
     at, wanted = frequencies(), spectrum_frequencies()
     resting = block_power(
@@ -353,7 +355,7 @@ def override_by_settings(
             sources[column] = "setting"
 
 
-def _table(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
+def _noise_frame(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
     p = len(names)
     rank = np.array([NOISE_SOURCES.index(source) for source in sources])
     first, second, lag = (axis.ravel() for axis in np.indices((p, p, LAGS)))

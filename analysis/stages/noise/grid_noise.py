@@ -153,7 +153,7 @@ def noise_of_channels(
         x = columns(align(derive(noise, machine)[0], machine)[0])
     except DataError:
         return None
-    sums, pairs = _sums(x)
+    sums, pairs = trailing_sums(x)
     return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
@@ -177,7 +177,7 @@ def _repeat_stamps(
     return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
 
 
-def _sums(x: Floats) -> tuple[Floats, Floats]:
+def trailing_sums(x: Floats) -> tuple[Floats, Floats]:
     """Sums of products (columns, columns, LAGS) by lag, and of how many pairs (LAGS,) they are."""
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)

@@ -21,8 +21,8 @@ from replay.logs.blocks import (
     Grammar,
     LooseRecords,
     resync,
+    text_until,
     torn_end,
-    until,
 )
 from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_counts, indexed_times
 from replay.logs.mcap.mcap_records import (
@@ -208,7 +208,7 @@ class McapFile(BlockFile):
         torn = torn_end(size - walk.whole, self._store.torn_messages)
         self._store.damage.note(
             f"breaks off after byte {walk.whole} of {size}, without a footer: all whole messages "
-            f"are read{until(self._store.last_ns)}{torn}"
+            f"are read{text_until(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:

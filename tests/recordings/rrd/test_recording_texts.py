@@ -8,7 +8,7 @@ from analysis.model.loss import Loss
 from recordings.report.planar_text import planar_fit_lines
 from recordings.rrd.recording_texts import (
     headline,
-    number,
+    number_text,
     plus_minus,
     recording_markdown,
     recording_name,
@@ -135,7 +135,7 @@ def test_a_run_of_nothing_still_has_its_texts():
 
 
 def test_numbers_are_short_and_a_value_ends_where_its_standard_deviation_does():
-    assert [number(x) for x in (None, True, 12345.6, 0.123456, "a")] == [
+    assert [number_text(x) for x in (None, True, 12345.6, 0.123456, "a")] == [
         "–",
         "yes",
         "12\u202f346",
