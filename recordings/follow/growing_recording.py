@@ -139,7 +139,7 @@ class GrowingRecording:
                 "recording_id": about.recording_id,
             }
             stream.send_property(PROPERTY, rr.AnyValues(**described))
-            stream.flush()  # before the layout, where `read_end` looks for it
+            stream.flush()  # before the layout, where `read_recording_end` looks for it
             stream.send_blueprint(layout, make_active=True, make_default=True)
             stream.send_recording_name(name)
             stream.send_recording_start_time_nanos(about.t0_unix_ns)

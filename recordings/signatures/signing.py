@@ -258,7 +258,7 @@ def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
     """Read an envelope of a stranger; nothing in it is to be believed before `Signed.by`.
 
     Raises:
-        EvidenceError: it is no envelope as `envelope` writes it.
+        EvidenceError: it is no envelope as `make_envelope` writes it.
     """
     held = parse(data, what)
     try:
