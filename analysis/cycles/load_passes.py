@@ -279,7 +279,7 @@ def _classify_by_border(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | N
     if mass_kg.size < 2:
         return None
     told = (label == 0).any() and (label == 1).any()
-    border = otsu_border(mass_kg)
+    border = median_border(mass_kg)
     light, heavy = mass_kg <= border, mass_kg > border
     if told:
         light, heavy = label == 0, label == 1
@@ -336,12 +336,16 @@ def robust_std(values: Floats, least: float) -> float:
     return max(STD_OF_MAD * float(np.median(np.abs(values - np.median(values)))), least)
 
 
-def otsu_border(values: Floats) -> float:
-    """The border that leaves the smallest sum of squares on both sides (Otsu 1979)."""
+def median_border(values: Floats) -> float:
+    """The border that leaves the least sum of distances to the median on either side.
+
+    By their squares (Otsu 1979) two masses far above all others would be the one class, and all
+    others, loaded or empty, the other.
+    """
     order = np.sort(values)
     middles = (order[1:] + order[:-1]) / 2.0
     sums = [
-        float(sum(np.var(part) * part.size for part in (order[:k], order[k:])))
+        float(sum(np.abs(part - np.median(part)).sum() for part in (order[:k], order[k:])))
         for k in range(1, order.size)
     ]
     return float(middles[int(np.argmin(sums))])

@@ -16,8 +16,8 @@ from analysis.weighing.motion_samples import Bools, Floats, Ints, MotionSamples
 _ROUTE_OVER_HAUL: Final = 1.2
 #: A machine that brakes for the dump over more than so many times what is usual has left it since.
 _LONGEST_STOP: Final = 2.0
-#: A dump that the loads do not tell is looked for where cycles of like length would have it, within
-#: this share of a cycle.
+#: A visit that nothing tells is looked for where cycles of like length would have it, within this
+#: share of a cycle.
 _PLACE_TOLERANCE: Final = 0.15
 
 
@@ -55,7 +55,7 @@ class Route:
             return None
         hauls_m = dumps_m[before >= 0] - fills_m[before[before >= 0]]
         length_m = max(_ROUTE_OVER_HAUL * float(np.median(hauls_m)), 1.0)
-        return cls(_add_missed_dumps(dumps_m, begins_m), length_m)
+        return cls(add_missed_visits(dumps_m, begins_m), length_m)
 
     def position(self, motion: MotionSamples) -> Floats:
         """How far samples are from the nearest dump, (n,): 0 there, 1 where the route ends."""
@@ -78,25 +78,31 @@ def _place_dumps(arrives_m: Floats, leaves_m: Floats) -> Floats:
     return np.where(stops_m > _LONGEST_STOP * usual_m, arrives_m + usual_m, leaves_m)
 
 
-def _add_missed_dumps(dumps_m: Floats, begins_m: Floats) -> Floats:
-    """Add the manoeuvres that begin where cycles as long as the others would have a dump.
+def add_missed_visits(visits_m: Floats, begins_m: Floats) -> Floats:
+    """Add visits where cycles as long as the others would have one: at the manoeuvre next to it.
 
     A load that is taken for none has no dump, and its starts would be anywhere on the route: they
     would stay unlike those of other loads.
+
+    Args:
+        visits_m: (visits,) of one place, in m that the machine has driven, ascending.
+        begins_m: (units,) where its manoeuvres begin, likewise.
     """
-    cycles_m = np.diff(dumps_m)
+    cycles_m = np.diff(visits_m)
     if not cycles_m.size:
-        return dumps_m
+        return visits_m
     cycle_m = float(np.median(cycles_m))
     number = np.round(cycles_m / cycle_m).astype(np.int64)
-    regular = (number > 1) & (abs(cycles_m / cycle_m - number) < _PLACE_TOLERANCE)
+    # cycles that are each a little longer or shorter add up like chance
+    regular = abs(cycles_m / cycle_m - number) < _PLACE_TOLERANCE * np.sqrt(number)
+    regular &= number > 1
     expected_m = [
-        dumps_m[k] + cycles_m[k] * np.arange(1, number[k]) / number[k]
+        visits_m[k] + cycles_m[k] * np.arange(1, number[k]) / number[k]
         for k in np.flatnonzero(regular)
     ]
     if not expected_m:
-        return dumps_m
+        return visits_m
     wanted_m = np.concatenate(expected_m)
     nearest_m = begins_m[abs(begins_m[:, None] - wanted_m).argmin(axis=0)]
     near = abs(nearest_m - wanted_m) < _PLACE_TOLERANCE * cycle_m
-    return np.unique(np.append(dumps_m, np.where(near, nearest_m, wanted_m)))
+    return np.unique(np.append(visits_m, np.where(near, nearest_m, wanted_m)))

@@ -14,17 +14,12 @@ from analysis.weighing.fit_columns import (
     PreviousEstimates,
     RelativeLoads,
     average_columns,
-    mean_stride,
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.load_states import (
     LoadStates,
-    find_states,
-    places,
-    single_unknown_state,
-    stretch_units,
 )
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.low_gears import LOW_GEARS
@@ -32,18 +27,15 @@ from analysis.weighing.motion_samples import (
     CachedNoise,
     ColumnNoiseModel,
     Floats,
-    Ints,
     MotionSamples,
 )
 from analysis.weighing.nuisances import (
     NUISANCES,
     Nuisance,
 )
-from analysis.weighing.record_places import rows_to_search
-from analysis.weighing.uneven_ground import FEWEST, GROUND
+from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
-from estimators.numerics.autocorrelation import pooled_autocorrelation
 
 #: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
 #: taken.
@@ -88,11 +80,7 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     motion = of.motion
     several = states is not None and states.count > 1
-    terms = tuple(
-        term
-        for term in (*NUISANCES, *PLACE, *LOW_GEARS, *GROUND)
-        if term.applies(motion) and (several or not term.by_load)
-    )
+    terms = terms_of(motion, several=several)
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
     part = whole.first_stretches(_TRIED)
     part = part if part.motion.drives else whole
@@ -133,6 +121,15 @@ def joint_fit(of: JointFitInputs, states: LoadStates | None = None) -> JointFit:
         if longer.fit.misfit_ratio < misfit:
             share, chosen = _averaging_share([chosen, longer], 1), longer
     return replace(chosen, averaging_share=share)
+
+
+def terms_of(motion: MotionSamples, *, several: bool) -> tuple[Nuisance, ...]:
+    """The terms that apply to these samples; those by load only where there are several."""
+    return tuple(
+        term
+        for term in (*NUISANCES, *PLACE, *LOW_GEARS, *GROUND)
+        if term.applies(motion) and (several or not term.by_load)
+    )
 
 
 def _take_slip_on_ground(of: JointFitInputs, whole: FitTask, pilot: JointFit) -> FitTask:
@@ -285,97 +282,3 @@ def add_motion_responses(
         moved(later, LIMITS.probe_delay_s), moved(larger, LIMITS.probe_gain_1)
     )
     return replace(found, by_motion=responses)
-
-
-def add_load_states(
-    found: JointFit, of: JointFitInputs, repeatability_kg: float | None
-) -> JointFit:
-    """Look for load states, and fit with a mass each, until nothing changes.
-
-    An edge between two grounds is a term of several loads only, and scatters the masses of a fit of
-    one by more than loads do: where one load fits badly, the search begins once more with a load
-    that changes wherever something hints at it.
-    """
-    if not np.isfinite(found.theta).all():
-        return _withhold_masses(found)
-    settled = _settle_states(found, of, repeatability_kg)
-    misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
-    uneven = found.motion.manoeuvres >= FEWEST
-    if settled.count > 1 or settled.states is None or not (misfits and uneven):
-        return settled
-    hints = places(found.motion) > 1
-    if not hints.any():
-        return settled
-    of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
-    hinted = replace(settled.states, membership=np.append(0, np.cumsum(hints)), other=None)
-    begun = joint_fit(of, hinted)
-    if not np.isfinite(begun.theta).all():
-        return settled
-    hidden = _settle_states(begun, of, repeatability_kg)
-    certain = hidden.count > 1 and (
-        _find_states(hidden).single_probability < LIMITS.hidden_loads_max_single_probability
-    )
-    return hidden if certain and hidden.fit.misfit_ratio < settled.fit.misfit_ratio else settled
-
-
-def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float | None) -> JointFit:
-    """Find the states and fit by turns from a first fit on.
-
-    A search that does not settle has the states about which manoeuvres scatter least, for as many.
-    """
-    number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
-    first, tried = found, list[JointFit]()
-    for _ in range(LIMITS.state_rounds):
-        task = FitTask(
-            found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
-        )
-        rows = fit_rows(found, of.noise)
-        states = max(
-            (
-                find_states(replace(task.units(found, each), kind=hints), number, repeatability_kg)
-                for each in rows_to_search(found, rows)
-            ),
-            key=lambda each: each.log_odds,
-        )
-        before = found.states
-        if states.count == 1 and found.count == 1:
-            return refit(replace(found, states=states), of.noise, of.priors, rows=rows)
-        if before is not None and np.array_equal(states.membership, before.membership):
-            # the same loads, whose scatter is known better now
-            found = replace(found, states=states)
-            return refit(found, of.noise, of.priors, rounds=2, rows=rows)
-        of = _add_uneven_ground(found, of, rows.group)
-        found = joint_fit(of, states)
-        if not np.isfinite(found.theta).all():
-            return _withhold_masses(first)
-        if any(
-            np.array_equal(states.membership, each.membership) for each in map(_find_states, tried)
-        ):
-            break
-        tried.append(found)
-    return min(tried, key=lambda each: _find_states(each).misfit)
-
-
-def _withhold_masses(found: JointFit) -> JointFit:
-    """The same fit, none of whose masses is known."""
-    states = found.states
-    if found.count == 1 or states is None:
-        states = single_unknown_state(np.unique(stretch_units(found.motion)))
-    return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
-
-
-def _find_states(found: JointFit) -> LoadStates:
-    assert found.states is not None
-    return found.states
-
-
-def _add_uneven_ground(found: JointFit, of: JointFitInputs, group: Ints) -> JointFitInputs:
-    """Likewise with constants that differ from stretch to stretch."""
-    if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
-        return of
-    residual = found.fit.residual
-    correlation, white = pooled_autocorrelation(residual, group, None)
-    a_second = found.motion.rate_hz / mean_stride(found.mean_samples)
-    noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
-    std_N = of.priors.ground_uneven_share * found.motion.weight
-    return replace(of, uneven_1_s=std_N**2 * a_second / noise)

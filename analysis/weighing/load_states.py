@@ -14,7 +14,7 @@ from analysis.weighing.motion_samples import Floats, Ints, MotionSamples, begins
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.changepoints import Partitions, partitions
 from estimators.joint.group_effects import FILLED, HINTED, NAMED, RESTARTED, TURNED, GroupEffects
-from estimators.joint.partition_posterior import Partition
+from estimators.joint.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.joint.random_intercepts import RandomIntercepts
 
 #: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
@@ -150,8 +150,8 @@ class LoadStates:
 def stretch_units(motion: MotionSamples) -> Ints:
     """The manoeuvre of each stretch, (stretches,).
 
-    One that is too short to tell a mass goes with the one before it, or with the one after it where
-    something tells that the load changed before and not after.
+    One that is too short to tell a mass, or that hardly changes its speed, goes with the one before
+    it, or with the one after it where something tells that the load changed before and not after.
     """
     unit = motion.unit[begins(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
@@ -162,6 +162,9 @@ def stretch_units(motion: MotionSamples) -> Ints:
         ),
         samples.max(),
     )
+    # where a record begins or ends while the machine cruises, a mass would be any
+    gained_m_s = _gained_speeds_m_s(motion, of, number.size)
+    tells &= gained_m_s >= LIMITS.informative_speed_share * float(np.median(gained_m_s[tells]))
     place = np.arange(number.size)
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
@@ -174,6 +177,22 @@ def stretch_units(motion: MotionSamples) -> Ints:
         if _change_kind(motion, *sooner, *sooner) > 1 and _change_kind(motion, *later, *later) == 1:
             goes[short] = after[short]
     return number[goes][of]
+
+
+def _gained_speeds_m_s(motion: MotionSamples, unit: Ints, units: int) -> Floats:
+    """How far apart the speeds of each manoeuvre are, (units,).
+
+    Args:
+        motion: the samples.
+        unit: (stretches,) the manoeuvre of each, from 0.
+        units: how many there are.
+    """
+    used = np.flatnonzero(motion.used)
+    of, speed = unit[motion.group[used]], motion.speed[used]
+    least, most = np.full(units, np.inf), np.full(units, -np.inf)
+    np.minimum.at(least, of, speed)
+    np.maximum.at(most, of, speed)
+    return most - least
 
 
 def sample_units(motion: MotionSamples) -> Ints:
@@ -245,8 +264,7 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
     """
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
         return single_unknown_state(number)
-    # manoeuvres of no mass have no scale of loads: that is then what their own noise lets them say
-    typical_kg = float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
+    typical_kg = _typical_mass_kg(units)
     found = partitions(
         units,
         LIMITS.largest_load_fraction * typical_kg,
@@ -255,25 +273,55 @@ def find_states(units: GroupEffects, number: Ints, repeatability_kg: float | Non
     )
     best = found.best if _is_partition_credible(found, repeatability_kg) else found.single
     other = found.several if best.states == 1 else found.single
-    level_kg = units.y - units.x @ best.effects
-    scatter_kg, freedom, ratio = _between_manoeuvre_scatter(level_kg, units.variance, best)
+    states = _states_of_partition(units, number, best)
     if repeatability_kg is not None:
-        scatter_kg, freedom = repeatability_kg, np.inf
+        states = replace(states, scatter_kg=repeatability_kg, freedom=np.inf)
     probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
+    return replace(
+        states,
+        single_probability=found.single_probability,
+        other=_alternative_partition(units, best, other, probability),
+        log_odds=best.log_posterior - found.single.log_posterior,
+    )
+
+
+def states_of(
+    units: GroupEffects, number: Ints, membership: Ints, *, usual_scatter: bool = True
+) -> LoadStates:
+    """The states of a partition that is given.
+
+    Args:
+        units: what each manoeuvre says.
+        number: (units,) of the manoeuvres.
+        membership: (units,) the load state of each, from 0 on in time.
+        usual_scatter: whether manoeuvres scatter about them as they usually do, since the units are
+            of other loads: what they scatter by is then what these differ by.
+    """
+    typical_kg = _typical_mass_kg(units)
+    posterior = PartitionPosterior(units, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
+    partition = posterior.of(Stretches.of(membership, units.kind))
+    states = _states_of_partition(units, number, partition)
+    if not usual_scatter:
+        return states
+    return replace(states, scatter_kg=LIMITS.repeatability_fraction * typical_kg, freedom=np.inf)
+
+
+def _states_of_partition(units: GroupEffects, number: Ints, best: Partition) -> LoadStates:
+    level_kg = units.y - units.x @ best.effects
     return LoadStates(
         number,
         best.state,
         level_kg,
         np.sqrt(units.variance),
-        scatter_kg,
-        freedom,
-        ratio,
-        found.single_probability,
-        _alternative_partition(units, best, other, probability),
-        np.unique(best.level).size < best.states
+        *_between_manoeuvre_scatter(level_kg, units.variance, best),
+        load_returns=np.unique(best.level).size < best.states
         or _count_reversals(best) >= LIMITS.load_return_reversals,
-        best.log_posterior - found.single.log_posterior,
     )
+
+
+def _typical_mass_kg(units: GroupEffects) -> float:
+    """The scale of loads; of manoeuvres of no mass what their own noise lets them say."""
+    return float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
 
 
 def _count_reversals(found: Partition) -> int:

@@ -22,7 +22,6 @@ from analysis.weighing.growing_load import (
 )
 from analysis.weighing.joint_fit import (
     JointFitInputs,
-    add_load_states,
     add_motion_responses,
     add_squat,
     drop_unlikely_effects,
@@ -31,6 +30,7 @@ from analysis.weighing.joint_fit import (
     refit,
 )
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_search import add_load_states
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,

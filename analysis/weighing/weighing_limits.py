@@ -112,6 +112,8 @@ class WeighingLimits:
     squat_rounds: int = 4
     #: Rounds of load states and the fit that removes the nuisances.
     state_rounds: int = 4
+    #: Rounds in which suggested loads are held: with the second the route has its dumps.
+    held_rounds: int = 2
     #: Smallest mass that is one, as a share of force over acceleration.
     min_mass_fraction: float = 0.1
     #: Largest share of noise in a direction of the columns: with more a mean is too short.
@@ -178,6 +180,8 @@ class WeighingLimits:
     informative_manoeuvre_s: float = 0.5
     #: and its fewest samples.
     informative_manoeuvre_samples: int = 10
+    #: Change of speed of a manoeuvre that determines a mass, as a share of the usual one's.
+    informative_speed_share: float = 0.1
     #: Manoeuvres disagree if the ratio of variances exceeds 1 by so many standard deviations: more
     #: than of a fit's groups, whose own deviations are of more samples.
     excess_scatter_std: float = 5.0

@@ -1,0 +1,187 @@
+"""The search for load states: find them and fit a mass each by turns, until nothing changes."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from analysis.weighing.fit_columns import mean_stride
+from analysis.weighing.fit_task import FitTask
+from analysis.weighing.haul_patterns import hauling_patterns
+from analysis.weighing.joint_fit import JointFitInputs, fit_rows, joint_fit, refit, terms_of
+from analysis.weighing.joint_result import JointFit
+from analysis.weighing.load_states import (
+    LoadStates,
+    find_states,
+    places,
+    single_unknown_state,
+    states_of,
+    stretch_units,
+)
+from analysis.weighing.motion_samples import Ints
+from analysis.weighing.record_places import rows_to_search
+from analysis.weighing.uneven_ground import FEWEST
+from analysis.weighing.weighing_limits import LIMITS
+from estimators.joint.group_effects import GroupEffects
+from estimators.numerics.autocorrelation import pooled_autocorrelation
+
+
+def add_load_states(
+    found: JointFit, of: JointFitInputs, repeatability_kg: float | None
+) -> JointFit:
+    """Look for load states, and fit with a mass each, until nothing changes.
+
+    An edge between two grounds is a term of several loads only, and scatters the masses of a fit of
+    one by more than loads do; loads that go by the direction are as likely as a haul and the way
+    back. So a fit that is bad is searched again from loads that change where something hints at it,
+    and from those that the way of driving suggests. What explains the force best is taken.
+    """
+    settled = _settle_states(found, of, repeatability_kg)
+    misfits = settled.fit.misfit_ratio > LIMITS.max_misfit_ratio
+    if not misfits or found.motion.manoeuvres < FEWEST:
+        return settled
+    of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
+    alike = _SameMeans.of(found, of)
+    fits = [settled]
+    hints = np.append(0, np.cumsum(places(found.motion) > 1))
+    if hints[-1]:
+        held = _hold_states(alike.states(hints), of)
+        fits.append(_settle_states(held, of, repeatability_kg))
+    hauls = [alike.fit(each) for each in hauling_patterns(found.motion)]
+    if hauls:
+        haul = min(hauls, key=lambda each: each.fit.residual_rms)
+        held = _hold_states(_find_states(haul), of)
+        hidden = _settle_states(held, of, repeatability_kg)
+        fits += [hidden, _tell_scatter(held, of, repeatability_kg)]
+    least = LIMITS.hidden_loads_max_single_probability
+    certain = [
+        each
+        for each in fits
+        if each is settled or (each.count > 1 and _find_states(each).single_probability < least)
+    ]
+    return min(certain, key=lambda each: alike.fit(_find_states(each).membership).fit.residual_rms)
+
+
+@dataclass(frozen=True)
+class _SameMeans:
+    """Fits of one log with means of one length, so that what they leave can be compared.
+
+    Attributes:
+        task: what is fitted, without loads.
+        units: what each manoeuvre says of its mass.
+        number: (units,) of the manoeuvres.
+        samples: length of the means.
+    """
+
+    task: FitTask
+    units: GroupEffects
+    number: Ints
+    samples: int
+
+    @classmethod
+    def of(cls, found: JointFit, of: JointFitInputs) -> Self:
+        """Take the means of an earlier fit."""
+        motion, terms = found.motion, terms_of(found.motion, several=True)
+        task = FitTask(motion, of.noise, of.priors, terms, of.wheels, None, of.uneven_1_s)
+        number = np.unique(stretch_units(motion))
+        return cls(task, _units_of(found, of), number, found.mean_samples)
+
+    def states(self, membership: Ints) -> LoadStates:
+        """The load states of manoeuvres of these loads, (units,)."""
+        return states_of(self.units, self.number, membership)
+
+    def fit(self, membership: Ints) -> JointFit:
+        """Fit with these loads, (units,)."""
+        return replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
+
+
+def _hold_states(states: LoadStates, of: JointFitInputs) -> JointFit:
+    """Fit with these states until their loads have said where the ground acts on which."""
+    for _ in range(LIMITS.held_rounds):
+        found = joint_fit(of, states)
+        if not np.isfinite(found.theta).all():
+            break
+        states = states_of(_units_of(found, of), states.unit, states.membership)
+    return found
+
+
+def _tell_scatter(held: JointFit, of: JointFitInputs, repeatability_kg: float | None) -> JointFit:
+    """Fit the same states with the scatter that they have, and how probable one load is."""
+    if not np.isfinite(held.theta).all():
+        return held
+    units, states = _units_of(held, of), _find_states(held)
+    likeliest = find_states(units, states.unit, repeatability_kg)
+    scattering = states_of(units, states.unit, states.membership, usual_scatter=False)
+    states = replace(scattering, single_probability=likeliest.single_probability)
+    return refit(replace(held, states=states), of.noise, of.priors, rounds=2)
+
+
+def _units_of(found: JointFit, of: JointFitInputs) -> GroupEffects:
+    """What each manoeuvre says of its mass by a fit, and what tells changes between them."""
+    task = FitTask(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
+    return replace(task.units(found, fit_rows(found, of.noise)), kind=places(found.motion))
+
+
+def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float | None) -> JointFit:
+    """Find the states and fit by turns from a first fit on.
+
+    A search that does not settle has the states about which manoeuvres scatter least, for as many.
+    """
+    number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
+    if not np.isfinite(found.theta).all():
+        return _withhold_masses(found)
+    first, tried = found, list[JointFit]()
+    for _ in range(LIMITS.state_rounds):
+        task = FitTask(
+            found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
+        )
+        rows = fit_rows(found, of.noise)
+        states = max(
+            (
+                find_states(replace(task.units(found, each), kind=hints), number, repeatability_kg)
+                for each in rows_to_search(found, rows)
+            ),
+            key=lambda each: each.log_odds,
+        )
+        before = found.states
+        if states.count == 1 and found.count == 1:
+            return refit(replace(found, states=states), of.noise, of.priors, rows=rows)
+        if before is not None and np.array_equal(states.membership, before.membership):
+            # the same loads, whose scatter is known better now
+            found = replace(found, states=states)
+            return refit(found, of.noise, of.priors, rounds=2, rows=rows)
+        of = _add_uneven_ground(found, of, rows.group)
+        found = joint_fit(of, states)
+        if not np.isfinite(found.theta).all():
+            return _withhold_masses(first)
+        if any(
+            np.array_equal(states.membership, each.membership) for each in map(_find_states, tried)
+        ):
+            break
+        tried.append(found)
+    return min(tried, key=lambda each: _find_states(each).misfit)
+
+
+def _withhold_masses(found: JointFit) -> JointFit:
+    """The same fit, none of whose masses is known."""
+    states = found.states
+    if found.count == 1 or states is None:
+        states = single_unknown_state(np.unique(stretch_units(found.motion)))
+    return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
+
+
+def _find_states(found: JointFit) -> LoadStates:
+    assert found.states is not None
+    return found.states
+
+
+def _add_uneven_ground(found: JointFit, of: JointFitInputs, group: Ints) -> JointFitInputs:
+    """Likewise with constants that differ from stretch to stretch."""
+    if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
+        return of
+    residual = found.fit.residual
+    correlation, white = pooled_autocorrelation(residual, group, None)
+    a_second = found.motion.rate_hz / mean_stride(found.mean_samples)
+    noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
+    std_N = of.priors.ground_uneven_share * found.motion.weight
+    return replace(of, uneven_1_s=std_N**2 * a_second / noise)
