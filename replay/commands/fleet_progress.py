@@ -51,7 +51,7 @@ class FleetProgress:
     def mark_done(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
         """A log is done."""
         took = outcome.seconds + outcome.overhead_s
-        self._left.done(log.size_bytes, took if outcome.status == "made" else None)
+        self._left.add_recording(log.size_bytes, took if outcome.status == "made" else None)
         left = interval_text(self._left.interval_s(self._slots))
         self._bar.update(self._task, advance=1, left=left)
 
@@ -76,7 +76,7 @@ class TimeLeft:
         self._squares = sum(_duration_weight(size) ** 2 for size in sizes_bytes)
         self._done: list[tuple[float, float]] = []
 
-    def done(self, size_bytes: int, seconds: float | None) -> None:
+    def add_recording(self, size_bytes: int, seconds: float | None) -> None:
         """A recording is done, after so many seconds on its node; None where it was there."""
         weight = _duration_weight(size_bytes)
         self._left -= weight

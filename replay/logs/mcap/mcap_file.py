@@ -132,7 +132,7 @@ class McapFile(BlockFile):
         if said not in (None, found + told):
             self._store.damage.note(f"its statistics count {said:,} messages, {found:,} are there")
         if walk is not None:
-            self._judge_end(walk, summary.fault)
+            self._note_missing_end(walk, summary.fault)
         return tuple(
             make_connection(channel, self._schemas.get(channel.schema_id))
             for channel in self._channels.values()
@@ -195,7 +195,7 @@ class McapFile(BlockFile):
             self._is_data_sealed(walk.data_end)
         return walk
 
-    def _judge_end(self, walk: McapWalk, fault: str) -> None:
+    def _note_missing_end(self, walk: McapWalk, fault: str) -> None:
         """Say what is missing behind its data; `fault` is why its index is of no use."""
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             if fault:

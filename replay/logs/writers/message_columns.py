@@ -39,7 +39,7 @@ class RaggedColumn:
         return cls(lengths, np.frombuffer(b"".join(encoded), np.uint8))
 
     @property
-    def starts(self) -> Ints:
+    def first_indices(self) -> Ints:
         """(n,) where each list begins in the content."""
         return np.cumsum(self.lengths) - self.lengths
 
@@ -70,7 +70,7 @@ def _shapes_of_lists(column: RaggedColumn) -> Ints:
     known = 0
     for length in np.unique(lengths):
         rows = np.flatnonzero(lengths == length)
-        elements = inside[column.starts[rows][:, None] + np.arange(length)]
+        elements = inside[column.first_indices[rows][:, None] + np.arange(length)]
         kinds, inverse = np.unique(elements, axis=0, return_inverse=True)
         numbers[rows] = known + inverse.reshape(-1)
         known += max(len(kinds), 1)

@@ -189,7 +189,7 @@ class _Layout:
             return
         for number in range(length):
             if isinstance(column, RaggedColumn):
-                at = column.starts[chosen] + number
+                at = column.first_indices[chosen] + number
                 self._value(element, column.content, at)
             else:
                 one = column[number] if isinstance(column, list | tuple) else None
@@ -240,4 +240,4 @@ def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
 def elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
     """The elements (k, length) of lists of one length."""
     assert isinstance(column.content, np.ndarray)
-    return column.content[column.starts[chosen][:, None] + np.arange(length)]
+    return column.content[column.first_indices[chosen][:, None] + np.arange(length)]

@@ -54,7 +54,7 @@ def test_what_is_being_written_to_a_folder_is_not_among_its_objects(tmp_path: Pa
 def test_nothing_is_said_of_the_time_left_before_some_are_done() -> None:
     left = TimeLeft([1000] * 10)
     for _ in range(4):
-        left.done(1000, 1.0)
+        left.add_recording(1000, 1.0)
     assert left.interval_s(1) is None
     assert interval_text(None) == ""
 
@@ -69,7 +69,7 @@ def test_where_seconds_go_with_size_the_time_left_is_exact(
 ) -> None:
     left = TimeLeft(sizes)
     for size in sizes[:6]:
-        left.done(size, rate * (size + 2_000_000) / 1e6)
+        left.add_recording(size, rate * (size + 2_000_000) / 1e6)
     rest = sum(rate * (size + 2_000_000) / 1e6 for size in sizes[6:]) / slots
     low, high = left.interval_s(slots) or (0.0, 0.0)
     assert low == pytest.approx(rest, rel=1e-3)
@@ -79,7 +79,7 @@ def test_where_seconds_go_with_size_the_time_left_is_exact(
 def test_what_scatters_has_an_interval_in_a_unit_that_suits_it() -> None:
     left = TimeLeft([1000] * 1000)
     for n in range(10):
-        left.done(1000, 5.0 + 5.0 * (n % 2))
+        left.add_recording(1000, 5.0 + 5.0 * (n % 2))
     low, high = left.interval_s(2) or (0.0, 0.0)
     assert low < 990 * 7.5 / 2 < high
     assert interval_text((low, high)).endswith(" min left")
