@@ -9,7 +9,7 @@ from analysis.fleet.fleet_tables import TABLES
 from analysis.simulation import Scenario
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.results_layout import MARK
-from replay.fleet.task_engine import Result, Task, Work
+from replay.fleet.task_engine import Result, Task, TaskWork
 from replay.simulation.simulate_logs import simulate
 
 FLEET = """
@@ -50,7 +50,7 @@ class SerialEngine:
         """One."""
         return 1
 
-    def run(self, function: Any, work: Sequence[Work[Task]]) -> Iterator[tuple[Task, Result]]:
+    def run(self, function: Any, work: Sequence[TaskWork[Task]]) -> Iterator[tuple[Task, Result]]:
         """Run them in their order."""
         for each in work:
             yield each.task, function(each.task)

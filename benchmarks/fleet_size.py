@@ -47,7 +47,7 @@ def make(destination: Path, machines: int, days: int) -> None:
     results = FleetResults(store)
     machine = CurrentMachine(files=NamedFiles("cat262c.toml"), bases=("b",))
     names = [f"unit-{number + 1:02}" for number in range(machines)]
-    results.make_current(LastRun(fleet="benchmark", machines=dict.fromkeys(names, machine)))
+    results.set_last_run(LastRun(fleet="benchmark", machines=dict.fromkeys(names, machine)))
     results.gather()
 
 

@@ -139,7 +139,7 @@ def steps(machine: Any) -> str:
     for sample in samples[:640]:
         window = incremental.step_window(window, sample)
     state = rls.start(samples[:320, :2], samples[:320, 2])
-    settings = machine.settings.changed({"trace.methods": ("ls",)})
+    settings = machine.settings.with_changes({"trace.methods": ("ls",)})
     ls_method = METHODS["ls"]
     options = ls_method.options(settings.trace, axis_noise(X, settings))
     calls: dict[str, Callable[[Any], object]] = {

@@ -14,7 +14,7 @@ import typer
 from analysis.calibration.campaign.by_method import calibrate_methods
 from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.calibration.campaign.method_errors import rms_errors
-from analysis.model.axes import straight
+from analysis.model.axes import straight_regressor
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.estimation.trace import trace
@@ -40,7 +40,7 @@ def estimates_of(replayed: Run, runs: pl.DataFrame) -> dict[tuple[float, bool], 
     found: dict[tuple[float, bool], pl.DataFrame] = {}
     for forgetting, directional in OPTIONS:
         change = {"trace.forgetting": forgetting, "trace.directional_forgetting": directional}
-        traced = trace(frame, gated, MACHINE.settings.changed(change))
+        traced = trace(frame, gated, MACHINE.settings.with_changes(change))
         whole = Run({"estimates/rls": traced["rls"]}, replayed.provenance)
         found[forgetting, directional] = run_estimates(whole, runs)
     return found
@@ -83,7 +83,7 @@ def cruise(seeds: int) -> tuple[Found, Found]:
         plan = scenario(seed, runs=1, cruise_s=90.0)
         log = next(iter(simulate_campaign(plan)))
         frame = excitation(log, MACHINE)
-        A, f = straight(frame, MACHINE.settings)
+        A, f = straight_regressor(frame, MACHINE.settings)
         # until the brakes act: 0.1 s before, the mean looks back only
         driven = frame["t_ns"].to_numpy() < log.trials["braking_ns"][0] - log.trials["start_ns"][0]
         complete = np.arange(f.size) >= window - 1 + np.argmax(np.isfinite(A).all(axis=1))

@@ -17,7 +17,7 @@ import typer
 from analysis.calibration.campaign.by_method import calibrate_methods
 from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.calibration.campaign.method_errors import rms_errors
-from analysis.model.axes import straight
+from analysis.model.axes import straight_regressor
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario
 from analysis.stages.estimation.trace import trace
@@ -94,7 +94,7 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
     replayed, runs = joined(*plans, machine=MACHINE)
     frame = replayed.frames["excitation"]
     gated = gate(frame, MACHINE.settings)
-    either_sign = gate(frame, MACHINE.settings.changed({"gate.index": "gaussian"}))
+    either_sign = gate(frame, MACHINE.settings.with_changes({"gate.index": "gaussian"}))
     truth = frame.select("t_ns").join_asof(
         runs.select(pl.col("start_ns").alias("t_ns"), "mass_kg"), on="t_ns"
     )
@@ -158,7 +158,7 @@ def cost() -> str:
     """Microseconds a window, on the same windows in one process."""
     replayed, _ = joined(scenario(1, runs=3), machine=MACHINE)
     frame = replayed.frames["excitation"]
-    A, f = straight(frame, MACHINE.settings)
+    A, f = straight_regressor(frame, MACHINE.settings)
     window = MACHINE.settings.gate.window_samples
     complete = np.convolve(np.isfinite(A).all(axis=1) & np.isfinite(f), np.ones(window))[: f.size]
     index = np.flatnonzero(complete > window - 0.5).astype(np.int64)

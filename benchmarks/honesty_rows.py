@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from benchmarks.weighed import DERIVED, Weighed, weighed
 from estimators.errors import ScenarioError
 from tests.trials.drawn_designs import (

@@ -24,7 +24,12 @@ from analysis.calibration.line.calibration import Calibration, CalibrationOption
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import as_later_log, learnt_terms, terms_of, with_learnt
+from analysis.calibration.use.learnt_priors import (
+    learnable_terms,
+    learnt_terms,
+    machine_for_later_log,
+    with_learnt_priors,
+)
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from benchmarks.independent.legs import DRIVE, STAND, WHOLE_LEG, Leg
@@ -159,8 +164,12 @@ def replayed(
         write_machine_file(stated, drawn.seen, known)
         own = load_machine(stated)
         if machine is not None:
-            own = with_learnt(own, machine.settings.priors.learnt)
-            own = as_later_log(own) if machine.settings.priors.learnt_means == "told" else own
+            own = with_learnt_priors(own, machine.settings.priors.learnt)
+            own = (
+                machine_for_later_log(own)
+                if machine.settings.priors.learnt_means == "told"
+                else own
+            )
         with open_log(path) as opened:
             return run(opened, own), own
 
@@ -177,9 +186,9 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
         term
         for number, (each, _) in enumerate(raw)
         if not each.frames["loads"]["withheld"].any()
-        for term in terms_of(str(number), each.frames["nuisances"])
+        for term in learnable_terms(str(number), each.frames["nuisances"])
     ]
-    machine = with_learnt(raw[0][1], learnt_terms(said))
+    machine = with_learnt_priors(raw[0][1], learnt_terms(said))
     logs = [(state, np.random.default_rng(seed)) for state, seed in zip(states, seeds, strict=True)]
     again = [replayed(drawn, state, own, machine)[0] for state, own in logs]
     runs = [
@@ -203,7 +212,7 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
         line = fit_calibration(pl.concat(tables), known, u_kg2, options, responses)
     except ValueError as fault:
         return str(fault)
-    return line, as_later_log(machine)
+    return line, machine_for_later_log(machine)
 
 
 def later(

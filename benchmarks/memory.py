@@ -20,7 +20,7 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.diagnosis import CheckInputs, verdict
+from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.simulation import Scenario
@@ -78,7 +78,7 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     estimates = trace(excitation, gated, settings)
     peak(f"trace, {len(METHODS)} methods")
     table = segments(excitation, gated, settings)
-    judged = verdict(CheckInputs(excitation, gated, machine))
+    judged = judge_checks(CheckInputs(excitation, gated, machine))
     totals = masses(excitation, gated, estimates, machine)
     peak("segments, verdict, masses")
     frames = {

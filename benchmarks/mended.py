@@ -28,7 +28,7 @@ from benchmarks.kept_trials import keep, read_rows
 from benchmarks.page import markdown, put
 from estimators.errors import PayscopeError
 from replay.explain.mended_file import Proposal, write_proposals
-from replay.explain.try_proposals import MachineText, mend
+from replay.explain.try_proposals import MachineText, mend_machine_file
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
@@ -131,7 +131,7 @@ def trial(
             before = run(log, machine)
         output = folder / "mended.toml"
         source = MachineText(file, (POOLED, *fault.overrides))
-        outcome = mend(bags["faulty"], source, before, (output, False))
+        outcome = mend_machine_file(bags["faulty"], source, before, (output, False))
         last = output if output.is_file() else file
         return MendedTrial(
             fault=fault.name,

@@ -13,8 +13,8 @@ import numpy as np
 import polars as pl
 
 from analysis.model.machine import Machine
+from analysis.model.prior_settings import PriorSettings
 from analysis.model.run_record import Run
-from analysis.model.settings import PriorSettings
 from analysis.simulation import Scenario
 from analysis.simulation.trials.trial_limits import check_shift
 from estimators.errors import ScenarioError

@@ -19,10 +19,10 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.diagnosis import CheckInputs, verdict
+from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import planar
+from analysis.planar.centre_of_mass import fit_planar
 from analysis.stages.gating.gate import gate
 from analysis.stages.motion.forces import forces
 from analysis.stages.motion.smooth import smooth
@@ -75,8 +75,8 @@ def planar_of(log: TurnLog) -> pl.DataFrame:
     excitation = forces(smooth(aligned, settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine)
     gated = gate(excitation, settings, noise)
-    opinion = Verdict.of(verdict(CheckInputs(excitation, gated, machine)))
-    return planar(excitation, gated, opinion, machine, noise)[0]
+    opinion = Verdict.of(judge_checks(CheckInputs(excitation, gated, machine)))
+    return fit_planar(excitation, gated, opinion, machine, noise)[0]
 
 
 def turned(fault: str, seed: int) -> Turned:

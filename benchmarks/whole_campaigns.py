@@ -20,7 +20,7 @@ from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.line.line_fit import fit_calibration
 from analysis.calibration.use.apply_calibration import calibrate_loads
 from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import learnt_terms, terms_of, with_learnt
+from analysis.calibration.use.learnt_priors import learnable_terms, learnt_terms, with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
@@ -130,9 +130,9 @@ def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
     said = [
         term
         for load_kg, each in zip(LOADS_KG, raw, strict=False)
-        for term in terms_of(f"{load_kg:g}", each.frames["nuisances"])
+        for term in learnable_terms(f"{load_kg:g}", each.frames["nuisances"])
     ]
-    narrow = replays(logs, with_learnt(machine, learnt_terms(said)))
+    narrow = replays(logs, with_learnt_priors(machine, learnt_terms(said)))
     return {
         name: _outcomes(replayed, references)
         for name, replayed in (("learnt from its logs", narrow), ("of the machine file", raw))

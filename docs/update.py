@@ -20,17 +20,19 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from analysis.calibration.campaign.campaign_plan import (
-    AskedLimits,
-    CalibratedMachine,
+    CampaignLimits,
     CampaignMethod,
     CampaignRun,
-    Conditions,
-    EvidenceSubject,
     LeftOutLog,
     NotaryStretch,
+    StatedComponent,
+)
+from analysis.calibration.campaign.campaign_subjects import (
+    CalibratedMachine,
+    Conditions,
+    EvidenceSubject,
     Organisation,
     ReferenceMass,
-    StatedComponent,
 )
 from analysis.model.settings import Settings
 from analysis.simulation.scenario.drivetrain import (
@@ -104,7 +106,7 @@ def updated(page: str, folder: Path) -> str:
 def settings_table() -> str:
     """Every setting with its default and meaning, from where it is declared."""
     rows = ["| setting | default | meaning |", "|---|---|---|"]
-    for part, model in Settings.parts().items():
+    for part, model in Settings.stage_models().items():
         for name, field in model.model_fields.items():
             default = json.dumps(field.default)
             rows.append(f"| `{part}.{name}` | `{default}` | {field.description or ''} |")
@@ -151,7 +153,7 @@ def campaign_tables() -> str:
             ("`[[runs]]`", CampaignRun),
             ("`[method]`", CampaignMethod),
             ("`[[method.stated]]`", StatedComponent),
-            ("`[decision]`", AskedLimits),
+            ("`[decision]`", CampaignLimits),
             ("`[notary]`", NotaryStretch),
             ("`[[notary.left_out]]`", LeftOutLog),
         ]

@@ -29,56 +29,56 @@ _LOOPS: Final = re.compile(rb"^from estimators\.(?:compiled|interpreted) import"
 _IMPORT: Final = re.compile(rb"^(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)|.*))?", re.M)
 
 
-def folder_of(source: Path) -> Path:
+def make_cache_folder(source: Path) -> Path:
     """Make the folder for the compiled functions of a module, given its file in a package.
 
     It lies in NUMBA_CACHE_DIR where the user has set that.
     """
     inside = source.relative_to(_HOUSE)
     module = ".".join(inside.with_suffix("").parts)
-    for parent in _parents(inside.parts[0]):
+    for parent in _cache_roots(inside.parts[0]):
         folder = parent / module / _sources_digest(source)
         if _is_writable(folder):
-            _forget_old(folder)
+            _remove_old_states(folder)
             return folder
-    return _passing() / module
+    return _make_temporary_folder() / module
 
 
-known_folder_of: Final = cache(folder_of)
+known_folder_of: Final = cache(make_cache_folder)
 
 
-def is_kept(source: Path, name: str) -> bool:
+def is_cached(source: Path, name: str) -> bool:
     """Whether something is kept of a function that is compiled, given its module's file."""
     return any(known_folder_of(source).glob(f"*/{source.stem}.{name}-*.nbi"))
 
 
-def are_all_kept() -> bool:
-    """Whether `note_all_kept` was called for the sources and the numba that are there now."""
+def are_all_compiled() -> bool:
+    """Whether `mark_all_compiled` was called for the sources and the numba that are there now."""
     try:
-        return _marker().read_text(encoding="utf-8") == _state()
+        return _marker_path().read_text(encoding="utf-8") == _cache_state()
     except OSError:
         return False
 
 
-def note_all_kept() -> None:
+def mark_all_compiled() -> None:
     """Note that every loop of the house is kept."""
-    marker = _marker()
+    marker = _marker_path()
     partial = marker.with_name(f"{marker.name}.{os.getpid()}")
-    partial.write_text(_state(), encoding="utf-8")
+    partial.write_text(_cache_state(), encoding="utf-8")
     partial.replace(marker)
 
 
-def lasting_folder() -> Path | None:
+def persistent_folder() -> Path | None:
     """Where the folders are; None where none can be written to that outlasts the process."""
-    folder = _marker().parent
-    return None if folder == _passing().parent else folder
+    folder = _marker_path().parent
+    return None if folder == _make_temporary_folder().parent else folder
 
 
-def _marker() -> Path:
+def _marker_path() -> Path:
     return known_folder_of(_HOUSE / Path(__file__).parent.name / "compiled.py").parents[1] / "all"
 
 
-def _state() -> str:
+def _cache_state() -> str:
     """Where each module with loops keeps them, which tells its sources, and whose they are."""
     sources = (path for path in sorted(_HOUSE.glob("*/**/*.py")) if _has_loops(path))
     return "\n".join([version("numba"), *(str(known_folder_of(each)) for each in sources), ""])
@@ -89,16 +89,16 @@ def _has_loops(source: Path) -> bool:
     return (_HOUSE / inside / "__init__.py").exists() and bool(_LOOPS.search(source.read_bytes()))
 
 
-def forget() -> list[Path]:
+def clear_cache() -> list[Path]:
     """Remove what is kept, since some of it cannot be read; the folders that were removed."""
     packages = [path.parent.name for path in _HOUSE.glob("*/__init__.py")]
-    kept = {parent for package in packages for parent in _parents(package) if parent.is_dir()}
+    kept = {parent for package in packages for parent in _cache_roots(package) if parent.is_dir()}
     for parent in kept:
         shutil.rmtree(parent, ignore_errors=True)
     return sorted(kept)
 
 
-def _parents(package: str) -> tuple[Path, ...]:
+def _cache_roots(package: str) -> tuple[Path, ...]:
     """Where the folders of a package's modules may lie, the first choice first."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
@@ -108,7 +108,7 @@ def _parents(package: str) -> tuple[Path, ...]:
 
 
 @cache
-def _passing() -> Path:
+def _make_temporary_folder() -> Path:
     """Make a folder that lasts as long as the process."""
     folder = tempfile.mkdtemp(prefix=f"{_NAME}-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -153,7 +153,7 @@ def _is_writable(folder: Path) -> bool:
     return os.access(folder, os.W_OK | os.X_OK)
 
 
-def _forget_old(folder: Path) -> None:
+def _remove_old_states(folder: Path) -> None:
     """Remove what other states of the module were compiled into, but for the latest few."""
     others = [each for each in folder.parent.iterdir() if each != folder]
     by_age = sorted(others, key=lambda each: each.stat().st_mtime)

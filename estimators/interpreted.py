@@ -22,7 +22,7 @@ from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
-from estimators.compile_cache import is_kept
+from estimators.compile_cache import is_cached
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -46,13 +46,13 @@ def is_compiler_loaded() -> bool:
     return "estimators.compiled" in sys.modules
 
 
-class _Budget:
+class _InterpreterBudget:
     """What is left of the seconds."""
 
     seconds = MOST_SECONDS
 
 
-class _Cold:
+class _ColdLoopRule:
     """Whether a loop of which nothing is kept may be interpreted in this process."""
 
     allowed = True
@@ -61,12 +61,12 @@ class _Cold:
 @contextmanager
 def compile_at_once() -> Generator[None]:
     """Compile every loop when it is called, however little it has to do."""
-    before = _Budget.seconds, _Cold.allowed
-    _Budget.seconds, _Cold.allowed = 0.0, False
+    before = _InterpreterBudget.seconds, _ColdLoopRule.allowed
+    _InterpreterBudget.seconds, _ColdLoopRule.allowed = 0.0, False
     try:
         yield
     finally:
-        _Budget.seconds, _Cold.allowed = before
+        _InterpreterBudget.seconds, _ColdLoopRule.allowed = before
 
 
 class Loop:
@@ -91,7 +91,7 @@ class Loop:
             at_first: little work is interpreted though the compiled loop is kept.
         """
         self._function, self._how = cast("FunctionType", function), how
-        self._turns = turns or _longest
+        self._turns = turns or longest_index
         self._by_arrays, self._at_first = by_arrays, at_first
         self._most_cold = MOST_COLD_TURNS if at_first else MOST_COLD_ROWS
         self._cold_seconds = MOST_COLD_SECONDS
@@ -99,33 +99,39 @@ class Loop:
 
     @cached_property
     def interpreted(self) -> Callable[..., Any]:
-        """For the interpreter."""
+        """The function as the interpreter runs it."""
         if self._by_arrays is not None:
             return self._by_arrays
-        return self._with_names({name: each.interpreted for name, each in self._twofold().items()})
+        return self._with_globals(
+            {name: each.interpreted for name, each in self._loops_called().items()}
+        )
 
     @cached_property
     def compiled(self) -> Any:
         """For numba, which is imported when this is asked for."""
         from estimators import compiled  # imports numba, which is slow
 
-        calls = {name: each.compiled for name, each in self._twofold().items()}
-        return getattr(compiled, self._how)(self._with_names(calls))
+        calls = {name: each.compiled for name, each in self._loops_called().items()}
+        return getattr(compiled, self._how)(self._with_globals(calls))
 
     @cached_property
-    def is_kept(self) -> bool:
+    def is_cached(self) -> bool:
         """Whether a process has compiled it before, so that it is ready."""
-        return is_kept(Path(self._function.__code__.co_filename), self._function.__qualname__)
+        return is_cached(Path(self._function.__code__.co_filename), self._function.__qualname__)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it in the way that its work asks for."""
-        if _Budget.seconds > 0 and self._at_first and self._turns(*arguments) <= MOST_TURNS:
+        if (
+            _InterpreterBudget.seconds > 0
+            and self._at_first
+            and self._turns(*arguments) <= MOST_TURNS
+        ):
             begin = thread_time()
             try:
                 return self._interpret(arguments)
             finally:
-                _Budget.seconds -= thread_time() - begin
-        if _Cold.allowed and self._is_cold and self._turns(*arguments) <= self._most_cold:
+                _InterpreterBudget.seconds -= thread_time() - begin
+        if _ColdLoopRule.allowed and self._is_cold and self._turns(*arguments) <= self._most_cold:
             begin = thread_time()
             try:
                 return self._interpret(arguments)
@@ -135,19 +141,19 @@ class Loop:
 
     @property
     def _is_cold(self) -> bool:
-        return self._cold_seconds > 0 and not self.is_kept
+        return self._cold_seconds > 0 and not self.is_cached
 
     def _interpret(self, arguments: tuple[Any, ...]) -> Any:
         # as compiled code, it lets integers run over and divides by zero
         with np.errstate(all="ignore"):
             return _to_python(self.interpreted(*arguments))
 
-    def _twofold(self) -> "dict[str, Loop | Primitive]":
+    def _loops_called(self) -> "dict[str, Loop | Primitive]":
         names = self._function.__globals__
         used = {name: names.get(name) for name in self._function.__code__.co_names}
         return {name: each for name, each in used.items() if isinstance(each, Loop | Primitive)}
 
-    def _with_names(self, names: dict[str, Any]) -> Callable[..., Any]:
+    def _with_globals(self, names: dict[str, Any]) -> Callable[..., Any]:
         """The function, with other things under some of its global names."""
         mine = self._function
         made = FunctionType(
@@ -189,20 +195,20 @@ def inlined(function: F) -> F:
     return cast("F", Loop(function, _INLINED))
 
 
-def compiled_for(turns: Callable[..., int]) -> Callable[[F], F]:
+def compiled_by_turns(turns: Callable[..., int]) -> Callable[[F], F]:
     """As `compiled`, with what tells the turns of the loop from its arguments."""
     return lambda function: cast("F", Loop(function, _COMPILED, turns))
 
 
 def compiled_ahead(function: F) -> F:
     """As `compiled`, interpreted for a short log of which nothing is kept, and only then."""
-    return cast("F", Loop(function, _COMPILED, _most_rows, at_first=False))
+    return cast("F", Loop(function, _COMPILED, largest_shape, at_first=False))
 
 
 def compiled_beside(by_arrays: Callable[..., Any]) -> Callable[[F], F]:
     """As `compiled_ahead`, with what gives the interpreter the same bits by whole arrays."""
     return lambda function: cast(
-        "F", Loop(function, _COMPILED, _most_rows, by_arrays, at_first=False)
+        "F", Loop(function, _COMPILED, largest_shape, by_arrays, at_first=False)
     )
 
 
@@ -215,18 +221,18 @@ def _to_python(result: Any) -> Any:
     return result
 
 
-def _most_rows(*arguments: Any) -> int:
+def largest_shape(*arguments: Any) -> int:
     """The most rows, columns or systems of any array among the arguments."""
     sizes = [0]
     for each in arguments:
         if isinstance(each, np.ndarray):
             sizes.append(max(each.shape, default=0))
         elif isinstance(each, tuple):
-            sizes.append(_most_rows(*each))
+            sizes.append(largest_shape(*each))
     return max(sizes)
 
 
-def _longest(*arguments: Any) -> int:
+def longest_index(*arguments: Any) -> int:
     """The longest row of integers among the arguments, one that is in a tuple among them."""
     sizes = [0]
     for each in arguments:
@@ -234,5 +240,5 @@ def _longest(*arguments: Any) -> int:
             if each.dtype == np.int64 and each.ndim:
                 sizes.append(each.shape[-1])
         elif isinstance(each, tuple):
-            sizes.append(_longest(*each))
+            sizes.append(longest_index(*each))
     return max(sizes)

@@ -9,7 +9,7 @@ from estimators.late_names import resolve_late
 
 if TYPE_CHECKING:
     from recordings.plots.run_plots import plot_run
-    from recordings.rrd.reader import read_frame, read_provenance, read_recording, stages
+    from recordings.rrd.reader import read_frame, read_provenance, read_recording, stage_columns
     from recordings.rrd.writer import check_recording, write_recording
 
 __all__ = [
@@ -18,7 +18,7 @@ __all__ = [
     "read_frame",
     "read_provenance",
     "read_recording",
-    "stages",
+    "stage_columns",
     "write_recording",
 ]
 
@@ -30,7 +30,7 @@ __getattr__ = resolve_late(
         "read_frame": "recordings.rrd.reader",
         "read_provenance": "recordings.rrd.reader",
         "read_recording": "recordings.rrd.reader",
-        "stages": "recordings.rrd.reader",
+        "stage_columns": "recordings.rrd.reader",
         "write_recording": "recordings.rrd.writer",
     },
 )

@@ -11,25 +11,24 @@ from analysis.cycles.shift_totals import shift
 from analysis.diagnosis import (
     CheckInputs,
     disagreements,
+    judge_checks,
+    measured_signals,
     refit_without_stretches,
-    signals,
-    verdict,
     withhold_by_findings,
 )
 from analysis.findings import (
     FindingInputs,
     add_masked_findings,
-    drop_work_findings,
-    findings,
-    first_findings,
+    drop_findings_of_work,
+    find_causes,
+    findings_of_first_hour,
 )
 from analysis.model.loss import Loss
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import planar
-from analysis.stages.estimation.masses import masses, withhold
-from analysis.stages.estimation.obstacles import obstacles
+from analysis.planar.centre_of_mass import fit_planar
+from analysis.stages.estimation.masses import masses, reasons_for_no_answer, withhold
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.digging import digging, with_digs, without_digging
 from analysis.stages.gating.gate import gate
@@ -39,21 +38,22 @@ from analysis.stages.motion.smooth import smooth
 from analysis.stages.noise.channel_noise import channel_noise
 from analysis.stages.noise.channel_noise import notes as noise_notes
 from analysis.stages.signals.align import align
-from analysis.stages.signals.align import notes as grid_notes
+from analysis.stages.signals.align import alignment_notes as grid_notes
 from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.grid_rate import at_own_rate
 from analysis.stages.signals.mounting import Series
 from analysis.stages.signals.timestamps import assign_timestamps
 from analysis.weighing.empty_mass_datum import ticket_notes
-from analysis.weighing.learnt_means import responses
-from analysis.weighing.load_frames import budget_frame, changes, loads, manoeuvre_frame, nuisances
+from analysis.weighing.learnt_means import learnt_mean_responses
+from analysis.weighing.load_frames import load_change_rows, loads, manoeuvre_frame
+from analysis.weighing.nuisance_frames import budget_frame, nuisances
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
 from replay.inputs.channel_inputs import channel_fields, named_by_topic, provenance, read_channels
 from replay.inputs.machine_identity import identify_machine
 from replay.inputs.parallel_tables import join_parallel_tables
-from replay.inputs.time_line import note as order_note
+from replay.inputs.time_line import offset_note as order_note
 from replay.inputs.time_line import offsets_ns
 from replay.logs import Log
 
@@ -136,11 +136,11 @@ def run(
     del placed  # of a shift it is half a gigabyte
     weighing, excitation = seen.weighing, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
-    causes = _causes(seen, raw, machine)
+    causes = _find_causes(seen, raw, machine)
     judged = withhold_by_findings(seen.case.judged, causes, machine)
     opinion = Verdict.of(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
-    plane, plane_budget = planar(
+    plane, plane_budget = fit_planar(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
     )
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
@@ -150,7 +150,7 @@ def run(
     }
     hauled = cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 
-    why = obstacles(excitation, seen.frames["gate"], machine.settings)
+    why = reasons_for_no_answer(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
             **named_by_topic(raw),
@@ -161,11 +161,11 @@ def run(
             "cycles": hauled.cycles,
             "shift": shift(hauled.cycles, excitation, seen.frames["aligned"], hauled.scale),
             "nuisances": nuisances(weighing),
-            **responses(weighing, machine, answer["loads"], hauled.sums),
+            **learnt_mean_responses(weighing, machine, answer["loads"], hauled.sums),
             "budget": budget_frame(weighing, machine),
             "masses": withhold(seen.totals, opinion, seen.contradicted),
             "verdict": judged,
-            "findings": drop_work_findings(causes, hauled.cycles),
+            "findings": drop_findings_of_work(causes, hauled.cycles),
         },
         provenance=provenance(
             logs,
@@ -213,7 +213,7 @@ def _run_stages(
     digs = digging(excitation, machine)  # what pushes back is no mass
     gated = without_digging(gated, excitation, digs, machine)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
-    seen = signals(raw, read)
+    seen = measured_signals(raw, read)
     told = (
         refit_without_stretches(  # nor is what repeats itself, if the answer is the same without it
             seen,
@@ -227,7 +227,7 @@ def _run_stages(
     on_stage("segments")  # pooled over each manoeuvre
     table = segments(excitation, gated, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
-    estimates = trace(excitation, gated, settings, noise, changes(weighing))
+    estimates = trace(excitation, gated, settings, noise, load_change_rows(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = masses(excitation, gated, estimates, machine, noise)
     evidence = CheckInputs(
@@ -241,7 +241,7 @@ def _run_stages(
         noise,
         told.named,
     )
-    judged = verdict(evidence)
+    judged = judge_checks(evidence)
     contradicted = [each.method for each in disagreements(evidence) if each.contradicted]
     return _Stages(
         {
@@ -263,16 +263,16 @@ def _run_stages(
     )
 
 
-def _causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
+def _find_causes(seen: _Stages, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
     """The causes that show; behind one that hides the others, those of the log without it."""
-    part = first_findings(raw)
+    part = findings_of_first_hour(raw)
 
     def look(changed: Machine) -> pl.DataFrame | None:
         try:
             placed = _TopicChannels.of(part, changed)
-            return findings(_run_stages(part, placed, changed, lambda _: None).case)
+            return find_causes(_run_stages(part, placed, changed, lambda _: None).case)
         except DataError:  # the first hour of a log may hold less than the whole
             return None
 
     whole = all(part[topic].height == frame.height for topic, frame in raw.items())
-    return add_masked_findings(findings(seen.case), machine, look, whole=whole)
+    return add_masked_findings(find_causes(seen.case), machine, look, whole=whole)

@@ -61,7 +61,7 @@ def test_every_public_name_is_in_the_api_reference() -> None:
 
 def test_every_setting_is_documented_under_its_stage() -> None:
     page = (REPO / "docs/machine-file.md").read_text(encoding="utf-8")
-    for stage, part in Settings.parts().items():
+    for stage, part in Settings.stage_models().items():
         for name, field in part.model_fields.items():
             assert f"| `{stage}.{name}` |" in page
             assert field.description, name
@@ -89,7 +89,7 @@ def test_every_key_of_a_campaign_file_is_documented_with_its_meaning() -> None:
             campaign_plan.ReferenceMass,
         ),
         *(campaign_plan.Conditions, campaign_plan.CampaignRun, campaign_plan.CampaignMethod),
-        *(campaign_plan.StatedComponent, campaign_plan.AskedLimits),
+        *(campaign_plan.StatedComponent, campaign_plan.CampaignLimits),
     ):
         for name, field in model.model_fields.items():
             assert f"| `{name}` |" in page

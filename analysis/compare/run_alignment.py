@@ -35,7 +35,7 @@ def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     cost = np.full((a.height + 1, b.height + 1), np.inf)
     steps = _LEFT_OUT * np.arange(b.height + 1)
     cost[0] = steps
-    pair = _pair_costs(a, b)
+    pair = _pairing_costs(a, b)
     for row in range(a.height):
         best = cost[row] + _LEFT_OUT
         best[1:] = np.minimum(best[1:], cost[row, :-1] + pair[row])
@@ -54,7 +54,7 @@ def manoeuvre_pairs(a: pl.DataFrame, b: pl.DataFrame) -> list[tuple[int, int]]:
     return found[::-1]
 
 
-def _pair_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
+def _pairing_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
     lengths = [
         np.log(np.maximum((each["end_t_ns"] - each["start_t_ns"]).to_numpy(), 1)) for each in (a, b)
     ]
@@ -63,7 +63,7 @@ def _pair_costs(a: pl.DataFrame, b: pl.DataFrame) -> NDArray[np.float64]:
     return np.where(phases[0][:, None] == phases[1][None, :], apart, np.inf)
 
 
-def in_time_of(a: Run, b: Run, *, one_log: bool) -> Run:
+def align_times(a: Run, b: Run, *, one_log: bool) -> Run:
     """B with its times those of A.
 
     Args:
@@ -76,20 +76,20 @@ def in_time_of(a: Run, b: Run, *, one_log: bool) -> Run:
         B, with A's start of time.
     """
     about = b.provenance.model_copy(update={"t0_unix_ns": a.provenance.t0_unix_ns})
-    zones = None if one_log else _zones(a, b)
+    zones = None if one_log else shifted_spans(a, b)
     offset_ns = b.provenance.t0_unix_ns - a.provenance.t0_unix_ns if one_log else 0
     return Run(
         {name: _shift_times(each, zones, offset_ns) for name, each in b.frames.items()}, about
     )
 
 
-def _zones(a: Run, b: Run) -> pl.DataFrame | None:
+def shifted_spans(a: Run, b: Run) -> pl.DataFrame | None:
     """Stretches of B's time: from, to and by how much each moves; None where nothing pairs."""
     tables = [run.frames.get("segments", pl.DataFrame()) for run in (a, b)]
     if any(table.is_empty() for table in tables):
         return None
     pairs = manoeuvre_pairs(*tables)
-    reach = [_reach(table) for table in tables]
+    reach = [manoeuvre_reach(table) for table in tables]
     rows: list[dict[str, int]] = []
     for i, j in pairs:
         shift = int(tables[0]["start_t_ns"][i]) - int(tables[1]["start_t_ns"][j])
@@ -99,7 +99,7 @@ def _zones(a: Run, b: Run) -> pl.DataFrame | None:
     return pl.DataFrame(rows) if rows else None
 
 
-def _reach(table: pl.DataFrame) -> list[tuple[int, int]]:
+def manoeuvre_reach(table: pl.DataFrame) -> list[tuple[int, int]]:
     """Each manoeuvre with half of the way to its neighbours; the outer ones a minute beyond."""
     starts, ends = table["start_t_ns"].to_list(), table["end_t_ns"].to_list()
     halves = [(end + start) // 2 for end, start in zip(ends[:-1], starts[1:], strict=True)]
@@ -125,12 +125,12 @@ def _shift_times(frame: pl.DataFrame, zones: pl.DataFrame | None, offset_ns: int
     return moved.select(frame.columns)
 
 
-def difference(a: Run, b: Run) -> Run:
+def subtract_run(a: Run, b: Run) -> Run:
     """B less A, where both have a row: at one time, or of manoeuvres and loads that overlap.
 
     Args:
         a: the run that differences are counted from.
-        b: the other, in A's time (`in_time_of`).
+        b: the other, in A's time (`align_times`).
 
     Returns:
         A run with A's times, differences in the columns of numbers, and no standard deviations:
@@ -138,14 +138,14 @@ def difference(a: Run, b: Run) -> Run:
     """
     period_ns = min(round(1e9 / run.provenance.settings.align.rate_hz) for run in (a, b))
     frames = {
-        name: _less(mine, b.frames[name], period_ns // 2)
+        name: _subtract_frame(mine, b.frames[name], period_ns // 2)
         for name, mine in a.frames.items()
         if name in b.frames
     }
     return Run({name: frame for name, frame in frames.items() if frame.height}, a.provenance)
 
 
-def _less(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
+def _subtract_frame(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
     shared = [name for name in a.columns if name in b.columns]
     numbers = [name for name in shared if a.schema[name].is_float() and b.schema[name].is_float()]
     by = [name for name in ("axis", "kind") if name in shared]
@@ -168,7 +168,7 @@ def _less(a: pl.DataFrame, b: pl.DataFrame, tolerance_ns: int) -> pl.DataFrame:
     both = joined.filter(pl.col("_their").is_not_null())
     if held:
         both = both.filter(pl.col("_their").is_between(pl.col("start_t_ns"), pl.col("end_t_ns")))
-    changed = [(pl.col(_theirs(name)) - pl.col(name)).alias(name) for name in numbers]
+    changed = [(pl.col(_column_of_b(name)) - pl.col(name)).alias(name) for name in numbers]
     rest = [name for name in a.columns if name not in numbers]
     return both.sort(_ROW).select(*rest, *changed)
 
@@ -179,8 +179,8 @@ def _add_key(frame: pl.DataFrame, at: pl.Expr, by: Sequence[str]) -> pl.DataFram
 
 
 def _rename_numbers(numbers: Sequence[str]) -> list[pl.Expr]:
-    return [pl.col(name).alias(_theirs(name)) for name in numbers]
+    return [pl.col(name).alias(_column_of_b(name)) for name in numbers]
 
 
-def _theirs(name: str) -> str:
+def _column_of_b(name: str) -> str:
     return f"_b_{name}"

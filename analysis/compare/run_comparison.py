@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from analysis.compare.stage_change import Replay, StageChange, family, stage_change
+from analysis.compare.stage_change import Replay, StageChange, frame_of_stage, stage_change
 from analysis.model.axes import X, Z
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance
@@ -44,7 +44,7 @@ class EstimateChange:
         return None if self.a is None or self.b is None else self.b - self.a
 
     @property
-    def stds(self) -> float | None:
+    def change_in_stds(self) -> float | None:
         """The change in standard deviations, of the larger of both."""
         std = max(self.a_std or 0.0, self.b_std or 0.0)
         return None if self.change is None or not std else self.change / std
@@ -87,7 +87,7 @@ class Comparison:
         for name in ("estimates", "manoeuvres"):
             changes: tuple[EstimateChange, ...] = getattr(self, name)
             plain[name] = [
-                {**asdict(each), "change": each.change, "change_in_stds": each.stds}
+                {**asdict(each), "change": each.change, "change_in_stds": each.change_in_stds}
                 for each in changes
             ]
         return {"equal": self.equal, **plain}
@@ -112,21 +112,21 @@ def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Co
     """
     mine, theirs = a.provenance, b.provenance
     common = [name for name in a.stages if name in b.stages]
-    compared = [name for name in common if rows or family(name) in ("masses", "verdict")]
+    compared = [name for name in common if rows or frame_of_stage(name) in ("masses", "verdict")]
     offset_ns = theirs.t0_unix_ns - mine.t0_unix_ns if rows else 0
     changes = [stage_change(a, b, name, rtol, offset_ns) for name in compared]
     return Comparison(
-        settings=tuple(_settings(mine, theirs)),
-        inputs=tuple(_inputs(mine, theirs)),
+        settings=tuple(_setting_changes(mine, theirs)),
+        inputs=tuple(_input_changes(mine, theirs)),
         versions=tuple(_changed_values(mine.versions, theirs.versions)),
-        provenance=tuple(_provenance(mine, theirs)) if rows else (),
+        provenance=tuple(_provenance_changes(mine, theirs)) if rows else (),
         only_a=tuple(name for name in a.stages if name not in b.stages),
         only_b=tuple(name for name in b.stages if name not in a.stages),
         stages=tuple(change for change in changes if change is not None),
         columns=sum(len({*a.stages[name], *b.stages[name]}) for name in compared),
-        estimates=_estimates(a, b, rtol),
-        manoeuvres=_manoeuvres(a, b, rtol, offset_ns) if rows else (),
-        checks=tuple(_checks(a, b)),
+        estimates=estimate_changes(a, b, rtol),
+        manoeuvres=manoeuvre_changes(a, b, rtol, offset_ns) if rows else (),
+        checks=tuple(check_changes(a, b)),
     )
 
 
@@ -150,20 +150,22 @@ def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
     for machine in (a, b):
         plain = machine.model_dump(mode="json")
         del plain["settings"]
-        flat.append(_keys(machine.settings, plain))
+        flat.append(_keys_by_stage(machine.settings, plain))
     return list(_changed_values(flat[0], flat[1]))
 
 
-def _keys(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
-    by_stage = {f"settings.{name}": value for name, value in settings.flat().items()}
+def _keys_by_stage(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
+    by_stage = {f"settings.{name}": value for name, value in settings.to_flat_dict().items()}
     return {**by_stage, **dict(_flatten(machine, ""))}
 
 
-def _settings(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _changed_values(_keys(a.settings, a.machine), _keys(b.settings, b.machine))
+def _setting_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
+    yield from _changed_values(
+        _keys_by_stage(a.settings, a.machine), _keys_by_stage(b.settings, b.machine)
+    )
 
 
-def _inputs(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
+def _input_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     names = [", ".join(each.name for each in about.inputs) for about in (a, b)]
     if names[0] != names[1]:
         yield ValueChange("names", *names)
@@ -172,7 +174,7 @@ def _inputs(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
         yield ValueChange("contents", *digests)
 
 
-def _provenance(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
+def _provenance_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
     yield from _changed_values(
         {f"stamps of {topic}": kind for topic, kind in a.stamps.items()},
         {f"stamps of {topic}": kind for topic, kind in b.stamps.items()},
@@ -187,15 +189,15 @@ def _provenance(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
         yield from (ValueChange(name, None, text) for text in theirs if text not in mine)
 
 
-def _rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
+def _stage_rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
     return replay.read(stage, replay.stages[stage]).to_dicts() if stage in replay.stages else []
 
 
-def _estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
+def estimate_changes(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
     """The masses of the whole log, by method, and those of its loads."""
-    mine, theirs = ({row["method"]: row for row in _rows(each, "masses")} for each in (a, b))
+    mine, theirs = ({row["method"]: row for row in _stage_rows(each, "masses")} for each in (a, b))
     for replay, rows in ((a, mine), (b, theirs)):
-        loads = _rows(replay, "loads")
+        loads = _stage_rows(replay, "loads")
         for load in loads:
             name = "joint" if len(loads) == 1 else f"joint, load {load['load_id']}"
             rows[name] = {**load, "mass_std_kg": load["u_kg"]}
@@ -205,9 +207,11 @@ def _estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
     )
 
 
-def _manoeuvres(a: Replay, b: Replay, rtol: float, offset_ns: int) -> tuple[EstimateChange, ...]:
+def manoeuvre_changes(
+    a: Replay, b: Replay, rtol: float, offset_ns: int
+) -> tuple[EstimateChange, ...]:
     """The manoeuvres of both, those of B under the ones of A that their middle lies in."""
-    mine, theirs = (_rows(each, "segments") for each in (a, b))
+    mine, theirs = (_stage_rows(each, "segments") for each in (a, b))
     found: list[tuple[str, dict[str, Any], dict[str, Any]]] = []
     left = list(theirs)
     for row in mine:
@@ -244,7 +248,7 @@ def differing_estimates(
     def moved(each: EstimateChange) -> float:
         if each.change is None:
             return float("inf")
-        return abs(each.change if each.stds is None else each.stds)
+        return abs(each.change if each.change_in_stds is None else each.change_in_stds)
 
     return tuple(sorted(changes, key=moved, reverse=True))
 
@@ -255,7 +259,9 @@ def _is_equal(a: float | None, b: float | None, rtol: float) -> bool:
     return a == b or abs(a - b) <= rtol * max(abs(a), abs(b))
 
 
-def _checks(a: Replay, b: Replay) -> Iterator[ValueChange]:
+def check_changes(a: Replay, b: Replay) -> Iterator[ValueChange]:
     """Checks that passed in one and not in the other."""
-    passed = [{row["check"]: row["passed"] for row in _rows(each, "verdict")} for each in (a, b)]
+    passed = [
+        {row["check"]: row["passed"] for row in _stage_rows(each, "verdict")} for each in (a, b)
+    ]
     yield from _changed_values(passed[0], passed[1])

@@ -87,7 +87,7 @@ class StageChange:
     """Whether its columns come in another order."""
 
 
-def family(stage: str) -> str:
+def frame_of_stage(stage: str) -> str:
     """Name the frame that declares the columns of a stage: `estimates` for `estimates/ls`."""
     return stage.partition("/")[0]
 
@@ -108,9 +108,11 @@ def stage_change(
         What differs, None where nothing does.
     """
     has = a.stages[name], b.stages[name]
-    key = [column for column in _KEYS.get(family(name), ()) if all(column in c for c in has)]
-    ids = [_ids(a, name, key, 0), _ids(b, name, key, offset_ns)]
-    pairs = None if ids[0].equals(ids[1]) else _pairs(ids[0], ids[1], key)
+    key = [
+        column for column in _KEYS.get(frame_of_stage(name), ()) if all(column in c for c in has)
+    ]
+    ids = [row_keys(a, name, key, 0), row_keys(b, name, key, offset_ns)]
+    pairs = None if ids[0].equals(ids[1]) else corresponding_rows(ids[0], ids[1], key)
     height = ids[0].height
     faults = [
         ColumnChange(column, 0, 0, 0, None, None, None, f"only in {'AB'[which]}")
@@ -120,7 +122,7 @@ def stage_change(
     ]
     seconds = _row_times_s(ids[0], pairs)
     changes: list[ColumnChange] = []
-    for part in _parts([column for column in has[0] if column in has[1]], height):
+    for part in column_batches([column for column in has[0] if column in has[1]], height):
         mine, theirs = a.read(name, part), b.read(name, part)
         for column in part:
             x, y = mine[column], theirs[column]
@@ -128,7 +130,7 @@ def stage_change(
                 y = y + offset_ns
             if pairs is not None:
                 x, y = x.gather(pairs["row_a"]), y.gather(pairs["row_b"])
-            changes += _column(x, y, rtol, seconds)
+            changes += column_changes(x, y, rtol, seconds)
     common = height if pairs is None else pairs.height
     order = list(has[0]) != list(has[1]) and not faults
     if not (faults or changes or order or common != height or ids[1].height != common):
@@ -136,7 +138,7 @@ def stage_change(
     return StageChange(name, height, ids[1].height, common, (*faults, *changes), order)
 
 
-def _ids(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> pl.DataFrame:
+def row_keys(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> pl.DataFrame:
     """What each row is about, in A's time; its number where the frame has no key."""
     columns = list(key) or [replay.stages[name][0]] if replay.stages[name] else []
     frame = replay.read(name, columns) if columns else pl.DataFrame()
@@ -147,7 +149,7 @@ def _ids(replay: Replay, name: str, key: Sequence[str], offset_ns: int) -> pl.Da
     ).with_columns(pl.col(pl.Enum).cast(pl.String))
 
 
-def _pairs(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame:
+def corresponding_rows(a: pl.DataFrame, b: pl.DataFrame, key: Sequence[str]) -> pl.DataFrame:
     """The rows of A and B that are about the same, as `row_a` and `row_b`."""
     on = list(key) or ["row"]
     nth = pl.int_range(pl.len()).over(on).alias("_nth")  # of several about the same
@@ -166,14 +168,14 @@ def _row_times_s(ids: pl.DataFrame, pairs: pl.DataFrame | None) -> pl.Series | N
     return times if pairs is None else times.gather(pairs["row_a"])
 
 
-def _parts(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
+def column_batches(columns: Sequence[str], height: int) -> Iterator[Sequence[str]]:
     """Columns that are read together."""
     size = max(1, _VALUES // max(height, 1))
     for begin in range(0, len(columns), size):
         yield columns[begin : begin + size]
 
 
-def _column(
+def column_changes(
     x: pl.Series, y: pl.Series, rtol: float, seconds: pl.Series | None
 ) -> Iterator[ColumnChange]:
     """Yield the change of a column, if there is one."""
@@ -181,7 +183,7 @@ def _column(
         fault = f"{x.dtype} in A, {y.dtype} in B"
         yield ColumnChange(x.name, 0, 0, 0, None, None, None, fault)
         return
-    differs = _bits(x).ne_missing(_bits(y))
+    differs = comparable_bits(x).ne_missing(comparable_bits(y))
     if not differs.any():
         return
     size = change = pl.Series(dtype=pl.Float64)
@@ -208,7 +210,7 @@ def _column(
     )
 
 
-def _bits(series: pl.Series) -> pl.Series:
+def comparable_bits(series: pl.Series) -> pl.Series:
     """A column whose equal values are equal bits: 0.0 is not -0.0, and a NaN is one."""
     if isinstance(series.dtype, pl.Enum):
         return series.cast(pl.String)

@@ -1,17 +1,17 @@
 """Diagnosis: what a log says of itself. Its one table is `analysis.diagnosis.checks.CHECKS`."""
 
 from analysis.diagnosis.check_inputs import CheckInputs
-from analysis.diagnosis.checks import CHECKS, verdict, withhold_by_findings
+from analysis.diagnosis.checks import CHECKS, judge_checks, withhold_by_findings
 from analysis.diagnosis.excluded_stretches import refit_without_stretches
-from analysis.diagnosis.measured_channels import signals
+from analysis.diagnosis.measured_channels import measured_signals
 from analysis.diagnosis.method_disagreement import disagreements
 
 __all__ = [
     "CHECKS",
     "CheckInputs",
     "disagreements",
+    "judge_checks",
+    "measured_signals",
     "refit_without_stretches",
-    "signals",
-    "verdict",
     "withhold_by_findings",
 ]

@@ -16,11 +16,11 @@ import polars as pl
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import Signals
 from analysis.diagnosis.side_comparison import SideDifference, side_differences
-from analysis.model.axes import Z, axes, spin, straight
+from analysis.model.axes import Z, available_axes, spin_regressor, straight_regressor
 from analysis.model.machine import Machine
 from analysis.model.uncertainty_sources import combine
 from analysis.stages.estimation import fit_quality
-from analysis.stages.motion.phases import yaw_pace
+from analysis.stages.motion.phases import yaw_speeding_sign
 from analysis.weighing.empty_mass_datum import UNKNOWN_SCALE, unknown_factors
 from analysis.weighing.mass_budget import budget
 from analysis.weighing.weigh import Weighing
@@ -66,7 +66,7 @@ class EmptyMassDifference:
     machine: Machine
 
     @property
-    def in_u(self) -> float:
+    def difference_in_u(self) -> float:
         """The difference in its standard uncertainty, negative below."""
         return (self.mass_kg - self.empty_kg) / self.u_kg
 
@@ -76,9 +76,9 @@ class EmptyMassDifference:
         return self.mass_kg / self.empty_kg
 
     @property
-    def tells(self) -> bool:
+    def is_informative(self) -> bool:
         """Whether the difference tells of the scale: what is above may be a payload."""
-        return self.in_u < 0.0 or self.empty_known or self.in_u > _PAYLOAD_U
+        return self.difference_in_u < 0.0 or self.empty_known or self.difference_in_u > _PAYLOAD_U
 
     @property
     def text(self) -> str:
@@ -86,14 +86,15 @@ class EmptyMassDifference:
         scale = (
             "" if self.scale_known else ", with 10 % for a scale that the machine file leaves open"
         )
-        payload = "" if self.in_u < 0.0 or self.empty_known else "a payload, or "
+        payload = "" if self.difference_in_u < 0.0 or self.empty_known else "a payload, or "
         return (
             f"{self.mass_kg:,.0f} ± {self.u_kg:,.0f} kg{scale}, is {self.factor:.3g} times the "
-            f"{self.empty_kg:,.0f} kg of the empty machine: {payload}{' or '.join(self.candidates)}"
+            f"{self.empty_kg:,.0f} kg of the empty machine: {payload}"
+            f"{' or '.join(self.possible_causes)}"
         )
 
     @property
-    def candidates(self) -> list[str]:
+    def possible_causes(self) -> list[str]:
         """What a factor like this comes from."""
         if self.factor <= 0.0:
             return ["a force of the wrong sign"]
@@ -121,7 +122,7 @@ class UngatedFit(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Motion:
+class AxisMotion:
     """The samples of one axis: A (n, p), f (n,), and (n,) flags.
 
     Attributes:
@@ -199,20 +200,20 @@ class CheckInputs:
         return compare_empty_mass(self.weighing, self.machine)
 
     @cached_property
-    def sides(self) -> Mapping[str, SideDifference]:
+    def side_differences(self) -> Mapping[str, SideDifference]:
         """Left against right, by kind: torque, speed, slip."""
         return side_differences(self.excitation, self.signals, self.machine, self.t0_unix_ns)
 
     @cached_property
-    def straight(self) -> Motion:
+    def straight_motion(self) -> AxisMotion:
         """Straight motion, without a force that depends on the place."""
         settings = self.machine.settings
-        A, f = straight(self.excitation, settings)
+        A, f = straight_regressor(self.excitation, settings)
         if self.force_by_place is not None:
             f = f - self.force_by_place
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         welcome = () if settings.gate.exclude_braking else ("braking",)
-        return Motion(
+        return AxisMotion(
             A,
             f,
             known,
@@ -222,20 +223,20 @@ class CheckInputs:
         )
 
     @cached_property
-    def spins(self) -> Motion | None:
+    def spins(self) -> AxisMotion | None:
         """Spins, where the channels allow it and there are enough of them."""
-        if Z not in axes(self.excitation):
+        if Z not in available_axes(self.excitation):
             return None
-        A, f = spin(self.excitation)
+        A, f = spin_regressor(self.excitation)
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         spinning = known & self.is_phase("spinning")
-        changes = yaw_pace(A[:, 1], self.machine.settings)
+        changes = yaw_speeding_sign(A[:, 1], self.machine.settings)
         braking = spinning & (changes < 0)
         welcome = not self.machine.settings.gate.exclude_braking
         moving = spinning if welcome else spinning & ~braking
         if not fit_quality.has_enough_samples(A, moving):
             return None
-        return Motion(A, f, spinning, moving, braking, speeding=spinning & (changes > 0))
+        return AxisMotion(A, f, spinning, moving, braking, speeding=spinning & (changes > 0))
 
 
 def compare_empty_mass(weighing: Weighing | None, machine: Machine) -> EmptyMassDifference | None:

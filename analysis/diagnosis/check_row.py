@@ -3,20 +3,20 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from analysis.diagnosis.check_inputs import CheckInputs, Motion
+from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.excluded_stretches import MOVES_U
 from analysis.model.verdict import Consequence, EvidenceSubject
 
 
-def _applies_always(_: CheckInputs, __: Motion) -> bool:
+def _applies_always(_: CheckInputs, __: AxisMotion) -> bool:
     return True
 
 
-def _has_no_limit(_: CheckInputs, __: Motion) -> None:
+def _no_limit(_: CheckInputs, __: AxisMotion) -> None:
     return None
 
 
-def _no_text(_: CheckInputs, __: Motion) -> str:
+def _no_text(_: CheckInputs, __: AxisMotion) -> str:
     return ""
 
 
@@ -42,23 +42,23 @@ class CheckRow:
 
     name: str
     about: EvidenceSubject
-    number: Callable[[CheckInputs, Motion], float]
+    number: Callable[[CheckInputs, AxisMotion], float]
     meaning: str
     minimum: str | None = None
     maximum: str | None = None
-    applies: Callable[[CheckInputs, Motion], bool] = _applies_always
+    applies: Callable[[CheckInputs, AxisMotion], bool] = _applies_always
     optional: bool = False
-    names: Callable[[CheckInputs, Motion], str] = _no_text
+    names: Callable[[CheckInputs, AxisMotion], str] = _no_text
     consequence: Consequence = "withhold"
-    moved_u: Callable[[CheckInputs, Motion], float | None] = _has_no_limit
+    moved_u: Callable[[CheckInputs, AxisMotion], float | None] = _no_limit
     remedy: str = ""
 
-    def text(self, inputs: CheckInputs, motion: Motion) -> str:
+    def text(self, inputs: CheckInputs, motion: AxisMotion) -> str:
         """The meaning, and what the number is of."""
         name = self.names(inputs, motion)
         return f"{self.meaning} ({name})" if name else self.meaning
 
-    def leads_to(self, inputs: CheckInputs, motion: Motion) -> Consequence:
+    def leads_to(self, inputs: CheckInputs, motion: AxisMotion) -> Consequence:
         """What failing leads to in this log: in proportion to what the check names changes."""
         moved_u = self.moved_u(inputs, motion)
         return "tell" if moved_u is not None and moved_u <= MOVES_U else self.consequence

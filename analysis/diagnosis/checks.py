@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis.check_inputs import CheckInputs, Motion
+from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
@@ -21,7 +21,7 @@ from analysis.model.schema import build, values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
-from analysis.stages.motion.phases import beside_speed_rate, span_rows
+from analysis.stages.motion.phases import average_like_speed_rate, rows_of_rate_span
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 
@@ -36,10 +36,10 @@ _SCALE_REMEDY: Final = (
 _SHORTEST_MOVING_S: Final = 1.0
 
 
-def verdict(inputs: CheckInputs) -> pl.DataFrame:
+def judge_checks(inputs: CheckInputs) -> pl.DataFrame:
     """Judge the log, a row a check; `passed` is null where a check does not apply."""
     machine = inputs.machine
-    motions = {"mass": inputs.straight, "inertia": inputs.spins}
+    motions = {"mass": inputs.straight_motion, "inertia": inputs.spins}
     judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
     limits = machine.settings.verdict.model_dump()
 
@@ -68,44 +68,44 @@ def verdict(inputs: CheckInputs) -> pl.DataFrame:
     return build("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-def _partial_correlation(_: CheckInputs, motion: Motion) -> float:
+def _partial_correlation(_: CheckInputs, motion: AxisMotion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def _driving_sign(inputs: CheckInputs, motion: Motion) -> float:
+def _driving_sign(inputs: CheckInputs, motion: AxisMotion) -> float:
     rate_hz = inputs.machine.settings.align.rate_hz
     fewest = rows_in(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
     few = np.count_nonzero(motion.moving) < fewest
     return np.nan if few else _partial_correlation(inputs, motion)
 
 
-def _relative_std(_: CheckInputs, motion: Motion) -> float:
+def _relative_std(_: CheckInputs, motion: AxisMotion) -> float:
     fit = motion.fit
     return fit.std / abs(fit.value) if fit.value else np.inf
 
 
-def _r_squared(_: CheckInputs, motion: Motion) -> float:
+def _r_squared(_: CheckInputs, motion: AxisMotion) -> float:
     return motion.fit.r_squared
 
 
-def _opposing_share(_: CheckInputs, motion: Motion) -> float:
-    return 1.0 - fit_quality.along_share(motion.speed, motion.f, motion.braking)
+def _opposing_share(_: CheckInputs, motion: AxisMotion) -> float:
+    return 1.0 - fit_quality.share_along_motion(motion.speed, motion.f, motion.braking)
 
 
-def _driving_share(_: CheckInputs, motion: Motion) -> float:
-    return fit_quality.along_share(motion.speed, motion.f, motion.speeding)
+def _driving_share(_: CheckInputs, motion: AxisMotion) -> float:
+    return fit_quality.share_along_motion(motion.speed, motion.f, motion.speeding)
 
 
-def _acceleration_gain(inputs: CheckInputs, motion: Motion) -> float:
+def _acceleration_gain(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Slope of the accelerometer on the wheels' acceleration over all straight motion."""
     used = motion.known & inputs.is_phase("accelerating", "cruising", "braking")
     measured = values(inputs.excitation, "specific_force_x_m_s2")
-    imu = beside_speed_rate(measured, inputs.machine.settings)
+    imu = average_like_speed_rate(measured, inputs.machine.settings)
     rate = values(inputs.excitation, "speed_rate_x_m_s2")
-    return fit_quality.slope(rate, imu, used, _rate_noise(inputs))
+    return fit_quality.regression_slope(rate, imu, used, rate_noise_variance(inputs))
 
 
-def _rate_noise(inputs: CheckInputs) -> float:
+def rate_noise_variance(inputs: CheckInputs) -> float:
     """Variance of the wheels' acceleration by the noise of their speed, in m²/s⁴."""
     settings = inputs.machine.settings
     known = None if inputs.noise is None else ColumnNoise.of(X, inputs.noise, settings.noise)
@@ -113,47 +113,47 @@ def _rate_noise(inputs: CheckInputs) -> float:
         return 0.0
     # both ends of its span are moving means
     of_mean = float(known.covariance(settings.smooth.samples)[1, 1])
-    return 2.0 * of_mean * (settings.align.rate_hz / span_rows(settings)) ** 2
+    return 2.0 * of_mean * (settings.align.rate_hz / rows_of_rate_span(settings)) ** 2
 
 
-def _accepted_stretches(inputs: CheckInputs, _: Motion) -> float:
+def _accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
     accepted = accepted_samples(inputs.excitation, inputs.gated, inputs.machine.settings)
     return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
 
 
-def _empty_mass_ratio(inputs: CheckInputs, motion: Motion) -> float:
+def _empty_mass_ratio(inputs: CheckInputs, motion: AxisMotion) -> float:
     empty_kg = inputs.machine.machine.empty_mass_kg
     return motion.fit.value / empty_kg if empty_kg else np.nan
 
 
-def _below_empty_u(inputs: CheckInputs, _: Motion) -> float:
+def _empty_mass_shortfall_u(inputs: CheckInputs, _: AxisMotion) -> float:
     found = inputs.empty_mass
-    return np.nan if found is None else -found.in_u
+    return np.nan if found is None else -found.difference_in_u
 
 
-def _from_empty_u(inputs: CheckInputs, _: Motion) -> float:
+def _empty_mass_difference_u(inputs: CheckInputs, _: AxisMotion) -> float:
     found = inputs.empty_mass
-    if found is None or not found.tells:
+    if found is None or not found.is_informative:
         return np.nan
     # what is so far below that it is withheld is said once
-    withheld = -found.in_u > inputs.machine.settings.verdict.negative_payload_max_u
-    return np.nan if withheld else abs(found.in_u)
+    withheld = -found.difference_in_u > inputs.machine.settings.verdict.negative_payload_max_u
+    return np.nan if withheld else abs(found.difference_in_u)
 
 
-def _empty_mass_factor(inputs: CheckInputs, _: Motion) -> str:
+def _empty_mass_factor(inputs: CheckInputs, _: AxisMotion) -> str:
     found = inputs.empty_mass
     limit_u = inputs.machine.settings.verdict.empty_mass_max_u
-    far = found is not None and found.tells and abs(found.in_u) > limit_u
+    far = found is not None and found.is_informative and abs(found.difference_in_u) > limit_u
     return found.text if found is not None and far else ""
 
 
-def _spin_centre(inputs: CheckInputs, motion: Motion) -> float:
+def _spin_centre(inputs: CheckInputs, motion: AxisMotion) -> float:
     x, y = (values(inputs.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
     return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
 
 
 @dataclass(frozen=True, slots=True)
-class _AxisWords:
+class AxisWords:
     """Names of the quantities of an axis."""
 
     prefix: str
@@ -164,7 +164,7 @@ class _AxisWords:
     moves: str
 
 
-def model_checks(about: EvidenceSubject, words: _AxisWords) -> tuple[CheckRow, ...]:
+def model_checks(about: EvidenceSubject, words: AxisWords) -> tuple[CheckRow, ...]:
     """The checks that every axis must pass: they ask whether its model fits what moved."""
     force, moves = words.force, words.moves
     return (
@@ -223,7 +223,7 @@ CHECKS: Final = (
         optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
     ),
-    *model_checks("mass", _AxisWords("", "acceleration", "speed", "mass", "force", "motion")),
+    *model_checks("mass", AxisWords("", "acceleration", "speed", "mass", "force", "motion")),
     CheckRow(
         "acceleration_gain",
         "mass",
@@ -252,7 +252,7 @@ CHECKS: Final = (
     CheckRow(
         "negative_payload",
         "mass",
-        _below_empty_u,
+        _empty_mass_shortfall_u,
         "lightest load below the machine's empty mass, in standard uncertainties including "
         "the scale's",
         maximum="negative_payload_max_u",
@@ -263,7 +263,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass",
         "mass",
-        _from_empty_u,
+        _empty_mass_difference_u,
         "lightest load from the machine's empty mass, likewise; where it may be a payload, "
         "only the part beyond one",
         maximum="empty_mass_max_u",
@@ -276,7 +276,7 @@ CHECKS: Final = (
     *SIGNAL_CHECKS,
     *model_checks(
         "inertia",
-        _AxisWords("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
+        AxisWords("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin"),
     ),
     CheckRow(
         "spin_centre",

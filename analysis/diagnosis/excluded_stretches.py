@@ -14,10 +14,10 @@ import polars as pl
 
 from analysis.diagnosis.measured_channels import Signals, Spans
 from analysis.model.machine import Machine
-from analysis.model.settings import VerdictLimits
-from analysis.model.windows import windows_with
+from analysis.model.verdict_limits import VerdictLimits
+from analysis.model.windows import flagged_windows
 from analysis.stages.gating.gate import refuse_windows
-from analysis.stages.motion.phases import span_rows
+from analysis.stages.motion.phases import rows_of_rate_span
 from analysis.weighing.weigh import Weighing, mean_difference_kg
 from estimators.arrays import Bools
 
@@ -107,7 +107,9 @@ def refit_without_stretches(
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
-            seen = windows_with(held, span_rows(machine.settings) + machine.settings.smooth.samples)
+            seen = flagged_windows(
+                held, rows_of_rate_span(machine.settings) + machine.settings.smooth.samples
+            )
             gated = refuse_windows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)
 

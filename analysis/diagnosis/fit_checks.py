@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import CheckInputs, Motion
+from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.method_disagreement import disagreements
 from analysis.model.schema import values
@@ -15,32 +15,34 @@ from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
 
-def _number_of_fit(number: Callable[[Weighing], float]) -> Callable[[CheckInputs, Motion], float]:
-    def of(inputs: CheckInputs, _: Motion) -> float:
+def _value_of_weighing(
+    number: Callable[[Weighing], float],
+) -> Callable[[CheckInputs, AxisMotion], float]:
+    def of(inputs: CheckInputs, _: AxisMotion) -> float:
         return np.nan if inputs.weighing is None else number(inputs.weighing)
 
     return of
 
 
-def _number_of_wheels(
+def _value_of_wheels(
     number: Callable[[WheelKinematics], float],
-) -> Callable[[CheckInputs, Motion], float]:
-    def of(inputs: CheckInputs, _: Motion) -> float:
+) -> Callable[[CheckInputs, AxisMotion], float]:
+    def of(inputs: CheckInputs, _: AxisMotion) -> float:
         wheels = None if inputs.weighing is None else inputs.weighing.fit.kinematics
         return np.nan if wheels is None else number(wheels)
 
     return of
 
 
-def _is_fitted(inputs: CheckInputs, _: Motion) -> bool:
+def _is_fitted(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None
 
 
-def _has_wheels(inputs: CheckInputs, _: Motion) -> bool:
+def _has_wheels(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
-def _relative_u(inputs: CheckInputs, _: Motion) -> float:
+def _relative_u(inputs: CheckInputs, _: AxisMotion) -> float:
     """Of the load that most manoeuvres are of."""
     weighing = inputs.weighing
     if weighing is None:
@@ -48,54 +50,54 @@ def _relative_u(inputs: CheckInputs, _: Motion) -> float:
     return relative_u(weighing, inputs.machine, weighing.fit.main_state)
 
 
-def _needs_answer(inputs: CheckInputs, _: Motion) -> bool:
+def expects_answer(inputs: CheckInputs, _: AxisMotion) -> bool:
     """Whether there is to be an answer: frames alone have none."""
     return inputs.totals is not None
 
 
-def _no_answer_text(inputs: CheckInputs, _: Motion) -> str:
+def _no_answer_text(inputs: CheckInputs, _: AxisMotion) -> str:
     return "" if inputs.weighing is not None else NOTHING_FITTED
 
 
-def _farthest_term(inputs: CheckInputs, _: Motion) -> str:
-    widths = {} if inputs.weighing is None else inputs.weighing.own.prior_distances
+def _farthest_term(inputs: CheckInputs, _: AxisMotion) -> str:
+    widths = {} if inputs.weighing is None else inputs.weighing.own_fit.prior_distances
     return max(widths, key=widths.__getitem__, default="")
 
 
-def _friction_t(weighing: Weighing) -> float:
+def _friction_t_value(weighing: Weighing) -> float:
     value, std = weighing.fit.friction
     return value / std
 
 
-def _braking(weighing: Weighing) -> float:
+def _braking_mass_share(weighing: Weighing) -> float:
     return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
 
 
-def _scatter(weighing: Weighing) -> float:
+def _between_manoeuvre_scatter(weighing: Weighing) -> float:
     states = weighing.fit.states
     return np.nan if states is None else states.birge_ratio
 
 
-def _shift_by_other_motion(inputs: CheckInputs, _: Motion) -> float | None:
+def _shift_by_other_motion(inputs: CheckInputs, _: AxisMotion) -> float | None:
     weighing = inputs.weighing
     other = None if weighing is None else weighing.other_motion
-    return None if other is None else other.moved_u
+    return None if other is None else other.mass_shift_u
 
 
-def _other_motion_text(inputs: CheckInputs, _: Motion) -> str:
+def _other_motion_text(inputs: CheckInputs, _: AxisMotion) -> str:
     weighing = inputs.weighing
     if weighing is None or weighing.other_motion is None:
         return ""
     one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
     other = weighing.other_motion
-    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.moved_u:.1f} u"
+    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.mass_shift_u:.1f} u"
 
 
-def _contradicted_methods(inputs: CheckInputs, _: Motion) -> float:
+def _contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
     return float(sum(each.contradicted for each in disagreements(inputs)))
 
 
-def _gating_bias_u(inputs: CheckInputs, motion: Motion) -> float:
+def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Deviations between the gated and the ungated pooled mass; NaN where both miss a spring."""
     if inputs.totals is None or inputs.force_by_place is not None:
         return np.nan
@@ -108,16 +110,16 @@ def _gating_bias_u(inputs: CheckInputs, motion: Motion) -> float:
     return float(mean_difference_kg / u_kg) if u_kg > 0.0 else np.nan
 
 
-def _is_term_present(name: str, meaning: str) -> CheckRow:
+def term_presence_check(name: str, meaning: str) -> CheckRow:
     """A term that the fit has: its check tells that it is there."""
     return CheckRow(
         name,
         "mass",
-        _number_of_fit(lambda weighing: weighing.own.term_t_values.get(name, np.nan)),
+        _value_of_weighing(lambda weighing: weighing.own_fit.term_t_values.get(name, np.nan)),
         meaning,
         maximum="term_t_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and name in inputs.weighing.own.term_t_values
+            inputs.weighing is not None and name in inputs.weighing.own_fit.term_t_values
         ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",
@@ -131,14 +133,14 @@ FIT_CHECKS: Final = (
         _relative_u,
         "standard uncertainty of the mass over the mass",
         maximum="relative_std_max",
-        applies=_needs_answer,
+        applies=expects_answer,
         names=_no_answer_text,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
     CheckRow(
         "beyond_prior",
         "mass",
-        _number_of_fit(lambda weighing: max(weighing.own.prior_distances.values())),
+        _value_of_weighing(lambda weighing: max(weighing.own_fit.prior_distances.values())),
         "term farthest from its prior, in prior standard deviations; above the limit it "
         "absorbs a model error",
         maximum="beyond_prior_max",
@@ -149,7 +151,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "filling",
         "mass",
-        _number_of_fit(lambda weighing: weighing.filling.evidence),
+        _value_of_weighing(lambda weighing: weighing.filling.evidence),
         "evidence for a load that grows during every start, in standard deviations; less where it "
         "moves no mass by its uncertainty",
         maximum="filling_max",
@@ -159,7 +161,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "friction_sign",
         "mass",
-        _number_of_fit(_friction_t),
+        _value_of_weighing(_friction_t_value),
         "viscous friction over its standard deviation; negative friction is unphysical",
         minimum="friction_t_min",
         applies=_is_fitted,
@@ -168,7 +170,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "channel_noise",
         "mass",
-        _number_of_fit(lambda weighing: weighing.fit.fit.noise_share),
+        _value_of_weighing(lambda weighing: weighing.fit.fit.noise_share),
         "largest noise fraction among the fitted channels",
         maximum="channel_noise_max",
         applies=_is_fitted,
@@ -177,7 +179,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "lag",
         "mass",
-        _number_of_fit(lambda weighing: abs(weighing.fit.lag_s)),
+        _value_of_weighing(lambda weighing: abs(weighing.fit.lag_s)),
         "estimated delay of the force, s, of either sign",
         maximum="lag_max_s",
         applies=_is_fitted,
@@ -186,7 +188,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "lag_v",
         "mass",
-        _number_of_wheels(lambda wheels: abs(wheels.delay_s[0])),
+        _value_of_wheels(lambda wheels: abs(wheels.delay_s[0])),
         "estimated delay of the speed against the accelerometer, s, of either sign",
         maximum="lag_max_s",
         applies=_has_wheels,
@@ -195,7 +197,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "gain",
         "mass",
-        _number_of_wheels(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
+        _value_of_wheels(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
         "gain difference of wheel speed and accelerometer; either may be wrong",
         maximum="gain_max",
         applies=_has_wheels,
@@ -205,7 +207,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "wheels",
         "mass",
-        _number_of_fit(lambda weighing: motion_disagreement(weighing.fit)),
+        _value_of_weighing(lambda weighing: motion_disagreement(weighing.fit)),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
         applies=_has_wheels,
@@ -216,11 +218,11 @@ FIT_CHECKS: Final = (
     CheckRow(
         "scatter",
         "mass",
-        _number_of_fit(_scatter),
+        _value_of_weighing(_between_manoeuvre_scatter),
         "scatter of manoeuvres about their load over what their noise explains",
         maximum="scatter_max",
         applies=lambda inputs, _: (
-            inputs.weighing is not None and np.isfinite(_scatter(inputs.weighing))
+            inputs.weighing is not None and np.isfinite(_between_manoeuvre_scatter(inputs.weighing))
         ),
         consequence="widen",
         remedy="machine.repeatability_kg, where it is known; starts that are alike",
@@ -228,7 +230,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "misfit",
         "mass",
-        _number_of_fit(lambda weighing: weighing.fit.fit.misfit_ratio),
+        _value_of_weighing(lambda weighing: weighing.fit.fit.misfit_ratio),
         "residual common to all starts, mean square over noise",
         maximum="misfit_max",
         applies=lambda inputs, _: (
@@ -240,7 +242,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "aa",
         "mass",
-        _number_of_fit(lambda weighing: abs(weighing.curvature.t)),
+        _value_of_weighing(lambda weighing: abs(weighing.curvature.t)),
         "t-value of a force in a·|a|: the force is not linear in the acceleration",
         maximum="curvature_t_max",
         applies=_is_fitted,
@@ -250,7 +252,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "braking",
         "mass",
-        _number_of_fit(_braking),
+        _value_of_weighing(_braking_mass_share),
         "relative change of the mass when braking is included; the force may not see all brakes",
         maximum="braking_max",
         optional=True,
@@ -281,7 +283,7 @@ FIT_CHECKS: Final = (
         consequence="tell",
         remedy="the model holds in a part of the motion only: see the gate's reasons",
     ),
-    _is_term_present("const", "t-value of a constant force: offset, tilt, slope or friction"),
-    _is_term_present("quadratic", "t-value of a resistance in v·|v|"),
-    _is_term_present("direction", "t-value of Coulomb friction"),
+    term_presence_check("const", "t-value of a constant force: offset, tilt, slope or friction"),
+    term_presence_check("quadratic", "t-value of a resistance in v·|v|"),
+    term_presence_check("direction", "t-value of Coulomb friction"),
 )

@@ -74,7 +74,7 @@ class Signals:
     span_s: float
 
     @property
-    def apart_s(self) -> float:
+    def clock_distance_s(self) -> float:
         """How far the clocks run apart over the log, 0 where that is within its noise."""
         if self.drift is None or self.drift.drift_ppm < 5.0 * self.drift.drift_std_ppm:
             return 0.0
@@ -95,7 +95,7 @@ class Signals:
         sensor clips, or an engine gives no more.
         """
         return {
-            name: {**_extreme_piles(x), **_recurring_levels(self._repeated_readings[name], x)}
+            name: {**repeated_extremes(x), **_recurring_levels(self._repeated_readings[name], x)}
             for name, (_, x) in self.channels.items()
             if name in _FORCES
         }
@@ -113,7 +113,7 @@ class Signals:
         }
 
     @cached_property
-    def stands(self) -> Spans:
+    def standstill_spans(self) -> Spans:
         """Where every speed reads exactly 0, in ns: no channel has to change there."""
         by_speed = [
             _zero_speed_spans(*self.channels[name]) for name in _SPEEDS if name in self.channels
@@ -160,7 +160,7 @@ class Signals:
         return np.sum([_interpolate_at(*self.channels[name], unix_ns) for name in names], axis=0)
 
 
-def signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> Signals:
+def measured_signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> Signals:
     """Take the raw channels of a log.
 
     Args:
@@ -252,7 +252,7 @@ def _is_changing(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -
     return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
 
 
-def _extreme_piles(x: Floats) -> dict[float, float]:
+def repeated_extremes(x: Floats) -> dict[float, float]:
     """The extremes that readings pile up at, and the share of the readings at each."""
     values, counts = np.unique(x, return_counts=True)
     if values.size < 10:

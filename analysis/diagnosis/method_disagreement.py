@@ -58,4 +58,4 @@ def _modelled_nuisances(inputs: CheckInputs) -> set[str]:
     """The nuisances that the methods have as well: their Coulomb term, a constant one way."""
     if inputs.weighing is None or not inputs.machine.settings.forces.coulomb:
         return set()
-    return {"direction" if inputs.weighing.fit.motion.both_ways else "const"}
+    return {"direction" if inputs.weighing.fit.motion.drives_both_ways else "const"}

@@ -58,22 +58,22 @@ class SideDifference:
     resistance_1: float = 0.0
 
     @property
-    def least_1(self) -> float:
+    def least_difference_1(self) -> float:
         """What the sides differ by at least, 0 where that may be noise."""
-        return max(abs(self.value_1) - self.resistance_1, 0.0) if self.is_sure else 0.0
+        return max(abs(self.value_1) - self.resistance_1, 0.0) if self.is_significant else 0.0
 
     @property
-    def is_sure(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether it is more than noise."""
         return abs(self.value_1) > SURELY * self.std_1
 
     @property
-    def smaller(self) -> str:
+    def smaller_side(self) -> str:
         """The side that reads less."""
         return "left" if self.value_1 > 0.0 else "right"
 
     @property
-    def share_1(self) -> float:
+    def smaller_over_larger_1(self) -> float:
         """What the smaller side reads of the larger one; below 0 they oppose each other."""
         half = abs(self.value_1) / 2.0  # of a side that reads nothing it is 1, but for rounding
         return (1.0 - half) / (1.0 + half)

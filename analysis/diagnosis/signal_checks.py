@@ -5,19 +5,19 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.check_inputs import CheckInputs, Motion
+from analysis.diagnosis.check_inputs import AxisMotion, CheckInputs
 from analysis.diagnosis.check_row import CheckRow
 from analysis.stages.estimation import fit_quality
 from analysis.stages.signals.mounting_guess import gravity_tilt_deg
 from estimators.arrays import Floats
 
 
-def _raw_opposing_share(inputs: CheckInputs, motion: Motion) -> float:
+def _raw_opposing_share(inputs: CheckInputs, motion: AxisMotion) -> float:
     """As `opposing_share`, of the unfiltered force: a low-pass undershoots below 0."""
     force = _raw_force(inputs)
     if force is None:
         return np.nan
-    return 1.0 - fit_quality.along_share(motion.speed, force, motion.braking)
+    return 1.0 - fit_quality.share_along_motion(motion.speed, force, motion.braking)
 
 
 def _raw_force(inputs: CheckInputs) -> Floats | None:
@@ -27,50 +27,54 @@ def _raw_force(inputs: CheckInputs) -> Floats | None:
     return inputs.signals.force_on(inputs.excitation["t_ns"].to_numpy() + inputs.t0_unix_ns)
 
 
-def _has_signals(inputs: CheckInputs, _: Motion) -> bool:
+def _has_signals(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.signals is not None
 
 
-def _imu_tilt_rad(inputs: CheckInputs, _: Motion) -> float:
+def _imu_tilt_rad(inputs: CheckInputs, _: AxisMotion) -> float:
     return gravity_tilt_deg(inputs.excitation, inputs.machine)
 
 
-def _clock_distance_s(inputs: CheckInputs, _: Motion) -> float:
-    return np.nan if inputs.signals is None else inputs.signals.apart_s
+def _clock_distance_s(inputs: CheckInputs, _: AxisMotion) -> float:
+    return np.nan if inputs.signals is None else inputs.signals.clock_distance_s
 
 
-def _mass_shift_u(check: str) -> Callable[[CheckInputs, Motion], float | None]:
+def _mass_shift_u(check: str) -> Callable[[CheckInputs, AxisMotion], float | None]:
     """How far the answer moves without what this check names."""
 
-    def of(inputs: CheckInputs, _: Motion) -> float | None:
+    def of(inputs: CheckInputs, _: AxisMotion) -> float | None:
         found = inputs.left_out.get(check)
         return None if found is None else found.moved_u
 
     return of
 
 
-def _refit_outcome(check: str) -> Callable[[CheckInputs, Motion], str]:
+def _refit_outcome(check: str) -> Callable[[CheckInputs, AxisMotion], str]:
     """Outcome of refitting without the stretches of this check."""
 
-    def of(inputs: CheckInputs, _: Motion) -> str:
+    def of(inputs: CheckInputs, _: AxisMotion) -> str:
         found = inputs.left_out.get(check)
         return "" if found is None else found.text
 
     return of
 
 
-def _side_difference_1(inputs: CheckInputs, _: Motion) -> float:
+def _side_difference_1(inputs: CheckInputs, _: AxisMotion) -> float:
     """The largest difference of left and right; NaN without two sides."""
-    return max((each.least_1 for each in inputs.sides.values()), default=np.nan)
+    return max(
+        (each.least_difference_1 for each in inputs.side_differences.values()), default=np.nan
+    )
 
 
-def _one_sided_resistance(inputs: CheckInputs, _: Motion) -> float:
-    torque = inputs.sides.get("torque")
-    return np.nan if torque is None else torque.least_1
+def _one_sided_resistance(inputs: CheckInputs, _: AxisMotion) -> float:
+    torque = inputs.side_differences.get("torque")
+    return np.nan if torque is None else torque.least_difference_1
 
 
-def _side_text(inputs: CheckInputs, _: Motion) -> str:
-    worst = max(inputs.sides.values(), key=lambda each: each.least_1, default=None)
+def _side_text(inputs: CheckInputs, _: AxisMotion) -> str:
+    worst = max(
+        inputs.side_differences.values(), key=lambda each: each.least_difference_1, default=None
+    )
     return "" if worst is None else worst.kind
 
 

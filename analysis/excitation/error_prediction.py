@@ -59,7 +59,7 @@ def noise_of(scenario: Scenario) -> MeasuredSignals:
     return MeasuredSignals(*(np.array(value) for value in values))
 
 
-def parameters(body: RigidBody) -> Floats:
+def true_parameters(body: RigidBody) -> Floats:
     """(6,) the true values of `planar_rows.PARAMETERS`."""
     return np.array(
         [
@@ -96,7 +96,7 @@ class Filters:
         ones = np.full(self.samples, 1.0 / self.samples)
         return (np.r_[0.0, 0.0, ones] - np.r_[ones, 0.0, 0.0]) * self.rate_hz / 2.0
 
-    def stack(self, raw: MeasuredSignals) -> tuple[Floats, Floats]:
+    def stack_rows(self, raw: MeasuredSignals) -> tuple[Floats, Floats]:
         """Both rows of all six parameters from raw channels of n + margin samples.
 
         Returns:
@@ -124,13 +124,13 @@ def window_system(
         raw: the channels, true or noisy.
         noise: of one sample, of which force's and torque's count here.
     """
-    A, y = filters.stack(raw)
-    rows, weights = _ROWS[drive], _weights(drive, noise)
+    A, y = filters.stack_rows(raw)
+    rows, weights = _ROWS[drive], reciprocal_noise(drive, noise)
     part = A[:, rows][:, :, COLUMNS[drive]] * weights[:, None]
     return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
 
 
-def _weights(drive: Drive, noise: MeasuredSignals) -> Floats:
+def reciprocal_noise(drive: Drive, noise: MeasuredSignals) -> Floats:
     """(rows,) the reciprocal noise of force and torque; 1 where there is none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
     return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[drive]]
@@ -190,15 +190,17 @@ def predict(
     # noise in the regressor adds E[NᵀN] to AᵀA
     gram = A.T @ A + np.diag(_regressor_noise(drive, filters, truth, noise))
     inverse = np.linalg.solve(gram, A.T)
-    theta = parameters(body)[columns]
+    theta = true_parameters(body)[columns]
     bias = inverse @ y - theta
     phi = np.zeros(len(planar_rows.PARAMETERS))
     phi[columns] = theta
-    full = filters.stack(truth)[0]
+    full = filters.stack_rows(truth)[0]
     predictions: dict[str, Prediction] = {}
-    for name, (value, gradient) in _targets(body).items():
+    for name, (value, gradient) in predicted_quantities(body).items():
         if set(np.flatnonzero(gradient)) <= set(columns):
-            weight = (gradient[columns] @ inverse).reshape(-1, len(rows)) * _weights(drive, noise)
+            weight = (gradient[columns] @ inverse).reshape(-1, len(rows)) * reciprocal_noise(
+                drive, noise
+            )
             both = np.zeros((weight.shape[0], 2))
             both[:, rows] = weight
             shares = _variance(filters, both, phi, full, noise)
@@ -212,7 +214,7 @@ def predict(
     return predictions
 
 
-def _targets(body: RigidBody) -> dict[str, tuple[float, Floats]]:
+def predicted_quantities(body: RigidBody) -> dict[str, tuple[float, Floats]]:
     """Each number and its gradient in `planar_rows.PARAMETERS`."""
     mass = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     inertia = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
@@ -254,17 +256,17 @@ def _regressor_noise(
     mean, difference = (float(each @ each) for each in (filters.mean, filters.difference))
     s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
     turn = float(noise.yaw_rate_rad_s) ** 2 * difference
-    A, _ = filters.stack(truth)
+    A, _ = filters.stack_rows(truth)
     samples = A.shape[0]
     omega = A[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     square = 4.0 * float(omega @ omega) / samples * yaw_rate
     each = np.array([[s_x, 0.0, square, turn, speed, 0.0], [0.0, turn, s_y, s_x, 0.0, yaw_rate]])
     rows = _ROWS[drive]
-    weighted = each[rows] * _weights(drive, noise)[:, None] ** 2
+    weighted = each[rows] * reciprocal_noise(drive, noise)[:, None] ** 2
     return samples * weighted.sum(0)[COLUMNS[drive]]
 
 
-def condition(
+def condition_number(
     drive: Drive, filters: Filters, truth: MeasuredSignals, noise: MeasuredSignals
 ) -> float:
     """Condition number of AᵀA, each column in units of the noise in it."""

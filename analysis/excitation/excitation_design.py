@@ -7,7 +7,7 @@ place in the period that determines the parameters least.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias, get_args
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
     Prediction,
-    condition,
+    condition_number,
     noise_of,
     predict,
 )
@@ -89,6 +89,27 @@ class Score:
     reach_m: float
     relative_error: float
 
+    def to_dict(self) -> dict[str, Any]:
+        """The score as plain values."""
+        manoeuvre = self.manoeuvre.model_dump(exclude_none=True)
+        return {
+            "force": manoeuvre.get("force"),
+            "torque": manoeuvre.get("torque"),
+            "duration_s": self.manoeuvre.duration_s,
+            "window_start_s": self.start_s,
+            "predictions": {
+                name: {"value": each.value, "std": each.std, "bias": each.bias, "rms": each.rms}
+                for name, each in self.predictions.items()
+            },
+            "relative_error": self.relative_error,
+            "rank": self.rank,
+            "condition": self.condition,
+            "snr": self.snr,
+            "snr_needed": self.snr_needed,
+            "peak_speed_m_s": self.peak_speed_m_s,
+            "reach_m": self.reach_m,
+        }
+
 
 @dataclass(frozen=True)
 class Design:
@@ -102,9 +123,28 @@ class Design:
     best: Score | None
 
     @property
-    def reached(self) -> bool:
+    def is_reached(self) -> bool:
         """Whether the best waveform is as accurate as asked for."""
         return self.best is not None and self.best.relative_error <= self.accuracy
+
+    def to_dict(self) -> dict[str, Any]:
+        """The design as plain values."""
+        return {
+            "motion": self.drive,
+            "response_s": dict(self.response_s),
+            "window_s": self.window_s,
+            "accuracy": self.accuracy,
+            "reached": self.is_reached,
+            "waveforms": [
+                {
+                    "waveform": score.waveform,
+                    "ways": score.ways,
+                    "best": score is self.best,
+                    **score.to_dict(),
+                }
+                for score in self.scores
+            ],
+        }
 
     def scenario(self, base: Scenario) -> Scenario:
         """The best waveform as the trial of a scenario, after a short rest.
@@ -114,10 +154,10 @@ class Design:
         """
         if self.best is None:
             raise DataError("no waveform fits the yard")
-        return driving(base, Rest(duration_s=2.0), self.best.manoeuvre)
+        return with_manoeuvres(base, Rest(duration_s=2.0), self.best.manoeuvre)
 
 
-def driving(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
+def with_manoeuvres(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
     """The same scenario with these manoeuvres as its trial."""
     campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
     return base.model_copy(update={"campaign": campaign})
@@ -136,15 +176,15 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
             force=ForceWave(lowest_N=full[0] / 2, highest_N=full[0] / 2),
-            duration_s=_long_s(inertia, friction, key, scenario),
+            duration_s=_settling_time_s(inertia, friction, key, scenario),
         )
     else:
         inertia, friction, key = body.inertia_z_kg_m2, body.friction_z_N_m_s, "friction_z_N_m_s"
         step = Excite(
             torque=TorqueWave(lowest_N_m=full[1] / 2, highest_N_m=full[1] / 2),
-            duration_s=_long_s(inertia, friction, key, scenario),
+            duration_s=_settling_time_s(inertia, friction, key, scenario),
         )
-    motion = solve_motion(driving(scenario, step), load_kg)
+    motion = solve_motion(with_manoeuvres(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
     driven = motion.sample(time_s)
     speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
@@ -153,7 +193,7 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
     return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
 
 
-def _long_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
+def _settling_time_s(inertia: float, friction: float, key: str, scenario: Scenario) -> float:
     if friction <= 0.0:
         raise DataError(f"machine.{key}: without friction a step never settles; give it")
     return min(12.0 * (inertia / friction + scenario.campaign.valve_lag_s), 3600.0)
@@ -193,14 +233,14 @@ def design(
             f"T = {slowest_s:.2f} s and the period 3 T = {_PERIOD_OVER_RESPONSE * slowest_s:.2f} s"
         )
     scores = [
-        _score(scenario, drive, shape, ways, response_s, window_s, accuracy)
+        _score_shape(scenario, drive, shape, ways, response_s, window_s, accuracy)
         for shape in get_args(Shape)
         for ways in get_args(Ways)
     ]
-    return Design(drive, response_s, window_s, accuracy, scores, best_of(scores, yard_m))
+    return Design(drive, response_s, window_s, accuracy, scores, best_score(scores, yard_m))
 
 
-def best_of(scores: Sequence[Score], yard_m: float | None) -> Score | None:
+def best_score(scores: Sequence[Score], yard_m: float | None) -> Score | None:
     """The score of the smallest error that fits the yard, None where none does."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     return min(fitting, key=lambda score: score.relative_error, default=None)
@@ -235,7 +275,7 @@ def _manoeuvre(
     return Excite(force=force, torque=torque, duration_s=2.0 * max(periods.values()))
 
 
-def _score(
+def _score_shape(
     scenario: Scenario,
     drive: Drive,
     shape: Shape,
@@ -253,7 +293,7 @@ def _score(
     # the second period is the first that repeats; a window may begin anywhere in it
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
-    motion = solve_motion(driving(scenario, longer), load_kg)
+    motion = solve_motion(with_manoeuvres(scenario, longer), load_kg)
     driven = motion.sample(np.arange(round(last_s * rate_hz)) / rate_hz)
     truth = MeasuredSignals.of(driven)
     asked = _ASKED[drive]
@@ -285,8 +325,10 @@ def _score(
         manoeuvre=manoeuvre,
         start_s=first / rate_hz,
         predictions=predictions,
-        rank=rank(Channels._make(each[first : first + samples] for each in driven)),
-        condition=condition(drive, filters, part, noise),
+        rank=determined_parameter_count(
+            Channels._make(each[first : first + samples] for each in driven)
+        ),
+        condition=condition_number(drive, filters, part, noise),
         snr=varies / noisy,
         snr_needed=None if least is None else varies / least,
         peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),
@@ -295,7 +337,7 @@ def _score(
     )
 
 
-def rank(driven: Channels) -> int:
+def determined_parameter_count(driven: Channels) -> int:
     """How many of the six parameters both rows of a solved motion determine, noise aside."""
     A = planar_rows.regressor(
         driven.specific_force_x_m_s2,

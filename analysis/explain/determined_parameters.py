@@ -67,7 +67,7 @@ def determine_parameters(
         direction = np.sign(speed)
     A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])
     A = A[rows & np.isfinite(A).all(1)]
-    std = _noise(noise, settings)
+    std = column_noise_stds(noise, settings)
     samples = A.shape[0]
     if samples < _FEWEST or std is None:
         return None
@@ -79,13 +79,13 @@ def determine_parameters(
     return DeterminedParameters(
         samples=samples,
         alone=tuple(named),
-        combinations=tuple(found.texts()),
+        combinations=tuple(found.combination_texts()),
         lost=tuple(name for name in _NAMES if name not in (*named, *joined)),
         trade_offs=_trade_offs(A),
     )
 
 
-def _noise(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
+def column_noise_stds(noise: pl.DataFrame | None, settings: Settings) -> Floats | None:
     """Of acceleration and speed after the moving mean, of sign and constant: (4,)."""
     known = ColumnNoise.of(X, noise, settings.noise)
     if known is None:

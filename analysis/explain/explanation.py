@@ -11,7 +11,7 @@ from analysis.explain.determined_parameters import DeterminedParameters, determi
 from analysis.explain.worst_manoeuvres import (
     GateStretch,
     ManoeuvreReport,
-    gate_along,
+    gate_stretches,
     manoeuvre_at,
     reason_shares,
     worst_manoeuvres,
@@ -19,7 +19,7 @@ from analysis.explain.worst_manoeuvres import (
 from analysis.model.answer import Answer, answer
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Run
-from analysis.model.windows import samples_of
+from analysis.model.windows import samples_in_windows
 
 #: How far around a moment the gate is told, in s either way.
 AROUND_S: Final = 15.0
@@ -73,7 +73,7 @@ class Finding:
         return cls(**kept)
 
     @property
-    def proposes(self) -> bool:
+    def has_proposal(self) -> bool:
         """Whether it has something to write into the machine file."""
         return self.setting is not None and self.value is not None
 
@@ -131,7 +131,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
     stretches: tuple[GateStretch, ...] = ()
     if at_s is not None and gate.height:
         begin, end = (round((at_s + way * AROUND_S) * NS_PER_S) for way in (-1, 1))
-        stretches = gate_along(gate, settings, begin, end)
+        stretches = gate_stretches(gate, settings, begin, end)
     manoeuvre = None if at_s is None else manoeuvre_at(frames, at_s)
     return Explanation(
         said=answer(run),
@@ -141,7 +141,7 @@ def explain(run: Run, at_s: float | None = None) -> Explanation:
         worst=worst_manoeuvres(frames) if at_s is None else (),
         gate=stretches,
         shares=reason_shares(gate),
-        determined=_determined_at(run, manoeuvre, at_s),
+        determined=determine_parameters_at(run, manoeuvre, at_s),
     )
 
 
@@ -160,7 +160,7 @@ def _is_near(finding: Finding, at_s: float) -> bool:
     return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S
 
 
-def _determined_at(
+def determine_parameters_at(
     run: Run, manoeuvre: ManoeuvreReport | None, at_s: float | None
 ) -> DeterminedParameters | None:
     """Of the manoeuvre, or of the window that ends at the moment; else of all that is used."""
@@ -178,14 +178,14 @@ def _determined_at(
         rows = np.ones(excitation.height, np.bool_)
     elif gate is not None and "accepted_x" in gate.columns and gate.height == excitation.height:
         accepted = gate["accepted_x"].fill_null(value=False).to_numpy()
-        rows = samples_of(accepted, settings.gate.window_samples)
+        rows = samples_in_windows(accepted, settings.gate.window_samples)
         if not rows.any():
-            rows = _moving(excitation)
+            rows = _moving_rows(excitation)
     else:
-        rows = _moving(excitation)
+        rows = _moving_rows(excitation)
     return determine_parameters(excitation, rows, run.frames.get("noise"), settings)
 
 
-def _moving(excitation: pl.DataFrame) -> np.ndarray:
+def _moving_rows(excitation: pl.DataFrame) -> np.ndarray:
     moves = pl.col("phase").cast(pl.String) != "standstill"
     return excitation.select(moves.fill_null(value=False)).to_series().to_numpy()

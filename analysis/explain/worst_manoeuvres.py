@@ -69,7 +69,7 @@ class ManoeuvreReport:
     reason: str
 
 
-def gate_along(
+def gate_stretches(
     gate: pl.DataFrame, settings: Settings, start_ns: int, end_ns: int
 ) -> tuple[GateStretch, ...]:
     """The gate's reasons in order of time, each with the number that decided.
@@ -95,11 +95,11 @@ def gate_along(
     found: list[GateStretch] = []
     for span in kept.iter_rows(named=True):
         inside = rows.filter(pl.col("run") == span["run"])
-        found.append(_stretch(span, inside, settings))
+        found.append(_make_stretch(span, inside, settings))
     return tuple(found)
 
 
-def _stretch(span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings) -> GateStretch:
+def _make_stretch(span: Mapping[str, Any], rows: pl.DataFrame, settings: Settings) -> GateStretch:
     start_s, end_s, reason = span["start"] / NS_PER_S, span["end"] / NS_PER_S, str(span["reason"])
     decides = _DECIDES.get(reason)
     if reason == "negative_dependence" and "corr_x_1" in rows.columns:
@@ -129,24 +129,24 @@ def worst_manoeuvres(frames: Mapping[str, pl.DataFrame]) -> tuple[ManoeuvreRepor
 
     Where none has a mass, the longest that the gate refused.
     """
-    known = [each for each in _of_loads(frames) if each.deviations is not None]
+    known = [each for each in _reports_by_load(frames) if each.deviations is not None]
     if known:
         known.sort(key=lambda each: -abs(each.deviations or 0.0))
         return tuple(known[:_MOST_MANOEUVRES])
-    refused = sorted(_of_segments(frames), key=lambda each: each.start_s - each.end_s)
+    refused = sorted(_reports_by_segment(frames), key=lambda each: each.start_s - each.end_s)
     return tuple(refused[:_MOST_MANOEUVRES])
 
 
 def manoeuvre_at(frames: Mapping[str, pl.DataFrame], at_s: float) -> ManoeuvreReport | None:
     """The manoeuvre that a moment lies in: one that has a mass, else one of the gate's."""
-    for found in (_of_loads(frames), _of_segments(frames)):
+    for found in (_reports_by_load(frames), _reports_by_segment(frames)):
         here = [each for each in found if each.start_s <= at_s <= each.end_s]
         if here:
             return here[0]
     return None
 
 
-def _of_loads(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
+def _reports_by_load(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
     loads, manoeuvres = frames.get("loads"), frames.get("manoeuvres")
     if loads is None or manoeuvres is None:
         return []
@@ -162,7 +162,7 @@ def _of_loads(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
     return found
 
 
-def _of_segments(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
+def _reports_by_segment(frames: Mapping[str, pl.DataFrame]) -> list[ManoeuvreReport]:
     segments = frames.get("segments")
     if segments is None:
         return []

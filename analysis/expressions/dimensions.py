@@ -16,7 +16,9 @@ from analysis.expressions.parse import (
 _DIMENSIONLESS = ("sign",)
 
 
-def in_si(tree: Expression, units: Mapping[str, str], registry: Any) -> tuple[Expression, Any]:
+def convert_to_si(
+    tree: Expression, units: Mapping[str, str], registry: Any
+) -> tuple[Expression, Any]:
     """The same expression with every name and constant in SI units, and its dimension.
 
     Args:
@@ -31,12 +33,12 @@ def in_si(tree: Expression, units: Mapping[str, str], registry: Any) -> tuple[Ex
         ExpressionError: both sides, where they cannot be added or compared; an unknown unit.
     """
     if isinstance(tree, Name):
-        gain, dimension = _gain(units[tree.name], tree.name, registry)
+        gain, dimension = si_gain(units[tree.name], tree.name, registry)
         return (tree if gain == 1.0 else Call("*", (Number(gain), tree))), dimension
     if isinstance(tree, Number):
-        gain, dimension = _gain(tree.unit or "", expression_text(tree), registry)
+        gain, dimension = si_gain(tree.unit or "", expression_text(tree), registry)
         return Number(tree.value * gain), dimension
-    parts = [in_si(argument, units, registry) for argument in tree.arguments]
+    parts = [convert_to_si(argument, units, registry) for argument in tree.arguments]
     found = Call(tree.function, tuple(part for part, _ in parts))
     return found, _dimension(tree, [dimension for _, dimension in parts], registry)
 
@@ -94,7 +96,7 @@ def dimension_text(dimension: Any) -> str:
     return f"in {'·'.join(parts)}"
 
 
-def _gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
+def si_gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
     """What turns a number in a unit into one in SI units, and its dimension."""
     import pint
 

@@ -86,7 +86,7 @@ def parse(text: str) -> Expression:
     if len(text) > _LONGEST:
         raise ExpressionError(f"an expression has at most {_LONGEST} characters, not {len(text)}")
     parser = _Parser(text)
-    tree = parser.sum(0)
+    tree = parser.parse_sum(0)
     if parser.kind:
         raise parser.fault("an operator")
     return tree
@@ -123,15 +123,15 @@ class _Parser:
             return sign
         return ""
 
-    def sum(self, depth: int) -> Expression:
+    def parse_sum(self, depth: int) -> Expression:
         if depth > _DEEPEST:
             raise ExpressionError(f"brackets nest at most {_DEEPEST} deep")
-        left = self._product(depth)
+        left = self._parse_product(depth)
         while sign := self._take("+", "-"):
-            left = Call(sign, (left, self._product(depth)))
+            left = Call(sign, (left, self._parse_product(depth)))
         return left
 
-    def _product(self, depth: int) -> Expression:
+    def _parse_product(self, depth: int) -> Expression:
         left = self._parse_signed(depth)
         while sign := self._take("*", "/"):
             left = Call(sign, (left, self._parse_signed(depth)))
@@ -141,20 +141,20 @@ class _Parser:
         negative = False
         while sign := self._take("-", "+"):
             negative ^= sign == "-"
-        tree = self._atom(depth)
+        tree = self._parse_atom(depth)
         return Call("neg", (tree,)) if negative else tree
 
-    def _atom(self, depth: int) -> Expression:
+    def _parse_atom(self, depth: int) -> Expression:
         kind, value = self.kind, self.value
         if self._take("("):
-            tree = self.sum(depth + 1)
-            self._close()
+            tree = self.parse_sum(depth + 1)
+            self._require_closing()
             return tree
         if kind not in ("number", "name", "slope"):
             raise self.fault("a channel, a number or '('")
         self._next()
         if kind == "number":
-            return Number(float(value), self._unit())
+            return Number(float(value), self._parse_unit())
         if kind == "slope":
             bracket = self._take("(")
             if self.kind != "name":
@@ -162,40 +162,40 @@ class _Parser:
             tree = Name(self.value)
             self._next()
             if bracket:
-                self._close()
+                self._require_closing()
             return Call(SLOPE, (tree,))
         if self._take("("):
-            return self._call(value, depth + 1)
+            return self._parse_call(value, depth + 1)
         return Name(value)
 
-    def _unit(self) -> str | None:
+    def _parse_unit(self) -> str | None:
         if self.kind != "unit":
             return None
         unit = self.value[1:-1].strip()
         self._next()
         return unit or None
 
-    def _call(self, function: str, depth: int) -> Expression:
+    def _parse_call(self, function: str, depth: int) -> Expression:
         if function not in FUNCTIONS:
             known = ", ".join(FUNCTIONS)
             raise ExpressionError(f"no function '{function}'; known: {known}, d/dt")
-        arguments = [self._condition(depth) if function == "where" else self.sum(depth)]
+        arguments = [self._parse_condition(depth) if function == "where" else self.parse_sum(depth)]
         while self._take(","):
-            arguments.append(self.sum(depth))
-        self._close()
+            arguments.append(self.parse_sum(depth))
+        self._require_closing()
         fewest, most = FUNCTIONS[function]
         if not fewest <= len(arguments) <= most:
             wanted = str(fewest) if fewest == most else f"{fewest} to {most}"
             raise ExpressionError(f"{function}() takes {wanted} arguments, not {len(arguments)}")
         return Call(function, tuple(arguments))
 
-    def _condition(self, depth: int) -> Expression:
-        left = self.sum(depth)
+    def _parse_condition(self, depth: int) -> Expression:
+        left = self.parse_sum(depth)
         sign = self._take(*COMPARISONS)
         if not sign:
             raise self.fault("a comparison, as in where(speed_x_m_s > 0.1 [m/s], …)")
-        return Call(sign, (left, self.sum(depth)))
+        return Call(sign, (left, self.parse_sum(depth)))
 
-    def _close(self) -> None:
+    def _require_closing(self) -> None:
         if not self._take(")"):
             raise self.fault("')'")

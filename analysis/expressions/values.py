@@ -51,21 +51,21 @@ def evaluate(tree: Expression, values: Mapping[str, Floats], size: int) -> tuple
             return np.broadcast_to(values[node.name], size)
         if node.function == SLOPE:
             (argument,) = node.arguments
-            scale, name = _scale(argument)
+            scale, name = gain_and_channel(argument)
             return scale * values[f"{SLOPE} {name}"]
         parts = [walk(argument) for argument in node.arguments]
         if node.function == "/":
             quotient, bad = _divide(parts[0], parts[1])
             near_zero += bad
             return quotient
-        return _combine_units(node, parts)
+        return _apply_function(node, parts)
 
     with np.errstate(over="ignore", invalid="ignore"):
         found = walk(tree)
     return np.where(np.isfinite(found), found, np.nan), near_zero
 
 
-def _combine_units(node: Call, parts: list[Floats]) -> Floats:
+def _apply_function(node: Call, parts: list[Floats]) -> Floats:
     if node.function in _OF_TWO:
         return _OF_TWO[node.function](parts[0], parts[1])
     if node.function in _OF_ONE:
@@ -95,7 +95,7 @@ def _divide(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
     )
 
 
-def _scale(tree: Expression) -> tuple[float, str]:
+def gain_and_channel(tree: Expression) -> tuple[float, str]:
     """The gain and the name of a channel that is differentiated."""
     if isinstance(tree, Name):
         return 1.0, tree.name

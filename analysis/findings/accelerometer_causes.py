@@ -25,7 +25,7 @@ from analysis.findings.refit import refit_mended
 from analysis.model.physical_units import to_si
 from analysis.model.schema import values
 from analysis.stages.motion.forces import longitudinal_force
-from analysis.stages.motion.phases import beside_speed_rate
+from analysis.stages.motion.phases import average_like_speed_rate
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.motion_samples import MotionSamples
 from estimators.arrays import Floats
@@ -59,9 +59,9 @@ _ALL_AXES: Final = (
 )
 
 
-def without_gravity(inputs: FindingInputs) -> bool:
+def lacks_gravity(inputs: FindingInputs) -> bool:
     """Whether the accelerometer reads no gravity along z at standstill."""
-    z, _ = inputs.level(_Z)
+    z, _ = inputs.standstill_level(_Z)
     return bool(abs(z) < _GRAVITY * inputs.machine.machine.gravity_m_s2)
 
 
@@ -77,16 +77,18 @@ def find_tilted_accelerometer(inputs: FindingInputs) -> list[Symptom]:
 
 def _upside_down_symptom(inputs: FindingInputs) -> list[Symptom]:
     """Gravity the other way along z: rolled over, or pitched over where x reads backwards."""
-    z, std = inputs.level(_Z)
+    z, std = inputs.standstill_level(_Z)
     pull = inputs.machine.machine.gravity_m_s2
-    if not z < -_GRAVITY * pull or not inputs.measured(_Z):
+    if not z < -_GRAVITY * pull or not inputs.measured_channels(_Z):
         return []
     seen = fit_accelerometer_gain(inputs)
     backwards = seen is not None and seen[0] < -_SURELY * seen[1]
     angle = "pitch_deg" if backwards else "roll_deg"
-    whole = len(inputs.measured(*_ALL_AXES)) == len(_ALL_AXES)
+    whole = len(inputs.measured_channels(*_ALL_AXES)) == len(_ALL_AXES)
     turned = (ACC, "roll_rate_rad_s") if backwards else (_Y, "pitch_rate_rad_s")
-    keys, scales = inputs.scale_channels(inputs.measured(_Z, *turned, "yaw_rate_rad_s"), -1.0)
+    keys, scales = inputs.scale_channels(
+        inputs.measured_channels(_Z, *turned, "yaw_rate_rad_s"), -1.0
+    )
     stated = getattr(inputs.machine.machine.imu, angle)
     kind = "pitched" if backwards else "rolled"
     return [
@@ -110,16 +112,16 @@ def find_accelerometer_bias(inputs: FindingInputs) -> list[Symptom]:
 def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list[Symptom]:
     seen = explain_constant_force(inputs)
     error, std = seen.error_m_s2
-    if not np.isfinite(error) or seen.tilt is False or without_gravity(inputs):
+    if not np.isfinite(error) or seen.tilt is False or lacks_gravity(inputs):
         return []
-    kind = _is_tilt(inputs, error)
+    kind = tilt_or_bias(inputs, error)
     if kind not in kinds:
         return []
     # ground that slopes leaves no constant force, a tilt does
     others = () if kind else ("imu_bias",)
     if not (seen.tilt or has_pitch(inputs)):
         others = (*others, "slope")
-    names = inputs.measured(ACC)
+    names = inputs.measured_channels(ACC)
     degrees = np.degrees(np.arcsin(np.clip(error / inputs.machine.machine.gravity_m_s2, -1.0, 1.0)))
     said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
     return [
@@ -131,7 +133,7 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
             f"{degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
-            value=f"{inputs.machine.channels[ACC].offset - _in_channel_unit(inputs, error):.5g}"
+            value=f"{inputs.machine.channels[ACC].offset - in_unit_of_channel(inputs, error):.5g}"
             if names
             else None,
             change=lambda: refit_mended(
@@ -144,13 +146,13 @@ def _zero_reading_symptom(inputs: FindingInputs, kinds: tuple[str, ...]) -> list
     ]
 
 
-def _is_tilt(inputs: FindingInputs, error: float) -> str:
+def tilt_or_bias(inputs: FindingInputs, error: float) -> str:
     """Whether the z axis tells a tilt from a bias: a tilt takes its share of gravity off it."""
-    z, _ = inputs.level(_Z)
+    z, _ = inputs.standstill_level(_Z)
     pull = inputs.machine.machine.gravity_m_s2
     if not np.isfinite(z) or not has_pitch(inputs) or abs(error) >= pull:
         return ""
-    pitch = inputs.level(_PITCH)[0]
+    pitch = inputs.standstill_level(_PITCH)[0]
     share = np.arcsin(error / pull)
     upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
     if upright - turned < _TELLS_M_S2:
@@ -167,7 +169,7 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     settings = inputs.machine.settings
     rate = values(inputs.check_inputs.excitation, "speed_rate_x_m_s2")
     ahead, left = (
-        beside_speed_rate(values(inputs.check_inputs.excitation, name), settings)
+        average_like_speed_rate(values(inputs.check_inputs.excitation, name), settings)
         for name in (ACC, _Y)
     )
     used = inputs.check_inputs.is_phase("accelerating", "braking", "cruising")
@@ -188,12 +190,14 @@ def _mounting_yaw(inputs: FindingInputs) -> list[Symptom]:
     # noise of the wheels' rate makes both components small, and the angle no surer
     std /= float(np.hypot(along, across))
     strength = abs(angle) / max(LIMITS.standing_reading_std * std, _LEAST_YAW_RAD)
-    if len(inputs.measured(*_ALL_AXES)) == len(_ALL_AXES):
+    if len(inputs.measured_channels(*_ALL_AXES)) == len(_ALL_AXES):
         setting = "machine.imu.yaw_deg"
         value = f"{inputs.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
     else:
         # what drives straight is seen by its share alone
-        setting, value = inputs.scale_channels(inputs.measured(ACC), 1.0 / float(np.cos(angle)))
+        setting, value = inputs.scale_channels(
+            inputs.measured_channels(ACC), 1.0 / float(np.cos(angle))
+        )
     return [
         Symptom(
             strength,
@@ -237,12 +241,12 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     kinematic = inputs.machine.settings.forces.acceleration == "kinematic"
     if (
         kinematic
-        or not inputs.measured(ACC)
+        or not inputs.measured_channels(ACC)
         or not has_pitch(inputs)
-        or not without_gravity(inputs)
+        or not lacks_gravity(inputs)
     ):
         return []
-    pitch, std = inputs.level(_PITCH)
+    pitch, std = inputs.standstill_level(_PITCH)
     if not np.isfinite(pitch):
         return []
     strength = abs(pitch) / max(LIMITS.standing_reading_std * std, _LEAST_PITCH_RAD)
@@ -264,7 +268,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
             without_gravity=motion.specific_force,
         )
 
-    z, _ = inputs.level(_Z)
+    z, _ = inputs.standstill_level(_Z)
     return [
         Symptom(
             strength,
@@ -278,7 +282,7 @@ def find_unremoved_slope(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _in_channel_unit(inputs: FindingInputs, error: float) -> float:
+def in_unit_of_channel(inputs: FindingInputs, error: float) -> float:
     """An acceleration in the channel's own unit."""
     channel = inputs.machine.channels[ACC]
     if channel.unit is None:
@@ -292,7 +296,7 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     # a frame that swings rings too, and reads the acceleration of the wheels all the same
     if share is None or share[0] - LIMITS.loose_gain_std * share[1] < LIMITS.loose_gain_1:
         return []
-    spectra = _spectra(inputs)
+    spectra = start_and_rest_spectra(inputs)
     if spectra is None:
         return []
     hz, starts, standing, count = spectra
@@ -323,11 +327,11 @@ def find_loose_imu(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
+def start_and_rest_spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None:
     """Frequencies, mean power after starts and at rest, (k,) each, and the number of starts."""
     rate_hz = inputs.machine.settings.align.rate_hz
     size = rows_in(LIMITS.start_window_s, rate_hz)
-    if not inputs.measured(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
+    if not inputs.measured_channels(ACC) or rate_hz <= 2.5 * LIMITS.rocking_band_hz[1]:
         return None
     reads = values(inputs.aligned, ACC)
     speed = values(inputs.aligned, "speed_x_m_s")
@@ -347,8 +351,8 @@ def _spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None
         found = [each for first in places if (each := power(first)) is not None]
         return np.mean(found, axis=0) if len(found) >= LIMITS.loose_min_starts else None
 
-    starts = _start_windows(inputs, force, size)
-    still = inputs.stands_still
+    starts = find_held_starts(inputs, force, size)
+    still = inputs.resting_samples
     rests = [k for k in range(0, still.size - size, size // 2) if still[k : k + size].all()]
     driving, standing = mean(starts), mean(rests[:200])
     if driving is None or standing is None:
@@ -356,7 +360,7 @@ def _spectra(inputs: FindingInputs) -> tuple[Floats, Floats, Floats, int] | None
     return np.arange(size // 2 + 1) * rate_hz / size, driving, standing, len(starts)
 
 
-def _start_windows(inputs: FindingInputs, force: Floats, size: int) -> list[int]:
+def find_held_starts(inputs: FindingInputs, force: Floats, size: int) -> list[int]:
     """Where to look: behind the rise of a force after a standstill, that is then held."""
     rate_hz = inputs.machine.settings.align.rate_hz
     if not np.isfinite(force).any():
@@ -373,6 +377,6 @@ def _start_windows(inputs: FindingInputs, force: Floats, size: int) -> list[int]
         for k in rises
         if k > stood + clear
         and k + behind + size < force.size
-        and inputs.stands[k - stood - clear : k - clear].all()
+        and inputs.standing_samples[k - stood - clear : k - clear].all()
         and pushes[k + 2 * behind : k + size].mean() > LIMITS.start_held_fraction
     ]

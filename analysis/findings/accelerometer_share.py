@@ -20,7 +20,7 @@ _NOISE: Final = 0.2
 
 def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
     """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
-    if ACC not in inputs.aligned.columns or not inputs.measured(ACC):
+    if ACC not in inputs.aligned.columns or not inputs.measured_channels(ACC):
         return None
     rate_hz = inputs.machine.settings.align.rate_hz
     size = max(round(_SPAN_S * rate_hz), 1)
@@ -34,7 +34,7 @@ def fit_accelerometer_gain(inputs: FindingInputs) -> tuple[float, float] | None:
 
     speed = means(values(inputs.aligned, "speed_x_m_s"))
     reads = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
-    moves = means((~inputs.stands).astype(float)) > 0.0
+    moves = means((~inputs.standing_samples).astype(float)) > 0.0
     x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
     if used.sum() < _FEWEST_SPANS:

@@ -23,12 +23,16 @@ def delay_channel(motion: MotionSamples, channel: str, late_s: float) -> MotionS
     return change_accelerometer(motion, back)
 
 
-def change_accelerometer(motion: MotionSamples, of: Callable[[Floats], Floats]) -> MotionSamples:
+def change_accelerometer(
+    motion: MotionSamples, change: Callable[[Floats], Floats]
+) -> MotionSamples:
     """The motion with its accelerometer changed."""
     measured, level = motion.specific_force, motion.without_gravity
     return replace(
         motion,
-        acceleration=of(motion.acceleration) if motion.by_accelerometer else motion.acceleration,
-        specific_force=None if measured is None else of(measured),
-        without_gravity=None if level is None else of(level),
+        acceleration=change(motion.acceleration)
+        if motion.by_accelerometer
+        else motion.acceleration,
+        specific_force=None if measured is None else change(measured),
+        without_gravity=None if level is None else change(level),
     )

@@ -7,7 +7,7 @@ from analysis.findings.finding_inputs import FindingInputs
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class MassChange:
     """Change of the headline mass if a cause is mended.
 
     Attributes:
@@ -43,7 +43,7 @@ class Symptom:
     span_ns: tuple[int, int] | None = None
     setting: str | None = None
     value: str | None = None
-    change: Callable[[], Change | None] | None = None
+    change: Callable[[], MassChange | None] | None = None
     alternatives: tuple[str, ...] = ()
     harmless: bool | None = None
     explains: tuple[str, ...] = ()

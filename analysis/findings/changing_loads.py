@@ -20,10 +20,10 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.whitened_rows import (
     ProjectedEquation,
-    blocks,
+    block_sums,
     force_system,
-    sums,
     variance_of,
+    whole_blocks,
 )
 from estimators.errors import counted
 from estimators.numerics.fit_loss import group_rows
@@ -32,7 +32,7 @@ from estimators.numerics.fit_loss import group_rows
 _USUAL: Final = ("const", "direction")
 
 
-class ShareOfForce(NamedTuple):
+class ForceShareChange(NamedTuple):
     """How the measured share of the force changes.
 
     Attributes:
@@ -50,29 +50,40 @@ class ShareOfForce(NamedTuple):
     loads: int
 
 
-def compare_share_with_loads(inputs: FindingInputs) -> ShareOfForce | None:
+def compare_share_with_loads(inputs: FindingInputs) -> ForceShareChange | None:
     """One load with a share that changes, against the loads; None where there is one anyway."""
     fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
-    if fit is None or noise is None or motion is None or fit.count == 1 or not motion.both_ways:
+    if (
+        fit is None
+        or noise is None
+        or motion is None
+        or fit.count == 1
+        or not motion.drives_both_ways
+    ):
         return None
     viscous, own_kg = max(fit.viscous, 0.0), inputs.sample_masses_kg(motion)
     one_kg = np.full_like(own_kg, np.median(own_kg[motion.used]))
     # with the share as well: loads that change otherwise than with the direction stay loads
-    by_loads = ProjectedEquation.of(force_system(motion, noise, own_kg, viscous), ("driveline",))
+    by_loads = ProjectedEquation.project_out(
+        force_system(motion, noise, own_kg, viscous), ("driveline",)
+    )
     one = force_system(motion, noise, one_kg, viscous)
-    before, after = ProjectedEquation.of(one, ()), ProjectedEquation.of(one, ("driveline",))
-    square = before.square("driveline")
+    before, after = (
+        ProjectedEquation.project_out(one, ()),
+        ProjectedEquation.project_out(one, ("driveline",)),
+    )
+    square = before.information_about("driveline")
     if not square > 0.0:
         return None
     variance = min(by_loads.variance, after.variance)
     worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
-    value = before.product("driveline") / square
+    value = before.score_of("driveline") / square
     gain = value**2 * square * before.variance / variance
     std = (variance / (square * before.variance)) ** 0.5
-    return ShareOfForce(value, std, gain, worse / variance, fit.count)
+    return ForceShareChange(value, std, gain, worse / variance, fit.count)
 
 
-class _LoadRate(NamedTuple):
+class LoadGrowthRate(NamedTuple):
     """A manoeuvre whose load grows.
 
     Attributes:
@@ -127,7 +138,7 @@ def _excluded_growths(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _significant_growths(inputs: FindingInputs) -> list[_LoadRate]:
+def _significant_growths(inputs: FindingInputs) -> list[LoadGrowthRate]:
     """The manoeuvres whose load grows, or falls, by more than chance."""
     fit, noise, motion = inputs.fit, inputs.column_noise, explain_constant_force(inputs).motion
     if fit is None or noise is None or motion is None:
@@ -141,21 +152,25 @@ def _significant_growths(inputs: FindingInputs) -> list[_LoadRate]:
         return []
     viscous = max(fit.viscous, 0.0)
     system = force_system(motion, noise, inputs.sample_masses_kg(motion), viscous)
-    taken = blocks(motion.group, LIMITS.force_mean_samples).reshape(-1, LIMITS.force_mean_samples)
+    taken = whole_blocks(motion.group, LIMITS.force_mean_samples).reshape(
+        -1, LIMITS.force_mean_samples
+    )
     group = motion.group[taken[:, 0]]
     usual = [column for name, column in system.columns.items() if name in _USUAL]
     base = np.column_stack([system.base, *usual])
     q = np.linalg.qr(base / np.linalg.norm(base, axis=0))[0]
     left = system.y - q @ (q.T @ system.y)
     limit = -NormalDist().inv_cdf(LIMITS.growth_false_alarm_probability / 2.0 / len(parts))
-    found: list[_LoadRate] = []
+    found: list[LoadGrowthRate] = []
     for part in parts:
         loads = taken[:, 0] < part[0] + LIMITS.longest_loading_s * motion.rate_hz
         rows = np.flatnonzero((group == motion.group[part[0]]) & loads)
         mine = taken[rows].ravel()
         t_s = (mine - part[0]) / motion.rate_hz
         grown = (
-            sums(t_s * motion.acceleration[mine] + motion.speed[mine], LIMITS.force_mean_samples)
+            block_sums(
+                t_s * motion.acceleration[mine] + motion.speed[mine], LIMITS.force_mean_samples
+            )
             / LIMITS.force_mean_samples
         )
         own = np.column_stack([system.base[rows, 0] * system.size_N, grown]) / system.size_N
@@ -170,7 +185,7 @@ def _significant_growths(inputs: FindingInputs) -> list[_LoadRate]:
         deviations = abs(kg_s) * float(np.sqrt(rest / variance_of(others))) / limit
         deviations /= LIMITS.falling_load_factor if kg_s < 0.0 else 1.0
         if deviations > 1.0:
-            found.append(_LoadRate(int(part[0]), kg_s, deviations))
+            found.append(LoadGrowthRate(int(part[0]), kg_s, deviations))
     return (
         found
         if len(found) > 1

@@ -11,12 +11,12 @@ import numpy as np
 from analysis.diagnosis.excluded_stretches import ExcludedStretches
 from analysis.diagnosis.measured_channels import long_runs
 from analysis.diagnosis.side_comparison import SPEEDS, SURELY, TORQUES, SideDifference
-from analysis.findings.cause import Change, Symptom, strongest_symptom
+from analysis.findings.cause import MassChange, Symptom, strongest_symptom
 from analysis.findings.finding_inputs import ACC, FORCES, FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.findings.refit import left_out
+from analysis.findings.refit import refit_without_rows
 from analysis.model.uncertainty_sources import STD_OF_MAD
-from analysis.model.windows import windows_with
+from analysis.model.windows import flagged_windows
 from analysis.stages.signals.filters import period_ns
 from estimators.arrays import Bools, Floats, Ints
 
@@ -67,7 +67,7 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
         name: spans
-        for name in inputs.needed
+        for name in inputs.measured_equation_channels
         if not _is_coarse(inputs, name)
         and (spans := signals.frozen.get(name) or _noiseless_stretches(inputs, name))
     }
@@ -86,17 +86,17 @@ def find_frozen_channel(inputs: FindingInputs) -> list[Symptom]:
         Symptom(
             total_s[name] / _FROZEN_S,
             f"it repeats one reading {times} {total_s[name]:.1f} s in all, while others "
-            f"change{_outcome_of_refit(found)}",
+            f"change{_refit_text(found)}",
             channel=name,
             span_ns=inputs.since_start(*spans[0]),
-            change=lambda: left_out(inputs, holds),
+            change=lambda: refit_without_rows(inputs, holds),
             harmless=_is_harmless(inputs, found),
             explains=_OF_DEAD if 1e9 * total_s[name] > _DEAD_1 * (t[-1] - t[0]) else (),
         )
     ]
 
 
-def _outcome_of_refit(found: ExcludedStretches | None) -> str:
+def _refit_text(found: ExcludedStretches | None) -> str:
     return "" if found is None else f"; {found.text}"
 
 
@@ -120,7 +120,7 @@ def _noiseless_stretches(inputs: FindingInputs, name: str) -> list[tuple[int, in
         and run.value not in limits
         and not any(
             begin - _STAND_EDGE_NS <= run.begin_ns and run.end_ns <= end + _STAND_EDGE_NS
-            for begin, end in signals.stands
+            for begin, end in signals.standstill_spans
         )
     ]
 
@@ -139,16 +139,18 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
     found = inputs.check_inputs.left_out.get("clipped")
     limit_N = 0.98 * at * max(count, 1)
 
-    def cut() -> Change | None:
+    def cut() -> MassChange | None:
         if inputs.fit is None:
             return None
         near = np.abs(inputs.fit.motion.force) > limit_N
-        return left_out(inputs, windows_with(near, 5) | windows_with(near[::-1], 5)[::-1])
+        return refit_without_rows(
+            inputs, flagged_windows(near, 5) | flagged_windows(near[::-1], 5)[::-1]
+        )
 
     return [
         Symptom(
             share / _CLIPPED,
-            f"{share:.1%} of its readings are {extreme:.4g}, a limit{_outcome_of_refit(found)}",
+            f"{share:.1%} of its readings are {extreme:.4g}, a limit{_refit_text(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
@@ -161,7 +163,7 @@ def find_saturation(inputs: FindingInputs) -> list[Symptom]:
 def find_coarse_resolution(inputs: FindingInputs) -> list[Symptom]:
     """Moving readings that repeat the one before: the noise is below the resolution."""
     found: list[Symptom] = []
-    for name in inputs.needed:
+    for name in inputs.measured_equation_channels:
         repeats, lsb = reading_steps(inputs, name)
         if not lsb:
             continue
@@ -202,7 +204,7 @@ def _is_coarse(inputs: FindingInputs, name: str) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class _Spikes:
+class ChannelSpikes:
     """The spikes of a channel.
 
     Attributes:
@@ -228,23 +230,23 @@ def find_spikes(inputs: FindingInputs) -> list[Symptom]:
                 f"{each.ratio:.0f} deviations",
                 channel=name,
                 span_ns=inputs.since_start(int(each.unix_ns[0]), int(each.unix_ns[-1])),
-                change=lambda near=each.near: left_out(inputs, near),
+                change=lambda near=each.near: refit_without_rows(inputs, near),
             )
-            for name, each in _spikes(inputs).items()
+            for name, each in spikes_by_channel(inputs).items()
         ]
     )
 
 
-def _spikes(inputs: FindingInputs) -> dict[str, _Spikes]:
+def spikes_by_channel(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
     """By channel; nothing of those without any."""
     if "spikes" not in inputs.kept:
         inputs.kept["spikes"] = _detect_spikes(inputs)
     return inputs.kept["spikes"]  # type: ignore[return-value]
 
 
-def _detect_spikes(inputs: FindingInputs) -> dict[str, _Spikes]:
-    found: dict[str, _Spikes] = {}
-    for name in inputs.needed:
+def _detect_spikes(inputs: FindingInputs) -> dict[str, ChannelSpikes]:
+    found: dict[str, ChannelSpikes] = {}
+    for name in inputs.measured_equation_channels:
         t, x = inputs.series[name]
         if x.size < 3 * _BLOCK:
             continue
@@ -254,26 +256,26 @@ def _detect_spikes(inputs: FindingInputs) -> dict[str, _Spikes]:
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
-        places = places[~_are_jolts(inputs, name, t[places], np.sign(middle[places - 1]))]
+        places = places[~are_mechanical_jolts(inputs, name, t[places], np.sign(middle[places - 1]))]
         if not places.size:
             continue
         size = np.abs(middle[places - 1])
-        found[name] = _Spikes(
+        found[name] = ChannelSpikes(
             t[places],
             float(np.median(size)),
             min(float(np.max(size / scale[places - 1])), _MOST_DEVIATIONS),
-            _samples_beside(inputs, t[places]),
+            samples_near(inputs, t[places]),
         )
     return found
 
 
-def _are_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
+def are_mechanical_jolts(inputs: FindingInputs, name: str, unix_ns: Ints, sign: Floats) -> Bools:
     """(k,) whether force and acceleration are off at once, and alike: that is a stop or a knock."""
     topic = inputs.machine.channels[name].topic
     felt = np.zeros(unix_ns.size, np.bool_)
     if name not in _FELT:
         return felt
-    for other in inputs.measured(*_FELT):
+    for other in inputs.measured_channels(*_FELT):
         t, x = inputs.series[other]
         if inputs.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
             continue
@@ -300,64 +302,65 @@ def local_std(x: Floats) -> Floats:
     return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
 
 
-def _samples_beside(inputs: FindingInputs, unix_ns: Ints) -> Bools:
+def samples_near(inputs: FindingInputs, unix_ns: Ints) -> Bools:
     """Grid samples beside these stamps, (n,)."""
     t = inputs.aligned["t_ns"].to_numpy() + inputs.check_inputs.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
-    return windows_with(at, _BESIDE) | windows_with(at[::-1], _BESIDE)[::-1]
+    return flagged_windows(at, _BESIDE) | flagged_windows(at[::-1], _BESIDE)[::-1]
 
 
-def is_beside_spike(inputs: FindingInputs) -> Bools:
+def is_near_spike(inputs: FindingInputs) -> Bools:
     """Grid samples beside a spike of any channel, (n,)."""
     near = np.zeros(inputs.aligned.height, np.bool_)
-    for each in _spikes(inputs).values():
+    for each in spikes_by_channel(inputs).values():
         near |= each.near
     return near
 
 
 def find_unlike_sides(inputs: FindingInputs) -> list[Symptom]:
     """The largest difference between left and right."""
-    found = [_symptom(inputs, each) for each in inputs.check_inputs.sides.values()]
+    found = [_side_symptom(inputs, each) for each in inputs.check_inputs.side_differences.values()]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
+def _side_symptom(inputs: FindingInputs, seen: SideDifference) -> Symptom:
     least = LIMITS.unlike_slip_1 if seen.kind == "slip" else LIMITS.unlike_sides_1
     strength = abs(seen.value_1) / max(least + seen.resistance_1, SURELY * seen.std_1)
     left, right = _CHANNELS[seen.kind]
-    smaller, larger = (left, right) if seen.smaller == "left" else (right, left)
-    other = "right" if seen.smaller == "left" else "left"
+    smaller, larger = (left, right) if seen.smaller_side == "left" else (right, left)
+    other = "right" if seen.smaller_side == "left" else "left"
     if seen.kind == "torque":
         return Symptom(
             strength,
-            f"on straight drives the {seen.smaller} torque is {seen.share_1:.1%} "
-            f"(± {seen.std_1:.1%}) of the {other} one: one of the two is wrong",
+            f"on straight drives the {seen.smaller_side} torque is "
+            f"{seen.smaller_over_larger_1:.1%} (± {seen.std_1:.1%}) of the {other} one: "
+            "one of the two is wrong",
             channel=smaller,
-            change=lambda: _if_smaller_is_wrong(inputs, seen),
+            change=lambda: change_if_smaller_is_wrong(inputs, seen),
         )
     if seen.kind == "slip":
         return Symptom(
             strength,
-            f"in hard starts the {other} wheels turn faster than the {seen.smaller} ones by "
+            f"in hard starts the {other} wheels turn faster than the {seen.smaller_side} ones by "
             f"{abs(seen.value_1):.1%} ± {seen.std_1:.1%} more than in soft ones, by the gyroscope",
             channel=larger,
-            change=lambda: _no_change(inputs),
+            change=lambda: change_by_wheel_speed(inputs),
             alternatives=("slip",),
         )
-    wrong = _wrong_speed(inputs, seen)
+    wrong = wrong_speed_channel(inputs, seen)
     setting, value = (None, None) if wrong is None else inputs.scale_channels((wrong[0],), wrong[1])
     by_imu = (
         "" if wrong is None else f"; the accelerometer agrees with the {_other_side(wrong[0])} ones"
     )
     return Symptom(
         strength,
-        f"on straight drives the {other} wheels turn faster than the {seen.smaller} ones by "
+        f"on straight drives the {other} wheels turn faster than the {seen.smaller_side} ones by "
         f"{abs(seen.value_1):.1%} ± {seen.std_1:.1%}, by the gyroscope{by_imu}",
         channel=larger if wrong is None else wrong[0],
         setting=setting,
         value=value,
-        change=lambda: _no_change(inputs),
+        change=lambda: change_by_wheel_speed(inputs),
     )
 
 
@@ -365,7 +368,7 @@ def _other_side(channel: str) -> str:
     return "right" if channel == SPEEDS[0] else "left"
 
 
-def _wrong_speed(inputs: FindingInputs, seen: SideDifference) -> tuple[str, float] | None:
+def wrong_speed_channel(inputs: FindingInputs, seen: SideDifference) -> tuple[str, float] | None:
     """The speed that the accelerometer contradicts, and what its scale is to be multiplied by."""
     wheels = None if inputs.fit is None else inputs.fit.kinematics
     if wheels is None or not wheels.is_consistent:
@@ -380,15 +383,17 @@ def _wrong_speed(inputs: FindingInputs, seen: SideDifference) -> tuple[str, floa
     return SPEEDS[1 - right], gains[right] / gains[1 - right]
 
 
-def _if_smaller_is_wrong(inputs: FindingInputs, seen: SideDifference) -> Change | None:
+def change_if_smaller_is_wrong(inputs: FindingInputs, seen: SideDifference) -> MassChange | None:
     """If the larger one is wrong, the mass is as much too large as it is else too small."""
-    if inputs.fit is None or seen.share_1 <= -1.0:
+    if inputs.fit is None or seen.smaller_over_larger_1 <= -1.0:
         return None
-    kg = abs(inputs.fit.mass_kg) * (2.0 / (1.0 + max(seen.share_1, 0.0)) - 1.0)
-    return Change(kg, kg)
+    kg = abs(inputs.fit.mass_kg) * (2.0 / (1.0 + max(seen.smaller_over_larger_1, 0.0)) - 1.0)
+    return MassChange(kg, kg)
 
 
-def _no_change(inputs: FindingInputs) -> Change | None:
+def change_by_wheel_speed(inputs: FindingInputs) -> MassChange | None:
     """The accelerometer weighs: what the wheels say hardly moves the mass."""
     fit = inputs.fit
-    return None if fit is None or not fit.motion.by_accelerometer else Change(0.0, 0.5 * fit.u_kg)
+    return (
+        None if fit is None or not fit.motion.by_accelerometer else MassChange(0.0, 0.5 * fit.u_kg)
+    )

@@ -24,7 +24,7 @@ _PITCH: Final = "pitch_rad"
 
 
 @dataclass(frozen=True)
-class Constants:
+class ConstantForces:
     """Constant forces at rest and in motion.
 
     Attributes:
@@ -57,23 +57,23 @@ def gravity_by_pitch(inputs: FindingInputs) -> np.typing.NDArray[np.float64]:
     return inputs.kept["gravity"]  # type: ignore[return-value]
 
 
-def explain_constant_force(inputs: FindingInputs) -> Constants:
+def explain_constant_force(inputs: FindingInputs) -> ConstantForces:
     """Explain the constant force of driving by as few causes as do."""
     if "constants" not in inputs.kept:
         inputs.kept["constants"] = _fit_explanation(inputs)
     found = inputs.kept["constants"]
-    assert isinstance(found, Constants)
+    assert isinstance(found, ConstantForces)
     return found
 
 
-def _fit_explanation(inputs: FindingInputs) -> Constants:
-    rest = inputs.level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
+def _fit_explanation(inputs: FindingInputs) -> ConstantForces:
+    rest = inputs.standstill_level_of(longitudinal_force(inputs.aligned, inputs.machine.machine))
     error = np.nan, np.nan
     if ACC in inputs.aligned.columns:
-        error = inputs.level_of(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
+        error = inputs.standstill_level_of(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None or not np.isfinite(fit.theta).all():
-        return Constants(rest, error, None, None, None)
+        return ConstantForces(rest, error, None, None, None)
     motion = fit.motion
     offset = abs(rest[0]) > max(
         LIMITS.standing_reading_std * rest[1],
@@ -86,8 +86,8 @@ def _fit_explanation(inputs: FindingInputs) -> Constants:
     # with a pitch an error of the accelerometer is one, and acts
     tilts = (False, True) if tilt and not has_pitch(inputs) else (bool(tilt),)
     offsets = (False, True) if offset else (False,)
-    friction = "direction" if motion.both_ways else "const"
-    way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
+    friction = "direction" if motion.drives_both_ways else "const"
+    way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.used]))
     mass_kg, viscous = inputs.sample_masses_kg(motion), max(fit.viscous, 0.0)
     left: dict[tuple[bool, bool, bool], float] = {}
     variances: list[float] = []
@@ -96,22 +96,22 @@ def _fit_explanation(inputs: FindingInputs) -> Constants:
             _subtract_constants(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
         if system.y.size < LIMITS.constant_min_rows:
-            return Constants(rest, error, None, None, None)
-        own = ProjectedEquation.of(system, ())
+            return ConstantForces(rest, error, None, None, None)
+        own = ProjectedEquation.project_out(system, ())
         variances.append(own.variance)
         left[acts, tilted, False] = own.square_left * own.variance
-        square = own.square(friction)
-        if square > 0.0 and own.product(friction) * way > 0.0:
-            gain = own.product(friction) ** 2 / square
+        square = own.information_about(friction)
+        if square > 0.0 and own.score_of(friction) * way > 0.0:
+            gain = own.score_of(friction) ** 2 / square
             left[acts, tilted, True] = (own.square_left - gain) * own.variance
     cost = {of: each / min(variances) + LIMITS.cause_cost * sum(of) for of, each in left.items()}
     best = min(cost, key=lambda each: cost[each])
     of_rest, of_error = (rest[0] if best[0] else 0.0), (error[0] if best[1] else 0.0)
-    return Constants(
+    return ConstantForces(
         rest,
         error,
-        is_in_explanation(cost, best, 0),
-        is_in_explanation(cost, best, 1),
+        is_in_best_explanation(cost, best, 0),
+        is_in_best_explanation(cost, best, 1),
         _subtract_constants(motion, of_rest, of_error),
     )
 
@@ -122,7 +122,7 @@ def _subtract_constants(motion: MotionSamples, rest_N: float, error_m_s2: float)
     return change_accelerometer(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
 
 
-def is_in_explanation(
+def is_in_best_explanation(
     cost: dict[tuple[bool, bool, bool], float], best: tuple[bool, bool, bool], place: int
 ) -> bool | None:
     """Whether a cause is in the best explanation; None where one without it is nearly as good."""

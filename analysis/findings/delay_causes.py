@@ -18,7 +18,7 @@ from analysis.findings.finding_limits import LIMITS
 from analysis.findings.likelihood_search import PickedCause, search_likelihood
 from analysis.findings.refit import refit_mended
 from analysis.model.schema import values
-from analysis.model.windows import windows_with
+from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force
 from analysis.stages.signals.grid_rate import rows_in
 from analysis.weighing.nuisances import WARMING
@@ -67,13 +67,13 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
     drives = np.abs(force) > LIMITS.driving_force_fraction * float(np.quantile(np.abs(force), 0.98))
     if "imu" not in channels:
         seen = _lag_of_force(force, speed, channels["v"], drives, step_s)
-        return LongDelay("force", seen[0], seen[1:], "speed") if _is_long(seen) else None
+        return LongDelay("force", seen[0], seen[1:], "speed") if _is_long_delay(seen) else None
     imu = channels["imu"]
     seen = _find_lag(speed, imu, step_s)
-    if _is_long(seen):
+    if _is_long_delay(seen):
         # the one that the force begins with is in time
         before = round(LIMITS.driving_start_s / step_s)
-        rows = windows_with(drives[::-1], before)[::-1]
+        rows = flagged_windows(drives[::-1], before)[::-1]
         v = channels["v"]
         later = np.interp(np.arange(v.size) + seen[0] / step_s, np.arange(v.size), v)
         by_imu, by_speed = (
@@ -84,10 +84,10 @@ def _search_delay(inputs: FindingInputs) -> LongDelay | None:
             return LongDelay("speed", seen[0], seen[1:])
         return LongDelay("imu", -seen[0], seen[1:])
     seen = _lag_of_force(force, imu, channels["v"], drives, step_s)
-    return LongDelay("force", seen[0], seen[1:]) if _is_long(seen) else None
+    return LongDelay("force", seen[0], seen[1:]) if _is_long_delay(seen) else None
 
 
-def _is_long(seen: tuple[float, float, float]) -> bool:
+def _is_long_delay(seen: tuple[float, float, float]) -> bool:
     late_s, after, before = seen
     # the other way as they are: a sign
     return (
@@ -152,7 +152,7 @@ def _channel_accelerations(inputs: FindingInputs) -> tuple[float, dict[str, Floa
         return size / rate_hz, {}
     # a central difference has the time of its middle
     found = {"speed": np.gradient(speed) * rate_hz / size, "force": force}
-    if inputs.measured(ACC):
+    if inputs.measured_channels(ACC):
         found["imu"] = means(values(inputs.aligned, ACC) - gravity_by_pitch(inputs))
     channels = {
         name: centre(x) for name, x in found.items() if np.isfinite(x).any() and np.nanstd(x) > 0.0
@@ -183,23 +183,23 @@ def find_delays(inputs: FindingInputs) -> list[Symptom]:
     if late is not None:
         return [_long_delay_symptom(inputs, late)]
     found = [pick for name, pick in search_likelihood(inputs).items() if name.startswith("delay")]
-    return [_symptom(inputs, pick) for pick in found if not is_filter_delay(pick)]
+    return [_symptom(inputs, pick) for pick in found if not is_rather_filter_delay(pick)]
 
 
 def find_filter_delay(inputs: FindingInputs) -> list[Symptom]:
     """An accelerometer that is later than stamps are."""
     found = search_likelihood(inputs).get("delay:imu")
-    if found is None or not is_filter_delay(found):
+    if found is None or not is_rather_filter_delay(found):
         return []
     return [replace(_symptom(inputs, found), alternatives=("delay",), setting=None, value=None)]
 
 
-def is_long(cause: str, strength: float | None) -> bool:
+def masks_other_causes(cause: str, strength: float | None) -> bool:
     """Whether a finding is a delay that hides all else."""
     return cause == "delay" and strength is not None and strength >= LIMITS.long_delay_rank
 
 
-def is_filter_delay(pick: PickedCause) -> bool:
+def is_rather_filter_delay(pick: PickedCause) -> bool:
     """Whether a delay is rather an accelerometer that a filter makes late."""
     return pick.name == "delay:imu" and pick.value > LIMITS.filter_delay_s
 
@@ -262,9 +262,9 @@ def _long_delay_symptom(inputs: FindingInputs, late: LongDelay) -> Symptom:
 
 def _delayed_channels(inputs: FindingInputs, name: str) -> tuple[str, ...]:
     if name == "force":
-        return inputs.measured("force_x_N") or inputs.measured(
+        return inputs.measured_channels("force_x_N") or inputs.measured_channels(
             "torque_left_N_m", "torque_right_N_m"
         )
     if name == "speed":
         return inputs.speed_channels
-    return inputs.measured(ACC)
+    return inputs.measured_channels(ACC)

@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.findings.cause import Cause, Change, Symptom
+from analysis.findings.cause import Cause, MassChange, Symptom
 from analysis.findings.cause_table import CAUSES, UNKNOWN
-from analysis.findings.delay_causes import is_long
+from analysis.findings.delay_causes import masks_other_causes
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.unexplained import SHOWN
@@ -30,7 +30,7 @@ _OF_CHANNEL: Final = ("scale", "unit", "delay_s")
 _PILE: Final = "external_force"
 
 
-def findings(inputs: FindingInputs) -> pl.DataFrame:
+def find_causes(inputs: FindingInputs) -> pl.DataFrame:
     """Look for every cause of the table.
 
     Args:
@@ -44,8 +44,8 @@ def findings(inputs: FindingInputs) -> pl.DataFrame:
         other[0].key
         for other, cause in permutations(shown, 2)
         # of two that explain each other, the stronger is the reason
-        if _explains(cause, other)
-        and (cause[1].strength >= other[1].strength or not _explains(other, cause))
+        if _explains_other(cause, other)
+        and (cause[1].strength >= other[1].strength or not _explains_other(other, cause))
     )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
     inputs.kept[SHOWN] = tuple(cause.key for cause, _ in shown)
@@ -58,7 +58,7 @@ def findings(inputs: FindingInputs) -> pl.DataFrame:
     )
 
 
-def _explains(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) -> bool:
+def _explains_other(one: tuple[Cause, Symptom], other: tuple[Cause, Symptom]) -> bool:
     (cause, own), (seen, sign) = one, other
     if seen.key in own.explains:
         return True
@@ -94,7 +94,7 @@ def _finding_row(
     }
 
 
-def _severity(cause: Cause, sign: Symptom, change: Change | None, inputs: FindingInputs) -> str:
+def _severity(cause: Cause, sign: Symptom, change: MassChange | None, inputs: FindingInputs) -> str:
     if sign.harmless:
         return "tell"
     if cause.withholds and not (cause.as_judged and inputs.can_weigh):
@@ -104,7 +104,7 @@ def _severity(cause: Cause, sign: Symptom, change: Change | None, inputs: Findin
     return "widen" if abs(change.kg) > LIMITS.widening_change_u * inputs.fit.u_kg else "tell"
 
 
-def drop_work_findings(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
+def drop_findings_of_work(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataFrame:
     """The findings without those that the cycles explain, ranked anew.
 
     Args:
@@ -119,7 +119,7 @@ def drop_work_findings(findings: pl.DataFrame, cycles: pl.DataFrame) -> pl.DataF
     return left.with_columns(rank.alias("rank"))
 
 
-def first_findings(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def findings_of_first_hour(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """The first hour in which a log has all of its topics, and what is before it.
 
     Args:
@@ -165,7 +165,7 @@ def add_masked_findings(
     names = " and ".join(each["cause"][0].replace("_", " ") for each in hiding)
     seen = seen.with_columns(evidence=pl.format("once {} is mended: {}", pl.lit(names), "evidence"))
     both = pl.concat(
-        [*hiding, seen] if whole else [*hiding, seen, _keep_first_look(found, hiding, seen)]
+        [*hiding, seen] if whole else [*hiding, seen, merge_looks(found, hiding, seen)]
     )
     return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))
 
@@ -174,10 +174,10 @@ def _has_cause(found: pl.DataFrame, cause: str) -> bool:
     return cause in found["cause"]
 
 
-def _keep_first_look(
+def merge_looks(
     found: pl.DataFrame, hiding: list[pl.DataFrame], seen: pl.DataFrame
 ) -> pl.DataFrame:
-    """What the first look saw and the part that was looked at once more may not have."""
+    """Add to the second look the findings of the first that it cannot have, being of a part."""
     explained = [
         key for each in CAUSES for key in each.explains if _is_hidden_by_any(hiding, each.key)
     ]
@@ -193,7 +193,9 @@ def _mend_machine(machine: Machine, first: pl.DataFrame) -> Machine | None:
     """The machine without a cause that hides others; None where no channel mends one."""
     if first.is_empty() or first["setting"][0] is None:
         return None
-    if first["cause"][0] not in _HIDES and not is_long(first["cause"][0], first["strength_1"][0]):
+    if first["cause"][0] not in _HIDES and not masks_other_causes(
+        first["cause"][0], first["strength_1"][0]
+    ):
         return None
     return _scale_channels(machine, first["setting"][0], first["value"][0])
 

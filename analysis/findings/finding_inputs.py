@@ -15,7 +15,7 @@ from analysis.model.axes import X
 from analysis.model.machine import Machine
 from analysis.model.schema import values
 from analysis.model.verdict import Verdict
-from analysis.model.windows import windows_with
+from analysis.model.windows import flagged_windows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import CachedNoise, ColumnNoiseModel, MotionSamples
@@ -61,7 +61,7 @@ class FindingInputs:
     def fit(self) -> JointFit | None:
         """The joint fit, by what this log says itself; None where there is none."""
         weighing = self.check_inputs.weighing
-        return None if weighing is None else weighing.own
+        return None if weighing is None else weighing.own_fit
 
     @cached_property
     def can_weigh(self) -> bool:
@@ -81,19 +81,19 @@ class FindingInputs:
         return None if found is None else CachedNoise(found)
 
     @cached_property
-    def stands(self) -> Bools:
+    def standing_samples(self) -> Bools:
         """Which grid samples stand, (n,)."""
         return self.check_inputs.is_phase("standstill")
 
     @cached_property
-    def stands_still(self) -> Bools:
+    def resting_samples(self) -> Bools:
         """Those of them with no motion near, (n,): a machine swings after it has stopped."""
-        near = ~self.stands
+        near = ~self.standing_samples
         after, before = (
             round(s * self.machine.settings.align.rate_hz)
             for s in (LIMITS.stand_after_motion_s, LIMITS.stand_before_motion_s)
         )
-        return ~(windows_with(near, after) | windows_with(near[::-1], before)[::-1])
+        return ~(flagged_windows(near, after) | flagged_windows(near[::-1], before)[::-1])
 
     @property
     def series(self) -> Mapping[str, Series]:
@@ -101,28 +101,30 @@ class FindingInputs:
         signals = self.check_inputs.signals
         return {} if signals is None else signals.channels
 
-    def measured(self, *names: str) -> tuple[str, ...]:
+    def measured_channels(self, *names: str) -> tuple[str, ...]:
         """Which of these channels are read from the log."""
         return tuple(name for name in names if name in self.series)
 
     @property
-    def needed(self) -> tuple[str, ...]:
+    def measured_equation_channels(self) -> tuple[str, ...]:
         """The channels of the equation that are read from the log."""
-        return self.measured(*FORCES, *SPEEDS, "position_x_m", ACC, "acc_x_m_s2")
+        return self.measured_channels(*FORCES, *SPEEDS, "position_x_m", ACC, "acc_x_m_s2")
 
     @property
     def force_channel(self) -> str | None:
         """What names the force: its channel, or that of the left torque."""
-        return next(iter(self.measured("force_x_N", "torque_left_N_m", "torque_right_N_m")), None)
+        return next(
+            iter(self.measured_channels("force_x_N", "torque_left_N_m", "torque_right_N_m")), None
+        )
 
     @property
     def speed_channels(self) -> tuple[str, ...]:
         """What the speed is read from."""
-        return self.measured(*SPEEDS, "position_x_m")
+        return self.measured_channels(*SPEEDS, "position_x_m")
 
     def channel_of(self, topic: str) -> str | None:
         """A channel of a topic, one that the equation needs if there is one."""
-        names = (*self.needed, *self.machine.channels)
+        names = (*self.measured_equation_channels, *self.machine.channels)
         return next((n for n in names if self.machine.channels[n].topic == topic), None)
 
     def since_start(self, begin_unix_ns: int, end_unix_ns: int) -> tuple[int, int]:
@@ -133,7 +135,7 @@ class FindingInputs:
     def is_moving_at(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
         t = self.aligned["t_ns"].to_numpy() + self.check_inputs.t0_unix_ns
-        return ~self.stands[np.minimum(places_of_stamps(t, unix_ns), t.size - 1)]
+        return ~self.standing_samples[np.minimum(indices_of_stamps(t, unix_ns), t.size - 1)]
 
     def newtons_per_unit(self, channel: str) -> float:
         """The longitudinal force in N that one of a force channel stands for (17)."""
@@ -168,15 +170,15 @@ class FindingInputs:
             ", ".join(f"{channels[name].delay_s + late_s:.5f}" for name in names),
         )
 
-    def level(self, column: str) -> tuple[float, float]:
+    def standstill_level(self, column: str) -> tuple[float, float]:
         """Mean and deviation of a column of the grid while the machine stands; NaN without."""
         if column not in self.aligned.columns:
             return float("nan"), float("nan")
-        return self.level_of(values(self.aligned, column))
+        return self.standstill_level_of(values(self.aligned, column))
 
-    def level_of(self, x: Floats) -> tuple[float, float]:
+    def standstill_level_of(self, x: Floats) -> tuple[float, float]:
         """Likewise of (n,) values: of means of half a second, which hardly know of each other."""
-        x = x[self.stands_still]
+        x = x[self.resting_samples]
         x = x[np.isfinite(x)]
         size = max(round(LIMITS.stand_block_s * self.machine.settings.align.rate_hz), 1)
         count = x.size // size
@@ -196,7 +198,7 @@ class FindingInputs:
 
 
 @compiled_ahead
-def places_of_stamps(t: Ints, stamps: Ints) -> Ints:
+def indices_of_stamps(t: Ints, stamps: Ints) -> Ints:
     """Where stamps, (n,), stand among ascending ones: `searchsorted` of stamps mostly in order."""
     out = np.empty(stamps.size, np.int64)
     at = 0

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
-from analysis.findings.cause import Change, Symptom
+from analysis.findings.cause import MassChange, Symptom
 from analysis.findings.changing_loads import compare_share_with_loads
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
@@ -30,7 +30,7 @@ def find_wrong_wheel_radius(inputs: FindingInputs) -> list[Symptom]:
     if gain <= -1.0:  # no radius makes wheels follow that do not
         return []
     body = inputs.machine.machine
-    torques = bool(inputs.measured("torque_left_N_m", "torque_right_N_m"))
+    torques = bool(inputs.measured_channels("torque_left_N_m", "torque_right_N_m"))
     setting, value = [], []
     if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
@@ -81,8 +81,10 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
         LIMITS.standing_reading_std * std,
         LIMITS.standing_reading_fraction * inputs.fit.motion.largest_force,
     )
-    names = inputs.measured("force_x_N") or inputs.measured("torque_left_N_m", "torque_right_N_m")
-    at_rest = [inputs.level(name)[0] for name in names]
+    names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
+        "torque_left_N_m", "torque_right_N_m"
+    )
+    at_rest = [inputs.standstill_level(name)[0] for name in names]
     return [
         Symptom(
             float(strength),
@@ -90,7 +92,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(
-                _zeroing_change(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
+                _zeroing_advice(inputs, name, x) for name, x in zip(names, at_rest, strict=True)
             )
             or None,
             change=lambda: refit_mended(
@@ -103,7 +105,7 @@ def find_force_offset(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _zeroing_change(inputs: FindingInputs, name: str, reads: float) -> str:
+def _zeroing_advice(inputs: FindingInputs, name: str, reads: float) -> str:
     channel = inputs.machine.channels[name]
     if channel.unit is None:
         return f"{channel.offset - reads:.6g}"
@@ -122,7 +124,7 @@ def _constant_force_symptom(inputs: FindingInputs) -> list[Symptom]:
     return [
         Symptom(
             abs(const) / (LIMITS.term_min_std * std),
-            f"driving has {_newtons(const, std, sign='+')} besides mass and friction",
+            f"driving has {_newtons_text(const, std, sign='+')} besides mass and friction",
             channel=inputs.force_channel,
             alternatives=("imu_misaligned", "imu_bias", "slope", "coulomb"),
         )
@@ -135,13 +137,13 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
     if fit is None or inputs.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
-    name = "direction" if motion.both_ways else "const"
-    way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
+    name = "direction" if motion.drives_both_ways else "const"
+    way = 1.0 if motion.drives_both_ways else float(np.median(motion.direction[motion.used]))
     pick = found.get(name) or _fitted_term(inputs, name)
     if pick is None or pick.value * way <= 0.0:
         return []
     force = pick.value * way
-    prior = "direction_share" if motion.both_ways else "const_share"
+    prior = "direction_share" if motion.drives_both_ways else "const_share"
     share = max(getattr(inputs.machine.settings.priors, prior), force / motion.largest_force)
     others = rival_causes(pick)
     seen = explain_constant_force(inputs)
@@ -152,16 +154,16 @@ def find_coulomb_friction(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
                 force / (LIMITS.trusted_coulomb_fraction * motion.largest_force),
             ),
-            f"{_newtons(force, pick.std)} oppose the motion at any speed",
+            f"{_newtons_text(force, pick.std)} oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
-            change=lambda: _without_friction(inputs, force, pick.std, others),
+            change=lambda: mass_change_without_friction(inputs, force, pick.std, others),
             alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
 
 
-def _newtons(force_N: float, std_N: float, sign: str = "-") -> str:
+def _newtons_text(force_N: float, std_N: float, sign: str = "-") -> str:
     """A force with its deviation: of a small machine, to a digit of that."""
     places = max(0, -math.floor(math.log10(std_N))) if 0.0 < std_N < 1.0 else 0
     return f"{force_N:{sign}.{places}f} ± {std_N:.{places}f} N"
@@ -184,9 +186,9 @@ def _fitted_term(inputs: FindingInputs, name: str) -> PickedCause | None:
     return PickedCause(name, value, std, (value / std) ** 2, ())
 
 
-def _without_friction(
+def mass_change_without_friction(
     inputs: FindingInputs, force: float, std: float, others: tuple[str, ...]
-) -> Change | None:
+) -> MassChange | None:
     """What the mass would be without Coulomb friction, or whichever of the others it is."""
     change = refit_mended(
         inputs,
@@ -196,12 +198,12 @@ def _without_friction(
     weighing = inputs.check_inputs.weighing
     if change is None or weighing is None or "braking_inside" not in others:
         return change
-    return Change(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
+    return MassChange(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
 
 
-def _no_symptom(inputs: FindingInputs) -> Change | None:
+def _mass_change_without_slip(inputs: FindingInputs) -> MassChange | None:
     fit = inputs.fit
-    return None if fit is None else Change(0.0, 0.5 * fit.u_kg)
+    return None if fit is None else MassChange(0.0, 0.5 * fit.u_kg)
 
 
 def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
@@ -216,7 +218,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
             f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
             "full force",
             channel=next(iter(inputs.speed_channels), None),
-            change=lambda: _no_symptom(inputs),
+            change=lambda: _mass_change_without_slip(inputs),
             alternatives=rival_causes(pick),
         )
     ]
@@ -224,7 +226,7 @@ def find_wheel_slip(inputs: FindingInputs) -> list[Symptom]:
 
 def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
     """A force that is not linear in the acceleration: load transfer, or losses of the drive."""
-    found = _is_one_load(inputs)
+    found = find_gain_drift_of_one_load(inputs)
     pick = search_likelihood(inputs).get("driveline")
     if pick is not None:
         found.append(
@@ -233,7 +235,7 @@ def find_driveline_nonlinearity(inputs: FindingInputs) -> list[Symptom]:
                     float(np.sqrt(pick.gain)) / LIMITS.term_min_std,
                     abs(pick.value) / LIMITS.trusted_share_change_s2_m,
                 ),
-                _share_changes(pick.value, pick.std),
+                _share_change_text(pick.value, pick.std),
                 channel=inputs.force_channel,
                 change=lambda: refit_mended(
                     inputs,
@@ -264,7 +266,7 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
             channel=inputs.force_channel,
             # its mean over the log is what the masses have
             change=lambda: (
-                Change(0.0, abs(pick.value) / 2.0 * abs(inputs.fit.mass_kg))
+                MassChange(0.0, abs(pick.value) / 2.0 * abs(inputs.fit.mass_kg))
                 if inputs.fit is not None
                 else None
             ),
@@ -273,11 +275,11 @@ def find_gain_drift(inputs: FindingInputs) -> list[Symptom]:
     ]
 
 
-def _share_changes(value: float, std: float) -> str:
+def _share_change_text(value: float, std: float) -> str:
     return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} a m/s²"
 
 
-def _is_one_load(inputs: FindingInputs) -> list[Symptom]:
+def find_gain_drift_of_one_load(inputs: FindingInputs) -> list[Symptom]:
     """The same where the answer has loads that take turns with the direction."""
     found = compare_share_with_loads(inputs)
     if found is None or found.worse > LIMITS.indistinguishable_gain:
@@ -288,7 +290,7 @@ def _is_one_load(inputs: FindingInputs) -> list[Symptom]:
                 float(np.sqrt(found.gain)) / LIMITS.term_min_std,
                 abs(found.value) / LIMITS.trusted_share_change_s2_m,
             ),
-            f"{_share_changes(found.value, found.std)}, and there is one load, or there are "
+            f"{_share_change_text(found.value, found.std)}, and there is one load, or there are "
             f"{found.loads} that go with the direction: this log does not tell",
             channel=inputs.force_channel,
         )
@@ -359,7 +361,7 @@ def find_braking_inside(inputs: FindingInputs) -> list[Symptom]:
             f"of the brakes{share}",
             setting="settings.gate.exclude_braking",
             value="true",
-            change=lambda: Change(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),
+            change=lambda: MassChange(left, LIMITS.braking_u_ratio * weighing.fit.u_kg),
             alternatives=others,
         )
     ]

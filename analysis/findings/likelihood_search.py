@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from analysis.findings.altered_motion import delay_channel
-from analysis.findings.channel_causes import is_beside_spike
+from analysis.findings.channel_causes import is_near_spike
 from analysis.findings.constant_forces import explain_constant_force
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
@@ -54,16 +54,16 @@ class PickedCause:
 def search_likelihood(inputs: FindingInputs) -> Mapping[str, PickedCause]:
     """Rank causes by their gain of likelihood, picked ones first."""
     if "picks" not in inputs.kept:
-        inputs.kept["picks"] = _pick_in_turn(inputs)
+        inputs.kept["picks"] = _pick_causes_in_turn(inputs)
     return inputs.kept["picks"]  # type: ignore[return-value]
 
 
-def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
+def _pick_causes_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
     fit, noise = inputs.fit, inputs.column_noise
     if fit is None or noise is None or explain_constant_force(inputs).motion is None:
         return {}
     motion = explain_constant_force(inputs).motion or fit.motion
-    near = is_beside_spike(inputs)
+    near = is_near_spike(inputs)
     if near.any():  # a spike is no motion, whatever it looks like
         motion = renumber_stretches(motion.exclude(near))
         if not motion.used.any():  # there are spikes all along
@@ -72,11 +72,11 @@ def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
     out: dict[str, PickedCause] = {}
     late = _try_long_delay(inputs, motion)
     if late is not None:
-        motion, found = converge_delay(inputs, motion, taken, late)
+        motion, found = remove_delay_iteratively(inputs, motion, taken, late)
         out[late.name] = replace(found, gain=late.gain)
         taken.append(late.name)
     for _ in range(LIMITS.max_picked_causes):
-        tried = try_causes(inputs, motion, taken)
+        tried = score_causes(inputs, motion, taken)
         if not tried:
             break
         best = _best_candidate(tried)
@@ -91,7 +91,7 @@ def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         }
         if best.name.startswith("delay"):
             begun = motion
-            motion, found = converge_delay(inputs, begun, taken, best)
+            motion, found = remove_delay_iteratively(inputs, begun, taken, best)
             if best.name in _BESIDE and _BESIDE[best.name] in tried:
                 motion, found, other = _attribute_delay(inputs, begun, taken, (motion, found))
                 rivals = rivals - {*_BESIDE} | {*other}
@@ -101,7 +101,7 @@ def _pick_in_turn(inputs: FindingInputs) -> dict[str, PickedCause]:
         )
         taken.append(found.name)
     else:
-        out.update({n: p for n, p in try_causes(inputs, motion, taken).items() if n not in out})
+        out.update({n: p for n, p in score_causes(inputs, motion, taken).items() if n not in out})
     return out
 
 
@@ -165,7 +165,7 @@ def _try_long_delay(inputs: FindingInputs, motion: MotionSamples) -> PickedCause
     return PickedCause("delay:force", fit.lag_s, 1e-3, gain, ())
 
 
-def converge_delay(
+def remove_delay_iteratively(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str], pick: PickedCause
 ) -> tuple[MotionSamples, PickedCause]:
     """Move the channel back by what was found, until nothing is left of its delay."""
@@ -178,7 +178,7 @@ def converge_delay(
             )
         )
         motion = delay_channel(begun, channel, total)
-        again = try_causes(inputs, motion, taken).get(pick.name)
+        again = score_causes(inputs, motion, taken).get(pick.name)
         if again is None:
             break
         step, std = again.value, again.std
@@ -218,7 +218,7 @@ def _attribute_delay(
     return motion, own, (turned.name,) if near else ()
 
 
-def try_causes(
+def score_causes(
     inputs: FindingInputs, motion: MotionSamples, taken: list[str]
 ) -> dict[str, PickedCause]:
     """Try every cause beside those that were picked."""
@@ -228,10 +228,10 @@ def try_causes(
     for name in names:
         if name in taken:
             continue
-        square = sum(part.square(name) for part in parts)
+        square = sum(part.information_about(name) for part in parts)
         if not square > 0.0:
             continue
-        value = sum(part.product(name) for part in parts) / square
+        value = sum(part.score_of(name) for part in parts) / square
         out[name] = PickedCause(name, value, square**-0.5, value**2 * square, ())
     return out
 
@@ -261,6 +261,6 @@ def remaining_motion(
         brakes=not inputs.machine.settings.gate.exclude_braking,
     )
     wheels = wheel_system(motion, noise)
-    return ProjectedEquation.of(force, taken), None if wheels is None else ProjectedEquation.of(
-        wheels, taken
-    )
+    return ProjectedEquation.project_out(
+        force, taken
+    ), None if wheels is None else ProjectedEquation.project_out(wheels, taken)

@@ -9,20 +9,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.findings.cause import Change
+from analysis.findings.cause import MassChange
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.fitted_stretches import begins
 from analysis.weighing.joint_fit import refit
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples, begins
+from analysis.weighing.motion_samples import ColumnNoiseModel, MotionSamples
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels
 from estimators.arrays import Bools, Floats
 
 Mend = Callable[[MotionSamples], MotionSamples]
 
 
-def left_out(inputs: FindingInputs, rows: Bools) -> Change | None:
+def refit_without_rows(inputs: FindingInputs, rows: Bools) -> MassChange | None:
     """Fit once more without samples, which leaves some starts as another answer would have them.
 
     Args:
@@ -32,7 +33,9 @@ def left_out(inputs: FindingInputs, rows: Bools) -> Change | None:
     return refit_from_scratch(inputs, lambda motion: motion.exclude(rows), LIMITS.cut_start_u)
 
 
-def refit_from_scratch(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
+def refit_from_scratch(
+    inputs: FindingInputs, mend: Mend, relative_u: float = 0.0
+) -> MassChange | None:
     """Refit from scratch if the present answer predicts a replay badly.
 
     Args:
@@ -43,10 +46,10 @@ def refit_from_scratch(inputs: FindingInputs, mend: Mend, relative_u: float = 0.
     change = refit_mended(inputs, mend, relative_u)
     if change is None or inputs.fit is None:
         return None
-    return Change(change.kg, float(np.hypot(change.u_kg, inputs.fit.u_kg)))
+    return MassChange(change.kg, float(np.hypot(change.u_kg, inputs.fit.u_kg)))
 
 
-def refit_mended(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> Change | None:
+def refit_mended(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> MassChange | None:
     """Fit once more from the joint fit on, and compare with the mass of the motion as it is.
 
     Args:
@@ -62,7 +65,7 @@ def refit_mended(inputs: FindingInputs, mend: Mend, relative_u: float = 0.0) -> 
         return None
     kg = after - before
     of_noise = fit.parts_kg(fit.weights(fit.main_state))["noise"]
-    return Change(
+    return MassChange(
         kg,
         float(
             np.hypot(max(relative_u, LIMITS.change_u) * kg, LIMITS.replay_std_fraction * of_noise)
@@ -87,7 +90,7 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     if fit is None or noise is None:
         return None
     priors = inputs.machine.settings.priors
-    known = _wheels_agree(fit.motion, motion)
+    known = is_wheel_agreement_kept(fit.motion, motion)
     # of a long log a part says as much of what a cause does
     motion = renumber_stretches(motion.first_stretches(LIMITS.refit_max_stretches))
     if motion.used.sum() < LIMITS.refit_min_samples or not motion.drives:
@@ -103,11 +106,11 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     if known:
         inputs.kept["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    found = _refit_from(begun, noise, priors, known=known).mass_kg
+    found = refit_from_parameters(begun, noise, priors, known=known).mass_kg
     return found if np.isfinite(found) else None
 
 
-def _wheels_agree(before: MotionSamples, after: MotionSamples) -> bool:
+def is_wheel_agreement_kept(before: MotionSamples, after: MotionSamples) -> bool:
     """Whether wheels and accelerometer say of each other what they said.
 
     Their comparison takes a constant of the accelerometer off.
@@ -131,7 +134,7 @@ def _differ_by_constant(old: Floats, new: Floats) -> bool:
     return float(np.ptp(new - old)) < LIMITS.zero_shift_m_s2
 
 
-def _refit_from(
+def refit_from_parameters(
     begun: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
 ) -> JointFit:
     """Fit from another one's parameters on; its lag by the first stretches where there are more.

@@ -25,21 +25,21 @@ class Spectra(NamedTuple):
     counts: tuple[int, int]
 
 
-def spectra(inputs: FindingInputs) -> Spectra | None:
+def residual_spectra(inputs: FindingInputs) -> Spectra | None:
     """Of f - m a - b v; None where there is too little of either, or nothing fast on the grid."""
     if "spectra" in inputs.kept:
         return inputs.kept["spectra"]  # type: ignore[return-value]
-    inputs.kept["spectra"] = found = _spectra(inputs)
+    inputs.kept["spectra"] = found = _compute_residual_spectra(inputs)
     return found
 
 
-def _spectra(inputs: FindingInputs) -> Spectra | None:
+def _compute_residual_spectra(inputs: FindingInputs) -> Spectra | None:
     fit, aligned, machine = inputs.fit, inputs.aligned, inputs.machine
     rate_hz = machine.settings.align.rate_hz
     if rate_hz <= 2.0 * LIMITS.reference_band_hz[0]:
         return None
-    straight = inputs.check_inputs.straight
-    mass_kg, viscous = _mass_and_friction(inputs)
+    straight = inputs.check_inputs.straight_motion
+    mass_kg, viscous = pooled_mass_and_friction(inputs)
     lag = fit.lag_s if fit is not None and fit.shifted else 0.0
     used = straight.moving if fit is None else fit.motion.used
     rows = np.arange(aligned.height, dtype=np.float64)
@@ -49,7 +49,7 @@ def _spectra(inputs: FindingInputs) -> Spectra | None:
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
     driving = stretch_powers(left, used & known, 2)
-    standing = stretch_powers(left, inputs.stands_still & known, 1)
+    standing = stretch_powers(left, inputs.resting_samples & known, 1)
     if min(len(driving), len(standing)) < LIMITS.min_spectra:
         return None
     hz = np.arange(LIMITS.spectrum_samples // 2 + 1) * rate_hz / LIMITS.spectrum_samples
@@ -57,7 +57,7 @@ def _spectra(inputs: FindingInputs) -> Spectra | None:
     return Spectra(hz, typical_power(driving), typical_power(standing), counts)
 
 
-def _mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
+def pooled_mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
     """By the pooled estimate of moving means: shaking takes the mass of shorter ones away."""
     totals = inputs.check_inputs.totals
     if totals is not None:
@@ -67,7 +67,7 @@ def _mass_and_friction(inputs: FindingInputs) -> tuple[float, float]:
             return float(both[0][0]), float(both[1][0])
     if inputs.fit is not None:
         return inputs.fit.mass_kg, inputs.fit.viscous
-    return inputs.check_inputs.straight.fit.value, 0.0
+    return inputs.check_inputs.straight_motion.fit.value, 0.0
 
 
 def stretch_powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
@@ -101,7 +101,7 @@ def _band_level(hz: Floats, power: Floats, low: float, high: float) -> float:
 
 def find_resonance(inputs: FindingInputs) -> list[Symptom]:
     """A peak of the driving spectrum over the standing one."""
-    found = spectra(inputs)
+    found = residual_spectra(inputs)
     if found is None:
         return []
     hz = found.hz
@@ -126,7 +126,7 @@ def find_resonance(inputs: FindingInputs) -> list[Symptom]:
 
 def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
     """More noise while it drives than while it stands."""
-    found = spectra(inputs)
+    found = residual_spectra(inputs)
     if found is None:
         return []
     driving, standing = (
@@ -144,7 +144,7 @@ def find_heteroscedasticity(inputs: FindingInputs) -> list[Symptom]:
 
 def find_coloured_residuals(inputs: FindingInputs) -> list[Symptom]:
     """Slow noise of the channels at standstill, beyond white noise."""
-    found = spectra(inputs)
+    found = residual_spectra(inputs)
     if found is None:
         return []
     slow = _band_level(found.hz, found.standing, 0.5, LIMITS.slow_noise_hz)

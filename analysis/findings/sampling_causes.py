@@ -7,7 +7,7 @@ from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.model.uncertainty_sources import STD_OF_MAD
 from analysis.stages.signals.filters import period_ns
-from analysis.stages.signals.timestamps import FIRST_DATE_NS, uneven_headers
+from analysis.stages.signals.timestamps import FIRST_DATE_NS, stamp_scatter
 from estimators.arrays import Bools, Floats, Ints
 
 
@@ -53,7 +53,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     """The scatter of a topic's steps, gaps aside, over its period."""
     found: list[Symptom] = []
     for name, (t, _) in channel_by_topic(inputs).items():
-        uneven = uneven_headers(inputs.raw[inputs.machine.channels[name].topic or "table"])
+        uneven = stamp_scatter(inputs.raw[inputs.machine.channels[name].topic or "table"])
         if uneven is not None:
             found.append(
                 Symptom(
@@ -70,7 +70,7 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
         if steps.size < 100:
             continue
         scatter = float(np.std(steps))
-        least, says = _least_scatter(inputs, name)
+        least, says = step_scatter(inputs, name)
         found.append(
             Symptom(
                 scatter / least,
@@ -81,13 +81,13 @@ def find_irregular_sampling(inputs: FindingInputs) -> list[Symptom]:
     return strongest_symptom(found)
 
 
-def _least_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
+def step_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     """The scatter of a topic's steps that matters, and what its readings say of the stamps."""
     topic = inputs.machine.channels[name].topic
     weight, weighted = 0.0, 0.0
-    for channel in inputs.needed:
+    for channel in inputs.measured_equation_channels:
         if inputs.machine.channels[channel].topic == topic:
-            share, std = _stamp_fidelity(*inputs.series[channel])
+            share, std = stamp_fidelity(*inputs.series[channel])
             if np.isfinite([share, std]).all() and std > 0.0:
                 weight, weighted = weight + std**-2, weighted + share * std**-2
     if not weight:
@@ -103,7 +103,7 @@ def _least_scatter(inputs: FindingInputs, name: str) -> tuple[float, str]:
     return LIMITS.uneven_steps, ""
 
 
-def _stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
+def stamp_fidelity(t: Ints, x: Floats) -> tuple[float, float]:
     """Whether readings were taken when their stamps say (1) or evenly (0), ± standard deviation.
 
     A reading that is taken when its stamp says lies beside the mean of its neighbours by the slope
@@ -136,12 +136,12 @@ def find_clock_jump(inputs: FindingInputs) -> list[Symptom]:
     """A step in what log time lies behind header stamps, beyond its drift."""
     found: list[Symptom] = []
     for topic, (log, latency_s) in _latencies(inputs).items():
-        level, std_s = _latency_levels(latency_s)
+        level, std_s = usual_latencies(latency_s)
         if level is None:
             continue
         at, jump_s, left_s = _largest_step(level)
         # a clock that drifts has no one step
-        if left_s > _residual_of_line(level):
+        if left_s > line_residual_share(level):
             continue
         strength = abs(jump_s) / max(LIMITS.clock_jump_std * std_s, LIMITS.clock_jump_s)
         place = at * log.size // LIMITS.latency_parts
@@ -193,7 +193,7 @@ def _drifting_channel(inputs: FindingInputs, faster: str, slower: str) -> str:
 def channel_by_topic(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     """One channel of each topic that the equation needs."""
     topics: dict[str | None, str] = {}
-    for name in inputs.needed:
+    for name in inputs.measured_equation_channels:
         topics.setdefault(inputs.machine.channels[name].topic, name)
     return {name: inputs.series[name] for name in topics.values()}
 
@@ -212,7 +212,7 @@ def _latencies(inputs: FindingInputs) -> dict[str, tuple[Ints, Floats]]:
     return out
 
 
-def _latency_levels(latency_s: Floats) -> tuple[Floats | None, float]:
+def usual_latencies(latency_s: Floats) -> tuple[Floats | None, float]:
     """(parts,) the usual latency of each part, and the deviation of one."""
     parts = np.array_split(latency_s, LIMITS.latency_parts)
     level = np.array([float(np.median(part)) for part in parts])
@@ -231,7 +231,7 @@ def _largest_step(level: Floats) -> tuple[int, float, float]:
     return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
 
 
-def _residual_of_line(level: Floats) -> float:
+def line_residual_share(level: Floats) -> float:
     """What a line leaves of its scatter."""
     x = np.arange(level.size, dtype=np.float64)
     return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))

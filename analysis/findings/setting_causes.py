@@ -14,10 +14,10 @@ from analysis.findings.cause import Symptom
 from analysis.findings.finding_inputs import FindingInputs
 from analysis.findings.finding_limits import LIMITS
 from analysis.findings.fit_causes import relative_mass_u
-from analysis.model.methods import METHODS, Feed
+from analysis.model.methods import METHODS, FeedKind
 from analysis.model.schema import values
 from analysis.stages.estimation import fit_quality
-from analysis.weighing.load_frames import changes
+from analysis.weighing.load_frames import load_change_rows
 from estimators.arrays import Bools, Floats, Ints
 
 #: Braking takes a large part of the windows from this share on.
@@ -56,7 +56,7 @@ def find_unmodelled_braking(inputs: FindingInputs) -> list[Symptom]:
 
 def _braking_over_driving(evidence: CheckInputs) -> float:
     """The mass by all braking over that by all driving, no window refused; NaN: no telling."""
-    motion = evidence.straight
+    motion = evidence.straight_motion
     A = np.column_stack([motion.A[:, :2], np.sign(motion.speed)])
     driving = motion.known & evidence.is_phase("accelerating", "cruising")
     found = [_fit_mass(A, motion.f, of) for of in (driving, motion.braking)]
@@ -73,12 +73,12 @@ def _fit_mass(A: np.ndarray, f: np.ndarray, of: Bools) -> tuple[float, float]:
 def find_wind_up(inputs: FindingInputs) -> list[Symptom]:
     """Estimates that forget while the machine keeps its speed (wind-up)."""
     found = [
-        sign for name in inputs.estimates if (sign := _method_growth(inputs, name)) is not None
+        sign for name in inputs.estimates if (sign := find_growing_std(inputs, name)) is not None
     ]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
+def find_growing_std(inputs: FindingInputs, name: str) -> Symptom | None:
     """The growth of the recursion's own deviation, which is there whatever else is wrong.
 
     Without excitation the covariance grows by 1 / forgetting a sample (Åström and Wittenmark 1995,
@@ -86,7 +86,7 @@ def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
     """
     frame = inputs.estimates[name]
     trace = inputs.machine.settings.trace
-    recursive = METHODS[name].feed is Feed.SETTLED
+    recursive = METHODS[name].feed is FeedKind.SETTLED
     # one that forgets only what is renewed cannot wind up
     renewed = name == "rls" and trace.directional_forgetting
     if not recursive or renewed or trace.forgetting >= 1.0 or frame.is_empty():
@@ -99,7 +99,7 @@ def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
         inputs.check_inputs.is_phase(each)[rows] for each in ("accelerating", "cruising")
     )
     # a recursion begins anew with each load, and learns in each start
-    load = np.searchsorted(changes(inputs.check_inputs.weighing), rows, "right")
+    load = np.searchsorted(load_change_rows(inputs.check_inputs.weighing), rows, "right")
     parts = np.flatnonzero(run_starts(starts) | run_starts(load))
     least_kg = apply_to_parts(np.fmin.accumulate, std_kg, parts)
     steady = apply_to_parts(np.cumsum, cruises.astype(np.float64), parts)
@@ -120,10 +120,10 @@ def _method_growth(inputs: FindingInputs, name: str) -> Symptom | None:
 
 
 def run_starts(x: Bools | Ints) -> Bools:
-    """(n,) where true begins, or a larger number."""
+    """(n,) where a run of true begins, or of a larger number than before."""
     return np.diff(x.astype(np.int64), prepend=0) > 0
 
 
-def apply_to_parts(of: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
+def apply_to_parts(function: Callable[[Floats], Floats], x: Floats, parts: Ints) -> Floats:
     """(n,) what a function makes of each part, which begin there."""
-    return np.concatenate([of(part) for part in np.split(x, parts)])
+    return np.concatenate([function(part) for part in np.split(x, parts)])

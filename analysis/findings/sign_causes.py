@@ -55,12 +55,14 @@ def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
         return []
     names: tuple[str, ...] = ()
     if of_force < -LIMITS.signed_correlation and not (by_imu and gain < 0.0):
-        names = inputs.measured("force_x_N") or inputs.measured(
+        names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
             "torque_left_N_m", "torque_right_N_m"
         )
     elif by_imu and gain < 0.0:
         names = (
-            inputs.measured(ACC) if of_force < -LIMITS.signed_correlation else inputs.speed_channels
+            inputs.measured_channels(ACC)
+            if of_force < -LIMITS.signed_correlation
+            else inputs.speed_channels
         )
     if not names:
         return []
@@ -87,7 +89,7 @@ def _flipped_axis(inputs: FindingInputs) -> list[Symptom]:
 
 def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
     """Left and right torque that oppose each other while the machine drives straight."""
-    sides = inputs.measured("torque_left_N_m", "torque_right_N_m")
+    sides = inputs.measured_channels("torque_left_N_m", "torque_right_N_m")
     if len(sides) < 2:
         return []
     left, right = (values(inputs.aligned, name) for name in sides)
@@ -100,7 +102,7 @@ def _flipped_side(inputs: FindingInputs) -> list[Symptom]:
         is_never_negative(inputs, name) for name in sides
     ):
         return []
-    along = inputs.check_inputs.straight.speed
+    along = inputs.check_inputs.straight_motion.speed
     speeding = used & inputs.check_inputs.is_phase("accelerating")
     wrong = sides[
         int(np.argmin([float((each * np.sign(along))[speeding].mean()) for each in (left, right)]))
@@ -125,7 +127,7 @@ def find_unsigned_force(inputs: FindingInputs) -> list[Symptom]:
     opposing = inputs.checks.get("raw_opposing_share", np.nan)
     if not np.isfinite(opposing):
         opposing = inputs.checks.get("opposing_share", np.nan)
-    straight = inputs.check_inputs.straight
+    straight = inputs.check_inputs.straight_motion
     if not straight.known.any():
         return []
     fewest = rows_in(
@@ -163,13 +165,13 @@ def is_never_negative(inputs: FindingInputs, name: str) -> bool:
 def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     """Wheels that turn the machine the other way than the gyroscope says."""
     gyro = "yaw_rate_rad_s"
-    sides = inputs.measured("speed_left_m_s", "speed_right_m_s")
+    sides = inputs.measured_channels("speed_left_m_s", "speed_right_m_s")
     width = inputs.machine.machine.track_width_m
     if len(sides) < 2 or gyro not in inputs.aligned.columns or width is None:
         return []
     left, right, rate = (values(inputs.aligned, name) for name in (*sides, gyro))
     turns = (right - left) / width
-    used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.stands
+    used = np.isfinite(turns) & np.isfinite(rate) & ~inputs.standing_samples
     if used.sum() < 200:
         return []
     step = rows_in(LIMITS.independent_rows_s, inputs.machine.settings.align.rate_hz)
@@ -179,7 +181,7 @@ def find_swapped_sides(inputs: FindingInputs) -> list[Symptom]:
     together = float(x @ y) / float(np.sqrt((x @ x) * (y @ y)))
     if together > -LIMITS.signed_correlation:
         return []
-    torques = inputs.measured("torque_left_N_m", "torque_right_N_m")
+    torques = inputs.measured_channels("torque_left_N_m", "torque_right_N_m")
     names = (*sides, *torques)
     channels = inputs.machine.channels
     pairs = [(names[i], names[i ^ 1]) for i in range(len(names))]
@@ -208,8 +210,8 @@ def find_wrong_unit(inputs: FindingInputs) -> list[Symptom]:
 
 def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
     """The accelerometer's z axis at standstill against gravity, whatever the wheels do."""
-    names = inputs.measured(*_ACC_AXES)
-    reads, _ = inputs.level(_ACC_AXES[2])
+    names = inputs.measured_channels(*_ACC_AXES)
+    reads, _ = inputs.standstill_level(_ACC_AXES[2])
     share = reads / inputs.machine.machine.gravity_m_s2
     near = [
         r
@@ -235,7 +237,7 @@ def _unit_by_gravity(inputs: FindingInputs) -> list[Symptom]:
 
 def _reads_gravity(inputs: FindingInputs) -> bool:
     """Whether the z axis reads gravity at rest, either way up: then its unit is m/s²."""
-    reads, _ = inputs.level(_ACC_AXES[2])
+    reads, _ = inputs.standstill_level(_ACC_AXES[2])
     return bool(
         abs(abs(reads) / inputs.machine.machine.gravity_m_s2 - 1.0) < LIMITS.unit_ratio_tolerance
     )
@@ -260,7 +262,7 @@ def _unit_by_speed(inputs: FindingInputs) -> list[Symptom]:
     units = _speed_units(inputs)
     channels = dict.fromkeys(units, inputs.speed_channels)
     if not _reads_gravity(inputs):
-        channels |= dict.fromkeys(_ACC_UNITS, inputs.measured(*_ACC_AXES))
+        channels |= dict.fromkeys(_ACC_UNITS, inputs.measured_channels(*_ACC_AXES))
     near = {
         ratio: abs(float(np.log(gain / ratio)))
         for ratio, names in channels.items()
@@ -304,7 +306,9 @@ def _unit_by_empty_mass(inputs: FindingInputs) -> list[Symptom]:
     fit = inputs.fit
     if fit is not None and empty_kg and fit.mass_kg > 0:
         ratio = fit.mass_kg / empty_kg
-    names = inputs.measured("force_x_N") or inputs.measured("torque_left_N_m", "torque_right_N_m")
+    names = inputs.measured_channels("force_x_N") or inputs.measured_channels(
+        "torque_left_N_m", "torque_right_N_m"
+    )
     if fit is None:
         poor = not inputs.checks.get("relative_std", np.inf) < LIMITS.known_ratio_u
     else:
@@ -354,8 +358,12 @@ def multiply_channel(motion: MotionSamples, channel: str, times: float) -> Motio
 def find_wrong_scale(inputs: FindingInputs) -> list[Symptom]:
     """The lightest load against the empty mass, in their standard uncertainty with the scale."""
     found = inputs.check_inputs.empty_mass
-    if found is None or not found.tells:
+    if found is None or not found.is_informative:
         return []
     return [
-        Symptom(abs(found.in_u) / LIMITS.wrong_scale_u, found.text, channel=inputs.force_channel)
+        Symptom(
+            abs(found.difference_in_u) / LIMITS.wrong_scale_u,
+            found.text,
+            channel=inputs.force_channel,
+        )
     ]

@@ -40,16 +40,16 @@ def unexplained_symptom(judged: pl.DataFrame, shown: Collection[str]) -> Symptom
         judged: `verdict`.
         shown: keys of the causes that the log shows.
     """
-    failed = [row for row in judged.iter_rows(named=True) if _is_open(row, set(shown))]
+    failed = [row for row in judged.iter_rows(named=True) if _is_unexplained(row, set(shown))]
     if not failed:
         return None
     said = "; ".join(f"{row['check']} {_check_value(row)}: {row['meaning']}" for row in failed)
     return Symptom(
-        max(map(_strength, failed)), f"no known cause accounts for what disagrees: {said}"
+        max(map(_excess_over_limit, failed)), f"no known cause accounts for what disagrees: {said}"
     )
 
 
-def _is_open(row: Mapping[str, Any], shown: set[str]) -> bool:
+def _is_unexplained(row: Mapping[str, Any], shown: set[str]) -> bool:
     if row["about"] != "mass" or row["passed"] is not False or row["consequence"] not in _COSTS:
         return False
     accounts = shown & set(_OF_ONE_THING.get(row["check"], shown))
@@ -65,7 +65,7 @@ def _check_value(row: Mapping[str, Any]) -> str:
     return f"{row['value']:.3g} {limit}"
 
 
-def _strength(row: Mapping[str, Any]) -> float:
+def _excess_over_limit(row: Mapping[str, Any]) -> float:
     value, limit = row["value"], row["maximum"]
     if value is None or not limit or limit < 0.0:
         return LIMITS.numberless_check_strength

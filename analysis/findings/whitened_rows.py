@@ -58,7 +58,7 @@ def force_system(
         friction: viscous, what slip costs.
         brakes: whether braking counts as driving.
     """
-    taken = blocks(motion.group, LIMITS.force_mean_samples)
+    taken = whole_blocks(motion.group, LIMITS.force_mean_samples)
     usual_kg = float(np.median(mass_kg[motion.used]))
     std = float(
         np.sqrt(
@@ -83,13 +83,13 @@ def force_system(
         **{name: v * shape.share(along) for name, shape in WARMING.items()},
         "const": np.ones(f.size),
     }
-    if motion.both_ways:
+    if motion.drives_both_ways:
         columns["direction"] = motion.direction[taken]
     if brakes:
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def mean(x: Floats) -> Floats:
-        return sums(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
+        return block_sums(x, LIMITS.force_mean_samples) / LIMITS.force_mean_samples / std
 
     own = noise.covariance(LIMITS.force_mean_samples) / std**2
     force = float(f.sum()) / LIMITS.force_mean_samples
@@ -131,7 +131,9 @@ def wheel_system(motion: MotionSamples, noise: ColumnNoiseModel) -> EquationRows
         white, added = _whitening_matrix(count, of_speed, of_acc)
         of_gained += added
         means = (
-            sums(np.concatenate([v - gained, gained, np.abs(v) * f, a]), LIMITS.wheel_mean_samples)
+            block_sums(
+                np.concatenate([v - gained, gained, np.abs(v) * f, a]), LIMITS.wheel_mean_samples
+            )
             / LIMITS.wheel_mean_samples
         )
         found.append(white @ means.reshape(4, count).T)
@@ -160,13 +162,13 @@ def _whitening_matrix(count: int, of_speed: float, of_acc: float) -> tuple[Float
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
-def blocks(group: Ints, samples: int) -> Ints:
+def whole_blocks(group: Ints, samples: int) -> Ints:
     """The samples of whole blocks of so many of one stretch."""
     own = [part[: part.size // samples * samples] for part in group_rows(group)]
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
-def sums(x: Floats, samples: int) -> Floats:
+def block_sums(x: Floats, samples: int) -> Floats:
     """Sums of blocks of so many, (blocks,)."""
     blocks = x.reshape(-1, samples)
     total = blocks[:, 0].copy()
@@ -201,7 +203,7 @@ class ProjectedEquation:
     variance: float
 
     @classmethod
-    def of(cls, system: EquationRows, taken: Sequence[str]) -> "ProjectedEquation":
+    def project_out(cls, system: EquationRows, taken: Sequence[str]) -> "ProjectedEquation":
         """Take off what the base and these causes explain, noise of their columns aside."""
         own = [name for name in taken if name in system.columns]
         others = [name for name in system.columns if name not in own]
@@ -255,11 +257,11 @@ class ProjectedEquation:
             variance,
         )
 
-    def square(self, name: str) -> float:
+    def information_about(self, name: str) -> float:
         """The information that is left about a cause."""
         return self.information.get(name, 0.0)
 
-    def product(self, name: str) -> float:
+    def score_of(self, name: str) -> float:
         """What is left, along a cause."""
         return self.score.get(name, 0.0)
 

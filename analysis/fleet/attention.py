@@ -17,7 +17,7 @@ _FEW: Final = 20
 _FAR: Final = 6.0
 
 
-def needs_a_look(
+def rank_concerns(
     results: pl.DataFrame, cycles: pl.LazyFrame, findings: pl.LazyFrame
 ) -> pl.DataFrame:
     """Rank recordings by what is wrong with them.
@@ -38,7 +38,9 @@ def needs_a_look(
         .collect()
     )
     placed = results.join(without, on="key", how="left")
-    reasons = pl.concat([*_of_results(placed), _of_cycles(cycles), _of_findings(findings)])
+    reasons = pl.concat(
+        [*concerns_of_results(placed), concerns_of_cycles(cycles), concerns_of_findings(findings)]
+    )
     ranked = (
         reasons.sort("weight", "why", descending=[True, False])
         .group_by("key", maintain_order=True)
@@ -56,7 +58,7 @@ def needs_a_look(
     )
 
 
-def _of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
+def concerns_of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
     """A frame a reason: the recordings that have it."""
     missing, cycles = pl.col("cycles_without_mass"), pl.col("cycles")
     lost = pl.col("lost_cycles")
@@ -97,7 +99,7 @@ def _of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
     ]
 
 
-def _of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
+def concerns_of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
     """Payloads far from those of the same machine, by median and median absolute deviation."""
     payload = pl.col("payload_kg")
     apart = (payload - payload.median().over("machine")).abs().alias("apart")
@@ -124,7 +126,7 @@ def _of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
     )
 
 
-def _of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
+def concerns_of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
     """The first cause of each recording, unless it only tells."""
     change = pl.col("mass_change_kg").round(0).cast(pl.Int64, strict=False).cast(pl.String)
     return (

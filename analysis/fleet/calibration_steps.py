@@ -41,7 +41,7 @@ class FleetCalibration(BaseModel):
     covariance: tuple[float, float, float]
     centre_kg: float
 
-    def at(self, mass_kg: float) -> tuple[float, float]:
+    def estimate_at(self, mass_kg: float) -> tuple[float, float]:
         """The estimate m̂ of a mass by the line, and its variance in kg²."""
         level, both, own = self.covariance
         off = mass_kg - self.centre_kg
@@ -68,12 +68,12 @@ class LineChange(NamedTuple):
     scale_limit_1: float
 
     @property
-    def moved(self) -> bool:
+    def has_moved(self) -> bool:
         """Whether either is beyond its limit."""
         return abs(self.zero_kg) > self.zero_limit_kg or abs(self.scale_1) > self.scale_limit_1
 
 
-def of_calibration(
+def fleet_calibration(
     machine: str, evidence: str, days: tuple[dt.date, dt.date], line: "Calibration"
 ) -> FleetCalibration:
     """A machine's calibration by the id of its evidence, and its first and last day."""
@@ -98,13 +98,13 @@ def line_changes(calibrations: Sequence[FleetCalibration]) -> list[LineChange]:
         before = last.get((each.machine, each.method))
         last[each.machine, each.method] = each
         if before is not None:
-            found.append(_change(before, each))
+            found.append(_change_of_line(before, each))
     return found
 
 
-def _change(before: FleetCalibration, after: FleetCalibration) -> LineChange:
+def _change_of_line(before: FleetCalibration, after: FleetCalibration) -> LineChange:
     middle = (before.centre_kg + after.centre_kg) / 2.0
-    (old, old_kg2), (new, new_kg2) = before.at(middle), after.at(middle)
+    (old, old_kg2), (new, new_kg2) = before.estimate_at(middle), after.estimate_at(middle)
     slope = np.sqrt(before.covariance[2] + after.covariance[2]) / abs(before.c1_1)
     return LineChange(
         before,

@@ -8,7 +8,7 @@ import polars as pl
 UNDATED: Final = "undated"
 
 
-def daily(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
+def daily_figures(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
     """A row a machine and day, in time.
 
     Args:
@@ -45,7 +45,7 @@ def daily(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
     )
 
 
-def weekly(results: pl.DataFrame) -> pl.DataFrame:
+def weekly_tonnes(results: pl.DataFrame) -> pl.DataFrame:
     """Tonnes a machine and week.
 
     Random parts of recordings add up in squares; common parts as they are, since a machine's error
@@ -59,10 +59,10 @@ def weekly(results: pl.DataFrame) -> pl.DataFrame:
     """
     week = pl.col("day").str.to_date().dt.truncate("1w").alias("week")
     dated = results.filter(pl.col("day") != UNDATED)
-    return sums(dated.with_columns(week), ["machine", "week"])
+    return sum_results(dated.with_columns(week), ["machine", "week"])
 
 
-def sums(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
+def sum_results(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
     """Recordings, loads and tonnes by some columns; see `weekly`."""
     return (
         results.group_by(by)
@@ -72,7 +72,7 @@ def sums(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
             pl.col("payload_kg").sum(),
             (pl.col("payload_u_random_kg") ** 2).sum().sqrt().alias("payload_u_random_kg"),
             pl.col("payload_u_common_kg").sum(),
-            _without_scale().alias("without_scale"),
+            tonnes_without_scale().alias("without_scale"),
         )
         .with_columns(
             (pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2)
@@ -99,7 +99,7 @@ def sum_machines(machines: pl.DataFrame) -> Mapping[str, float]:
     }
 
 
-def _without_scale() -> pl.Expr:
+def tonnes_without_scale() -> pl.Expr:
     """Recordings with tonnes whose scale nothing tells."""
     unknown = pl.col("scale_unknown").fill_null("") != ""
     return (unknown & (pl.col("cycles_counted") > 0)).sum().cast(pl.Int64)

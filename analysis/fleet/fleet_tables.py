@@ -17,7 +17,7 @@ from analysis.model.verdict import Verdict
 KEPT: Final = ("loads", "segments", "cycles", "findings")
 
 
-def _f(name: str, unit: str, meaning: str) -> Column:
+def _float(name: str, unit: str, meaning: str) -> Column:
     return Column(name, pl.Float64, unit, meaning)
 
 
@@ -44,26 +44,26 @@ RESULTS: Final = Frame(
         Column("failed_checks", pl.String, "1", "checks that failed, by commas"),
         Column("losses", pl.Int64, "1", "losses of the log"),
         Column("first_loss", pl.String, "1", "the first of them, in a sentence"),
-        _f("duration_s", "s", "from the first sample to the last"),
-        _f("gap_s", "s", "of that without a recording"),
-        _f("idle_s", "s", "of that in stands of more than half a minute"),
-        _f("longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"),
-        _f("accepted_1", "1", "share of the time that the gate accepted"),
+        _float("duration_s", "s", "from the first sample to the last"),
+        _float("gap_s", "s", "of that without a recording"),
+        _float("idle_s", "s", "of that in stands of more than half a minute"),
+        _float("longest_gap_at_s", "s", "where the longest gap begins (null: no gap)"),
+        _float("accepted_1", "1", "share of the time that the gate accepted"),
         Column("cycles", pl.Int64, "1", "cycles that were seen"),
         Column("cycles_counted", pl.Int64, "1", "cycles in the sum"),
         Column("cycles_without_mass", pl.Int64, "1", "cycles of which no start tells it"),
-        _f("payload_kg", "kg", "sum of payloads"),
-        _f("payload_u_random_kg", "kg", "its random standard uncertainty"),
-        _f("payload_u_common_kg", "kg", "its common standard uncertainty"),
-        _f("payload_u_kg", "kg", "standard uncertainty, both"),
+        _float("payload_kg", "kg", "sum of payloads"),
+        _float("payload_u_random_kg", "kg", "its random standard uncertainty"),
+        _float("payload_u_common_kg", "kg", "its common standard uncertainty"),
+        _float("payload_u_kg", "kg", "standard uncertainty, both"),
         Column("scale_from", pl.String, "1", "what tells the scale of payloads"),
         Column("scale_unknown", pl.String, "1", "whose u nothing tells, of the payloads"),
-        _f("gain_1", "1", "empty machine in the log over that of the machine file"),
-        _f("gain_u_1", "1", "its standard uncertainty"),
-        _f("lost_cycles", "1", "cycles expected where nothing was recorded"),
-        _f("lost_kg", "kg", "what they would have carried"),
-        _f("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
-        _f("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
+        _float("gain_1", "1", "empty machine in the log over that of the machine file"),
+        _float("gain_u_1", "1", "its standard uncertainty"),
+        _float("lost_cycles", "1", "cycles expected where nothing was recorded"),
+        _float("lost_kg", "kg", "what they would have carried"),
+        _float("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
+        _float("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
         Column("calibration", pl.String, "1", "id of the evidence in use (empty: none)"),
         Column("not_calibrated_for", pl.String, "1", "what the log says against it (empty: none)"),
         Column("results_fingerprint", pl.String, "1", "of all frames of the replay"),
@@ -75,7 +75,7 @@ GATE_SHARES: Final = Frame(
     "a row a reason of the gate: its share of the recorded time",
     (
         Column("reason", pl.String, "1", "accepted, or why not"),
-        _f("share_1", "1", "share of the time"),
+        _float("share_1", "1", "share of the time"),
     ),
 )
 QUALITY: Final = Frame(
@@ -84,9 +84,9 @@ QUALITY: Final = Frame(
     (
         Column("topic", pl.String, "1", "its name"),
         Column("messages", pl.Int64, "1", "messages that were read"),
-        _f("rate_hz", "Hz", "one over the median period"),
-        _f("longest_s", "s", "longest time between two messages"),
-        _f("late_1", "1", "share of messages more than one and a half periods late"),
+        _float("rate_hz", "Hz", "one over the median period"),
+        _float("longest_s", "s", "longest time between two messages"),
+        _float("late_1", "1", "share of messages more than one and a half periods late"),
     ),
 )
 #: Every table, `results` last: a result is there when its row of it is.
@@ -101,16 +101,16 @@ TABLES: Final[Mapping[str, Frame]] = {
 def table_schema(name: str) -> pl.Schema:
     """Columns of a table: those of its frame behind those that say which result a row is of."""
     columns = (*OF_RESULT, *TABLES[name].columns)
-    return pl.Schema({column.name: _kept_as(column) for column in columns})
+    return pl.Schema({column.name: stored_dtype(column) for column in columns})
 
 
-def _kept_as(column: Column) -> pl.DataType:
+def stored_dtype(column: Column) -> pl.DataType:
     """Words are kept as words, which every reader of Parquet has."""
     dtype = column.dtype() if isinstance(column.dtype, type) else column.dtype
     return pl.String() if isinstance(dtype, pl.Enum) else dtype
 
 
-def table(name: str, frame: pl.DataFrame, of: Mapping[str, object]) -> pl.DataFrame:
+def rows_of_table(name: str, frame: pl.DataFrame, of: Mapping[str, object]) -> pl.DataFrame:
     """Rows of a frame as rows of its table.
 
     Args:
@@ -126,7 +126,7 @@ def table(name: str, frame: pl.DataFrame, of: Mapping[str, object]) -> pl.DataFr
     )
 
 
-def tables_of(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+def tables_of_run(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
     """All that is kept of a run, but for `results`.
 
     Args:
@@ -141,7 +141,7 @@ def tables_of(run: Run, more: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFr
     }
 
 
-def result_of(run: Run) -> dict[str, object]:
+def result_row(run: Run) -> dict[str, object]:
     """What a run says of its recording, by the columns of `results` that it knows."""
     about, frames = run.provenance, run.frames
     verdict = Verdict.of(frames["verdict"])

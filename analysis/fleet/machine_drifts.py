@@ -60,7 +60,7 @@ class ControlChart(NamedTuple):
     change_std: float
 
 
-class Signal(NamedTuple):
+class ChartedQuantity(NamedTuple):
     """A quantity that is charted.
 
     Attributes:
@@ -79,11 +79,13 @@ class Signal(NamedTuple):
 
 
 SIGNALS: Final = (
-    Signal("zero", "zero_kg", False, "kg", "mean mass of the empty passes"),
-    Signal(
+    ChartedQuantity("zero", "zero_kg", False, "kg", "mean mass of the empty passes"),
+    ChartedQuantity(
         "scale", "load_kg", True, "%", "mean payload: a gain, or another habit, bucket or material"
     ),
-    Signal("friction", "friction_N_s_m", True, "%", "viscous friction by the joint fits: wear"),
+    ChartedQuantity(
+        "friction", "friction_N_s_m", True, "%", "viscous friction by the joint fits: wear"
+    ),
 )
 
 
@@ -100,7 +102,7 @@ class MachineChart(NamedTuple):
     """
 
     machine: str
-    signal: Signal
+    signal: ChartedQuantity
     calibration: str
     days: tuple[dt.date, ...]
     values: tuple[float, ...]
@@ -121,7 +123,7 @@ class MachineChart(NamedTuple):
 
 def drift_limit() -> float:
     """The limit of each chart, for at most half a false alarm a machine and year in all."""
-    return limit_for(len(SIGNALS) * _DAYS / _ALARMS_A_YEAR)
+    return chart_limit(len(SIGNALS) * _DAYS / _ALARMS_A_YEAR)
 
 
 def machine_charts(days: pl.DataFrame) -> list[MachineChart]:
@@ -136,14 +138,14 @@ def machine_charts(days: pl.DataFrame) -> list[MachineChart]:
         parts = rows.with_columns(part=pl.col("calibration").rle_id())
         for _, part in parts.group_by("part", maintain_order=True):
             found += [
-                _chart(part.drop_nulls(signal.column), signal, limit)
+                _chart_quantity(part.drop_nulls(signal.column), signal, limit)
                 for signal in SIGNALS
                 if part[signal.column].count() > 0
             ]
     return found
 
 
-def _chart(part: pl.DataFrame, signal: Signal, limit: float) -> MachineChart:
+def _chart_quantity(part: pl.DataFrame, signal: ChartedQuantity, limit: float) -> MachineChart:
     values = part[signal.column].to_numpy()
     if signal.logarithm:
         # what is not positive has no share to change by
@@ -165,7 +167,7 @@ def control_chart(values: Floats, limit: float) -> ControlChart:
 
     Args:
         values: (n,) in time, without NaN.
-        limit: of the sums, from `limit_for`.
+        limit: of the sums, from `chart_limit`.
     """
     innovation = innovations(whiten_series(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
@@ -179,7 +181,7 @@ def control_chart(values: Floats, limit: float) -> ControlChart:
         up[n], down[n] = high, low
         if flagged is None and max(high, low) > limit:
             flagged, since = n, begins[0 if high > low else 1]
-    change, std = _change(values, since)
+    change, std = _change_since(values, since)
     return ControlChart(innovation, up, down, limit, flagged, since, change, std)
 
 
@@ -219,7 +221,7 @@ def innovations(values: Floats) -> Floats:
     return found
 
 
-def _change(values: Floats, since: int | None) -> tuple[float, float]:
+def _change_since(values: Floats, since: int | None) -> tuple[float, float]:
     if since is None or since < 2 or values.size - since < 2:
         return float("nan"), float("nan")
     before, after = values[:since], values[since:]
@@ -228,7 +230,7 @@ def _change(values: Floats, since: int | None) -> tuple[float, float]:
 
 
 @cache
-def limit_for(run_length: float) -> float:
+def chart_limit(run_length: float) -> float:
     """Find the limit at which a false alarm comes once in so many values, on average.
 
     Args:

@@ -25,7 +25,7 @@ class FleetComparison(NamedTuple):
     only_b: int
 
     @property
-    def whole(self) -> dict[str, float]:
+    def total_change(self) -> dict[str, float]:
         """Sums over all logs that both have."""
         return {
             "logs": self.logs.height,

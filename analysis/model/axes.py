@@ -55,12 +55,12 @@ Z: Final = Axis(
 )
 
 
-def axes(excitation: pl.DataFrame) -> tuple[Axis, ...]:
+def available_axes(excitation: pl.DataFrame) -> tuple[Axis, ...]:
     """The axes that the channels allow: z needs a yaw torque, rate and acceleration."""
-    return axes_with(excitation.columns)
+    return axes_of_columns(excitation.columns)
 
 
-def axes_with(columns: Iterable[str]) -> tuple[Axis, ...]:
+def axes_of_columns(columns: Iterable[str]) -> tuple[Axis, ...]:
     """The axes that the columns of `excitation` allow."""
     return (X, Z) if set(YAW_COLUMNS) <= set(columns) else (X,)
 
@@ -75,10 +75,10 @@ def regressor_columns(axis: Axis, settings: Settings) -> tuple[str, ...]:
 
 def regressor(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
     """A (rows, p) and f (rows,) of an axis, NaN where a sample is missing."""
-    return straight(excitation, settings) if axis is X else spin(excitation)
+    return straight_regressor(excitation, settings) if axis is X else spin_regressor(excitation)
 
 
-def straight(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
+def straight_regressor(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floats]:
     """A (rows, 2 or 3) and f (rows,): the x row of (7) alone, NaN where a sample is missing.
 
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
@@ -91,7 +91,7 @@ def straight(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floa
     return np.ascontiguousarray(A), values(excitation, "force_x_N")
 
 
-def spin(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
+def spin_regressor(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,): the yaw row of (8) alone, NaN where a sample is missing."""
     A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
     return np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
@@ -115,7 +115,7 @@ def trace_columns(axis: Axis, traced: Trace) -> dict[str, Floats]:
     }
 
 
-def theta_of(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
+def estimated_parameters(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
     """The parameters (rows, p) and deviations (rows, p) that `theta_columns` named."""
     present = [pair for pair in axis.parameters if pair[0] in estimates.columns]
     theta = np.column_stack([values(estimates, name) for name, _ in present])
@@ -123,7 +123,7 @@ def theta_of(axis: Axis, estimates: pl.DataFrame) -> tuple[Floats, Floats]:
     return theta, std
 
 
-def rows_of(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
+def rows_of_axis(axis: Axis, estimates: pl.DataFrame) -> pl.DataFrame:
     """Rows of an axis; all rows if x is the only axis."""
     if "axis" not in estimates.columns:
         return estimates if axis is X else estimates.clear()

@@ -105,7 +105,7 @@ def _describe_value(dtype: pl.DataType) -> list[Any]:
 
 
 def _arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
-    """Yield what the bits of a column's values are, zero or empty where it is null."""
+    """Yield the bytes of a column's values as arrays, zero or empty where a value is null."""
     dtype = part.dtype
     if isinstance(dtype, pl.Enum):
         # polars stores a code in as few bytes as the categories need

@@ -10,7 +10,6 @@ from zoneinfo import ZoneInfo, available_timezones
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     PlainSerializer,
     SerializerFunctionWrapHandler,
@@ -22,10 +21,10 @@ from pydantic import (
 from analysis.expressions.parse import Expression, ExpressionError, names, parse, slopes
 from analysis.model.schema import CHANNEL_COLUMNS
 from analysis.model.settings import Settings
+from analysis.model.strict_config import STRICT
 from estimators.errors import nearest
 
 # TOML can write nan and inf, which are no scale, delay or length
-_FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
 _MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
 #: Channels of wheels: in rad/s their scale is the wheel's radius.
@@ -47,7 +46,7 @@ _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 _timezones = cache(available_timezones)
 
 
-def _known_timezone(name: str) -> str:
+def _check_timezone(name: str) -> str:
     if name not in _timezones():
         raise ValueError(f"no time zone '{name}'; use a name like 'America/Santiago' or 'UTC'")
     return name
@@ -59,7 +58,7 @@ class ImuMounting(BaseModel):
     The standard uncertainty of its place is that of each direction.
     """
 
-    model_config = _FORBID
+    model_config = STRICT
 
     roll_deg: float = 0.0
     pitch_deg: float = 0.0
@@ -71,7 +70,7 @@ class ImuMounting(BaseModel):
 class Body(BaseModel):
     """What is known of the machine itself, with standard uncertainties (`..._u_...`)."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     name: str
     #: Serial number: compared with that of logs and of evidence.
@@ -104,7 +103,7 @@ class Body(BaseModel):
     #: Whether it has a bucket to dig with: without one no start is driven into a pile.
     digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
-    timezone: Annotated[str, AfterValidator(_known_timezone)] = "UTC"
+    timezone: Annotated[str, AfterValidator(_check_timezone)] = "UTC"
     imu: ImuMounting = ImuMounting()
 
     @property
@@ -129,7 +128,7 @@ BODY_NUMBERS: Final = (
 class LogSection(BaseModel):
     """Where a table keeps its time, and how it is written. None: recognised, or asked for."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     time: str | None = None
     time_unit: str | None = None
@@ -153,7 +152,7 @@ class LogSection(BaseModel):
 class Channel(BaseModel):
     """Where one column comes from: a field of a topic, or other channels."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     topic: str | None = None
     field: str | None = None
@@ -236,7 +235,7 @@ class Channel(BaseModel):
 class Machine(BaseModel):
     """A whole machine file."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     machine: Body
     log: LogSection = LogSection()
@@ -245,7 +244,7 @@ class Machine(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _scale_of_wheels(cls, given: Any) -> Any:
+    def _resolve_wheel_scale(cls, given: Any) -> Any:
         """`scale = "wheel_radius_m"` is the machine's, in m/rad."""
         if not isinstance(given, Mapping) or not isinstance(given.get("channels"), Mapping):
             return given
@@ -262,13 +261,13 @@ class Machine(BaseModel):
         return {**given, "channels": channels}
 
     @model_validator(mode="after")
-    def _channels_fit(self) -> Self:
+    def _check_channels(self) -> Self:
         known = {column.name for column in CHANNEL_COLUMNS}
         for name, channel in self.channels.items():
             for source in channel.sources:
                 if source not in self.channels and channel.expression is not None:
                     raise ValueError(
-                        f"channels.{name}: '{source}' is no channel and no key of [machine]; "
+                        f"channels.{name}: '{source}' is neither a channel nor a key of [machine]; "
                         f"{nearest(source, (*self.channels, *BODY_NUMBERS))}"
                     )
         # what arithmetic alone needs has a name of its own: current_A
@@ -282,7 +281,7 @@ class Machine(BaseModel):
             if name not in known:
                 raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
             if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
-                raise ValueError(f"channels.{name}: '{channel.derive}' is no {name}")
+                raise ValueError(f"channels.{name}: '{channel.derive}' does not give {name}")
             for source in channel.sources:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")
@@ -290,11 +289,11 @@ class Machine(BaseModel):
                 if key in BODY_NUMBERS and getattr(self.machine, key) is None:
                     raise ValueError(f"channels.{name}: machine.{key} is not given")
         self.derivation_order()
-        self._enough()
-        self._one_wheel_radius()
+        self._check_required_channels()
+        self._check_wheel_radius()
         return self
 
-    def _one_wheel_radius(self) -> None:
+    def _check_wheel_radius(self) -> None:
         """Wheels have one radius: that of their force, and in m/rad that of their speed."""
         radius_m = self.machine.wheel_radius_m
         if radius_m is None:
@@ -313,7 +312,7 @@ class Machine(BaseModel):
                     'that is wrong, say scale = "wheel_radius_m", or unit = "m/s" of no radius'
                 )
 
-    def _enough(self) -> None:
+    def _check_required_channels(self) -> None:
         """Force, speed and acceleration must come from somewhere."""
         torques = {"torque_left_N_m", "torque_right_N_m"} <= set(self.channels)
         if "force_x_N" not in self.channels and not torques:

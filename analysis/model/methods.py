@@ -12,7 +12,9 @@ from importlib import import_module
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
+
+from analysis.model.strict_config import STRICT
 
 if TYPE_CHECKING:
     from estimators.arrays import Floats
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from estimators.methods.tls import TlsOptions
 
 
-class Feed(Enum):
+class FeedKind(Enum):
     """What a method is fed."""
 
     WINDOWS = "every accepted window"
@@ -45,7 +47,7 @@ class LogSummary(Enum):
 class MethodOptions(BaseModel):
     """The options of the estimators, as `[settings.trace]` has them."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = STRICT
 
     forgetting: float = Field(
         0.998, gt=0.5, le=1, description="λ of the recursive estimators: half forgotten in 3.5 s"
@@ -103,7 +105,7 @@ class Method:
 
     name: str
     title: str
-    feed: Feed
+    feed: FeedKind
     summary: LogSummary
     on_board: str
     options: Callable[[MethodOptions, AxisNoise], Any]
@@ -121,25 +123,25 @@ class Method:
         return attrgetter(name)(import_module(f"estimators.methods.{module}"))
 
 
-def _ls(_: MethodOptions, __: AxisNoise) -> "LsOptions":
+def _ls_options(_: MethodOptions, __: AxisNoise) -> "LsOptions":
     from estimators.methods.ls import LsOptions
 
     return LsOptions()
 
 
-def _rls(chosen: MethodOptions, _: AxisNoise) -> "RlsOptions":
+def _rls_options(chosen: MethodOptions, _: AxisNoise) -> "RlsOptions":
     from estimators.methods.rls import RlsOptions
 
     return RlsOptions(chosen.forgetting, chosen.directional_forgetting)
 
 
-def _fgls(chosen: MethodOptions, _: AxisNoise) -> "FglsOptions":
+def _fgls_options(chosen: MethodOptions, _: AxisNoise) -> "FglsOptions":
     from estimators.methods.fgls import FglsOptions
 
     return FglsOptions(chosen.fgls_floor)
 
 
-def _tls(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
+def _tls_options(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
     return noise.ratios
 
 
@@ -149,38 +151,45 @@ def _trace_pooled(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
     return PooledOptions(noise.mean)
 
 
-def _huber(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
+def _huber_options(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
     from estimators.methods.huber import HuberOptions
 
     return HuberOptions(chosen.huber_bend)
 
 
-def _rtls(chosen: MethodOptions, noise: AxisNoise) -> "RtlsOptions":
+def _rtls_options(chosen: MethodOptions, noise: AxisNoise) -> "RtlsOptions":
     from estimators.methods.rtls import RtlsOptions
 
     return RtlsOptions(noise.ratios, chosen.forgetting)
 
 
-def _by_name(*rows: Method) -> Mapping[str, Method]:
+def _methods_by_name(*rows: Method) -> Mapping[str, Method]:
     return {row.name: row for row in rows}
 
 
-_WINDOWED: Final = (Feed.WINDOWS, LogSummary.MEAN)
-_RECURSIVE: Final = (Feed.SETTLED, LogSummary.LAST)
-METHODS: Final = _by_name(
-    Method("ls", "LS", *_WINDOWED, "incremental.ls", _ls),
-    Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _rls),
-    Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _fgls),
-    Method("tls", "TLS", *_WINDOWED, "incremental.tls", _tls, takes_noise_off=True),
+_WINDOWED: Final = (FeedKind.WINDOWS, LogSummary.MEAN)
+_RECURSIVE: Final = (FeedKind.SETTLED, LogSummary.LAST)
+METHODS: Final = _methods_by_name(
+    Method("ls", "LS", *_WINDOWED, "incremental.ls", _ls_options),
+    Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _rls_options),
+    Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _fgls_options),
+    Method("tls", "TLS", *_WINDOWED, "incremental.tls", _tls_options, takes_noise_off=True),
     Method(
         "pooled",
         "pooled LS",
-        Feed.SEGMENTS,
+        FeedKind.SEGMENTS,
         LogSummary.POOL,
         "incremental.Pool.estimate",
         _trace_pooled,
         takes_noise_off=True,
     ),
-    Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _huber),
-    Method("rtls", "recursive TLS", *_RECURSIVE, "incremental.rtls", _rtls, takes_noise_off=True),
+    Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _huber_options),
+    Method(
+        "rtls",
+        "recursive TLS",
+        *_RECURSIVE,
+        "incremental.rtls",
+        _rtls_options,
+        takes_noise_off=True,
+    ),
 )

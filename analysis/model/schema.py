@@ -694,15 +694,15 @@ def frame_schema(name: str) -> Frame:
 
 def conform(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     """Put `frame` into the declared order and dtypes; a column that is not declared is an error."""
-    return _declared(name, {each: frame.get_column(each) for each in frame.columns})
+    return _declared_frame(name, {each: frame.get_column(each) for each in frame.columns})
 
 
 def build(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> pl.DataFrame:
     """Make the frame `name` of arrays; NaN becomes null."""
-    return _declared(name, {each: _series(each, column) for each, column in columns.items()})
+    return _declared_frame(name, {each: _series(each, column) for each, column in columns.items()})
 
 
-def _declared(name: str, given: Mapping[str, pl.Series]) -> pl.DataFrame:
+def _declared_frame(name: str, given: Mapping[str, pl.Series]) -> pl.DataFrame:
     declared = frame_schema(name)
     unknown = given.keys() - {column.name for column in declared.columns}
     if unknown:

@@ -70,22 +70,22 @@ class Scale:
     by_load: bool = False
     remedy: str = "known loads"
 
-    def source(self, u: float | None) -> UncertaintySource:
+    def to_source(self, u: float | None) -> UncertaintySource:
         """The source in a budget, with what it does to the quantity."""
         shrinks = f"{self.remedy}; {self.setting} states what is known"
         return UncertaintySource(self.name, "scale", u, self.meaning, shrinks)
 
 
-def _by_torque(machine: Machine) -> bool:
+def _derives_force_from_torque(machine: Machine) -> bool:
     return "force_x_N" not in machine.channels
 
 
-def turned_by_sides(machine: Machine) -> bool:
+def has_torque_of_sides(machine: Machine) -> bool:
     """Whether the yaw torque is made of the torques of two sides."""
     return "torque_z_N_m" not in machine.channels
 
 
-def _relative(u: float | None, value: float | None) -> float | None:
+def _relative_u(u: float | None, value: float | None) -> float | None:
     return None if u is None or value is None else u / value
 
 
@@ -101,7 +101,7 @@ SCALES: Final = (
     Scale(
         "force_share",
         lambda machine: machine.machine.force_share < 1.0,
-        lambda machine: _relative(machine.machine.force_share_u, machine.machine.force_share),
+        lambda machine: _relative_u(machine.machine.force_share_u, machine.machine.force_share),
         "machine.force_share_u",
         "share of the force on the measured wheels",
     ),
@@ -115,8 +115,10 @@ SCALES: Final = (
     ),
     Scale(
         "wheel_radius",
-        _by_torque,
-        lambda machine: _relative(machine.machine.wheel_radius_u_m, machine.machine.wheel_radius_m),
+        _derives_force_from_torque,
+        lambda machine: _relative_u(
+            machine.machine.wheel_radius_u_m, machine.machine.wheel_radius_m
+        ),
         "machine.wheel_radius_u_m",
         "radius of the wheels",
     ),
@@ -124,8 +126,8 @@ SCALES: Final = (
 #: A factor of the yaw torque alone.
 TRACK_WIDTH: Final = Scale(
     "track_width",
-    turned_by_sides,
-    lambda machine: _relative(machine.machine.track_width_u_m, machine.machine.track_width_m),
+    has_torque_of_sides,
+    lambda machine: _relative_u(machine.machine.track_width_u_m, machine.machine.track_width_m),
     "machine.track_width_u_m",
     "track width, which makes a yaw torque of the torques of both sides",
     remedy="measuring it",

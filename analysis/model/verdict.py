@@ -82,15 +82,15 @@ class Verdict:
         return not self.failed("mass")
 
     @property
-    def judges_spins(self) -> bool:
+    def has_spins(self) -> bool:
         """Whether there are spins to judge."""
         return any(check.about == "inertia" for check in self.checks)
 
     @property
-    def tells_inertia(self) -> bool:
+    def can_tell_inertia(self) -> bool:
         """Whether there are spins, none of their checks failed, and the force has its sign."""
         signless = any(check.check in _SIGNS for check in self.failed("mass"))
-        return self.judges_spins and not signless and not self.failed("inertia")
+        return self.has_spins and not signless and not self.failed("inertia")
 
     @property
     def is_contradicted(self) -> bool:
@@ -119,7 +119,7 @@ class Verdict:
         )
 
     @property
-    def near(self) -> tuple[Check, ...]:
+    def near_checks(self) -> tuple[Check, ...]:
         """The checks that passed near a limit."""
         return tuple(each for each in self.checks if each.is_near)
 
@@ -127,6 +127,6 @@ class Verdict:
         """The same as plain JSON values."""
         return {
             "can_weigh": self.can_weigh,
-            "tells_inertia": self.tells_inertia,
+            "tells_inertia": self.can_tell_inertia,
             "checks": [check.to_dict() for check in self.checks],
         }

@@ -47,7 +47,7 @@ class AnswerProgress:
         return self.forward + self.reverse
 
     @property
-    def one_u_kg(self) -> float:
+    def manoeuvre_u_kg(self) -> float:
         """The standard deviation of a manoeuvre: its own, corrected by how they scatter."""
         dof = _OWN_DOF + self.manoeuvres - 1
         return math.sqrt((_OWN_DOF * self.own_kg2 + self.squares_kg2) / dof)
@@ -55,7 +55,7 @@ class AnswerProgress:
     @property
     def u_kg(self) -> float | None:
         """The random standard uncertainty of the mean; None without a manoeuvre."""
-        return self.one_u_kg / math.sqrt(self.manoeuvres) if self.manoeuvres else None
+        return self.manoeuvre_u_kg / math.sqrt(self.manoeuvres) if self.manoeuvres else None
 
     @property
     def percent(self) -> float | None:
@@ -71,7 +71,7 @@ class AnswerProgress:
         """How many more manoeuvres like these; None where none has told how they scatter."""
         if not self.manoeuvres or self.until_u_kg is None:
             return None
-        return max(0, math.ceil((self.one_u_kg / self.until_u_kg) ** 2) - self.manoeuvres)
+        return max(0, math.ceil((self.manoeuvre_u_kg / self.until_u_kg) ** 2) - self.manoeuvres)
 
     @property
     def reverse_missing(self) -> int | None:
@@ -90,7 +90,7 @@ class AnswerProgress:
             speed_m_s: of the machine in it; negative backwards.
         """
         before = self
-        spread_kg = math.hypot(self.one_u_kg, u_kg) if self.manoeuvres else math.inf
+        spread_kg = math.hypot(self.manoeuvre_u_kg, u_kg) if self.manoeuvres else math.inf
         if abs(mass_kg - self.mean_kg) > _OTHER_LOAD * spread_kg:
             before = AnswerProgress(self.until_u_kg)
         count = before.manoeuvres
@@ -107,7 +107,7 @@ class AnswerProgress:
         )
 
 
-def find_aim(body: Body, until_u_kg: float | None) -> float | None:
+def target_u_kg(body: Body, until_u_kg: float | None) -> float | None:
     """The uncertainty to aim at: what somebody says, or a share of the empty mass."""
     if until_u_kg is not None or body.empty_mass_kg is None:
         return until_u_kg

@@ -11,8 +11,8 @@ import polars as pl
 
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.online.answer_progress import AnswerProgress, find_aim
-from analysis.online.gate_state import GateRow, number
+from analysis.online.answer_progress import AnswerProgress, target_u_kg
+from analysis.online.gate_state import GateRow, cell_value
 from analysis.online.growing_log import GrowingLog, causal_machine
 from analysis.online.on_board import OnlineState, TimedEstimate, finish, start, step
 from analysis.online.online_report import (
@@ -20,7 +20,7 @@ from analysis.online.online_report import (
     Event,
     OnlineReport,
     PooledEstimate,
-    judge,
+    judge_mass,
     judge_spin,
 )
 from estimators.estimate import Estimate
@@ -54,7 +54,7 @@ class FollowedRow(NamedTuple):
 
 
 @dataclass(slots=True)
-class _RowTimes:
+class _RowTimeline:
     """The `t_ns` of rows by their number: a line, but for holes of which the grid leaves rows out.
 
     Attributes:
@@ -113,12 +113,12 @@ class Follower:
         self.manoeuvres = 0
         self.spins = 0
         #: of the load that the machine carries now
-        self.progress = AnswerProgress(find_aim(machine.machine, until_u_kg))
+        self.progress = AnswerProgress(target_u_kg(machine.machine, until_u_kg))
         #: since when the machine has moved ahead (speed in m/s) or backwards, the newest last
         self._directions: deque[tuple[int, float]] = deque(maxlen=_DIRECTIONS)
         self._noise, self._valid_s = noise, valid_s
         self._state: OnlineState | None = None
-        self._times: _RowTimes | None = None
+        self._times: _RowTimeline | None = None
         self._now: tuple[int, str | None] = (0, None)
         self._second = -1
 
@@ -171,12 +171,12 @@ class Follower:
         self._state, self.last_gate = stepped.state, stepped.gate
         self._now = t_ns, row["phase"]
         self._note_direction(t_ns, row)
-        estimates = self._time_stage(stepped.estimates)
+        estimates = self._time_estimates(stepped.estimates)
         self.newest |= estimates
-        spun = self._time_stage(stepped.spin.estimates) if stepped.spin else {}
+        spun = self._time_estimates(stepped.spin.estimates) if stepped.spin else {}
         second = t_ns // 1_000_000_000
-        reports = [self._report("manoeuvre")] if self._take_mass(estimates) else []
-        reports += [self._report("spin")] if self._take_inertia(spun) else []
+        reports = [self._report("manoeuvre")] if self._update_mass(estimates) else []
+        reports += [self._report("spin")] if self._update_inertia(spun) else []
         if second > self._second and not reports:
             reports.append(self._report("second"))
         self._second = second
@@ -188,41 +188,43 @@ class Follower:
     def _finish(self, state: OnlineState) -> Iterator[FollowedRow]:
         t_ns, phase = self._now
         for axis, late in finish(state):
-            found = self._time_stage(late)
+            found = self._time_estimates(late)
             if axis is X:
                 self.newest |= found
-                reports = (self._report("manoeuvre"),) if self._take_mass(found) else ()
+                reports = (self._report("manoeuvre"),) if self._update_mass(found) else ()
                 yield FollowedRow(t_ns, phase, None, found, reports)
             else:
-                reports = (self._report("spin"),) if self._take_inertia(found) else ()
+                reports = (self._report("spin"),) if self._update_inertia(found) else ()
                 yield FollowedRow(t_ns, phase, None, {}, reports, spin_estimates=found)
         yield FollowedRow(t_ns, phase, None, {}, (self._report("end"),))
 
-    def _begin_stages(self) -> tuple[OnlineState, _RowTimes]:
+    def _begin_stages(self) -> tuple[OnlineState, _RowTimeline]:
         if self._state is None or self._times is None:
             basis = self.log.basis
             assert basis is not None, "there are rows"
             self._state = start(basis.machine.settings, self._noise)
-            self._times = _RowTimes(1e9 / basis.machine.settings.align.rate_hz)
+            self._times = _RowTimeline(1e9 / basis.machine.settings.align.rate_hz)
         return self._state, self._times
 
-    def _time_stage(self, found: Mapping[str, TimedEstimate]) -> dict[str, tuple[int, Estimate]]:
+    def _time_estimates(
+        self, found: Mapping[str, TimedEstimate]
+    ) -> dict[str, tuple[int, Estimate]]:
         assert self._times is not None
         return {name: (self._times.of(row), each) for name, (row, each) in found.items()}
 
-    def _take_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
+    def _update_mass(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
         if "pooled" not in estimates:
             return False
         self.last_mass = last = PooledEstimate(*estimates["pooled"])
         self.manoeuvres += 1
         assert self.log.basis is not None, "there are rows"
-        if judge(last, last.t_ns, self.log.basis.machine.machine, math.inf) == "valid":
+        if judge_mass(last, last.t_ns, self.log.basis.machine.machine, math.inf) == "valid":
             speeds = [speed for since, speed in self._directions if since <= last.t_ns]
             mass_kg, u_kg = float(last.estimate.theta[0]), float(last.estimate.std[0])
             self.progress = self.progress.add(mass_kg, u_kg, speeds[-1] if speeds else 0.0)
         return True
 
-    def _take_inertia(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
+    def _update_inertia(self, estimates: Mapping[str, tuple[int, Estimate]]) -> bool:
         if "pooled" not in estimates:
             return False
         self.last_inertia = PooledEstimate(*estimates["pooled"])
@@ -230,7 +232,7 @@ class Follower:
         return True
 
     def _note_direction(self, t_ns: int, row: Mapping[str, Any]) -> None:
-        speed = number(row["speed_x_m_s"])
+        speed = cell_value(row["speed_x_m_s"])
         if row["phase"] in (None, "standstill") or not speed:
             return
         if not self._directions or (speed < 0.0) != (self._directions[-1][1] < 0.0):
@@ -240,7 +242,7 @@ class Follower:
         basis, gate, last = self.log.basis, self.last_gate, self.last_mass
         assert basis is not None
         t_ns, phase = self._now
-        validity = judge(last, t_ns, basis.machine.machine, self._valid_s)
+        validity = judge_mass(last, t_ns, basis.machine.machine, self._valid_s)
         given = last.estimate if last is not None and validity in ("valid", "old") else None
         spun, spin_validity = self.last_inertia, judge_spin(self.last_inertia, t_ns, self._valid_s)
         turning = spun.estimate if spun and spin_validity in ("valid", "old") else None

@@ -15,7 +15,7 @@ from analysis.model.schema import PHASES
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import slipping, without_gravity
 from analysis.stages.gating.gate_rules import UNKNOWN, decide, is_braking, row_flags
-from analysis.stages.motion.phases import TURNS, span_rows, yaw_pace
+from analysis.stages.motion.phases import TURNS, rows_of_rate_span, yaw_speeding_sign
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, window_statistics
 from estimators.methods.ls import WindowStatistics
@@ -105,12 +105,12 @@ def start_gate(axis: Axis, settings: Settings) -> GateState:
         row=-1,
         first_whole=None,
         last=dict.fromkeys(("gap", *reasons), _NEVER),
-        accelerations=(float("nan"),) * span_rows(settings) if axis is X else (),
-        yaw_rates=(float("nan"),) * (span_rows(settings) + 1) if axis is Z else (),
+        accelerations=(float("nan"),) * rows_of_rate_span(settings) if axis is X else (),
+        yaw_rates=(float("nan"),) * (rows_of_rate_span(settings) + 1) if axis is Z else (),
         known=False,
         kind=None,
         segment_id=-1,
-        braking_lag=span_rows(settings) + settings.smooth.samples
+        braking_lag=rows_of_rate_span(settings) + settings.smooth.samples
         if settings.gate.exclude_braking
         else 1,
     )
@@ -132,7 +132,7 @@ def step_gate(
         settings: window, threshold, what is refused.
         noise: (p + 1, p + 1) of a row of [A f], None where it is not known.
     """
-    now = _remember(before, window, row, settings)
+    now = append_row(before, window, row, settings)
     samples = settings.gate.window_samples
     holds = {why: np.array([now.row - last < samples]) for why, last in now.last.items()}
     complete = now.row >= samples - 1 and not holds["gap"][0]
@@ -169,7 +169,7 @@ def step_gate(
     )
 
 
-def _remember(
+def append_row(
     before: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
 ) -> GateState:
     """The state with this row in it."""
@@ -183,10 +183,10 @@ def _remember(
     accelerations, yaw_rates = before.accelerations, before.yaw_rates
     if axis is X:
         accelerations = (*accelerations[1:], _machine_acceleration(row))
-        slips = _slips(row, accelerations, settings)
+        slips = _find_slip(row, accelerations, settings)
     else:
-        yaw_rates = (*yaw_rates[1:], number(row["yaw_rate_rad_s"]))
-        slows = yaw_pace(np.array(yaw_rates), settings)[-1:] < 0
+        yaw_rates = (*yaw_rates[1:], cell_value(row["yaw_rate_rad_s"]))
+        slows = yaw_speeding_sign(np.array(yaw_rates), settings)[-1:] < 0
     flags = row_flags(axis, phase, sample[-1:], slows, slips, settings.gate)
     happens = {"gap": missing, **{why: bool(flag[0]) for why, flag in flags.items()}}
     kind = None
@@ -207,17 +207,19 @@ def _remember(
     )
 
 
-def _slips(row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings) -> Bools:
-    rate = np.array([number(row["speed_rate_x_m_s2"])])
+def _find_slip(
+    row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings
+) -> Bools:
+    rate = np.array([cell_value(row["speed_rate_x_m_s2"])])
     return slipping(rate, np.array(accelerations), settings)
 
 
 def _machine_acceleration(row: Mapping[str, Any]) -> float:
-    pitch = np.array([number(row["pitch_rad"])]) if "pitch_rad" in row else None
-    measured = np.array([number(row.get("specific_force_x_m_s2"))])
+    pitch = np.array([cell_value(row["pitch_rad"])]) if "pitch_rad" in row else None
+    measured = np.array([cell_value(row.get("specific_force_x_m_s2"))])
     return float(without_gravity(measured, pitch)[0])
 
 
-def number(value: float | None) -> float:
+def cell_value(value: float | None) -> float:
     """A cell as a float, NaN where it is missing."""
     return np.nan if value is None else float(value)

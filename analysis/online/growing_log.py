@@ -16,7 +16,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import HINTS
 from analysis.stages.motion.forces import forces
-from analysis.stages.motion.phases import span_rows
+from analysis.stages.motion.phases import rows_of_rate_span
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import Origin, align_on, find_origin
 from analysis.stages.signals.derive import derive, read_measured
@@ -69,7 +69,7 @@ def causal_machine(machine: Machine) -> Machine:
         for name, channel in machine.channels.items()
         if name not in HINTS or name in needed
     }
-    settings = machine.settings.changed({"filter.causal": True})
+    settings = machine.settings.with_changes({"filter.causal": True})
     return machine.model_copy(update={"settings": settings, "channels": channels})
 
 
@@ -120,7 +120,7 @@ class GrowingLog:
             return None
         try:
             self._merge()
-            if self.basis is None and not self._found_basis(is_whole=is_whole):
+            if self.basis is None and not self._find_basis(is_whole=is_whole):
                 return None
             return self._next_rows(is_whole=is_whole)
         except DataError:
@@ -132,14 +132,14 @@ class GrowingLog:
     def _merge(self) -> None:
         """Put the new samples behind those that are kept."""
         for topic, parts in self._new.items():
-            frame = _joined(parts)
+            frame = concatenate_samples(parts)
             if self.basis is not None:
                 frame = self._place_samples(topic, frame)
                 self._count_late(frame)
             parts.clear()
             before = self._raw.get(topic)
-            kept = frame if before is None else _joined([before, frame])
-            self._raw[topic] = _in_order(kept, "unix_ns" if self.basis else "log_time_ns")
+            kept = frame if before is None else concatenate_samples([before, frame])
+            self._raw[topic] = sort_by_time(kept, "unix_ns" if self.basis else "log_time_ns")
         self._new.clear()
 
     def _count_late(self, frame: pl.DataFrame) -> None:
@@ -159,14 +159,14 @@ class GrowingLog:
             placed = placed.filter(stamps.is_not_null() & ((stamps != 0) | (behind is not None)))
         return placed
 
-    def _found_basis(self, *, is_whole: bool) -> bool:
+    def _find_basis(self, *, is_whole: bool) -> bool:
         """Take stamps, rates and the grid's origin from the first seconds, once they are there."""
         if not self._raw.keys() >= set(self.topics):
             if is_whole:
                 missing = ", ".join(t for t in self.topics if t not in self._raw)
                 raise DataError(f"nothing came of the topics {missing}")
             return False
-        head = _head(self._raw)
+        head = first_seconds(self._raw)
         if head is None:
             if not is_whole:
                 return False
@@ -177,13 +177,13 @@ class GrowingLog:
         channels, _ = derive(read, machine)
         self.basis = LogBasis(
             machine,
-            {topic: _behind_ns(frame, labels[topic]) for topic, frame in head.items()},
+            {topic: log_time_offset_ns(frame, labels[topic]) for topic, frame in head.items()},
             labels,
             find_origin(channels, machine),
             tuple(notes),
         )
         self._raw = {
-            t: _in_order(self._place_samples(t, f), "unix_ns") for t, f in self._raw.items()
+            t: sort_by_time(self._place_samples(t, f), "unix_ns") for t, f in self._raw.items()
         }
         return True
 
@@ -194,7 +194,7 @@ class GrowingLog:
         read, _ = read_measured(self._raw, machine)
         channels, _ = derive(read, machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
-        looks_back = settings.smooth.samples + 2 * span_rows(settings) + 2
+        looks_back = settings.smooth.samples + 2 * rows_of_rate_span(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
         aligned = align_on(channels, machine, self.basis.origin, after_ns, is_whole=is_whole)
@@ -203,10 +203,10 @@ class GrowingLog:
         rows = forces(smooth(aligned, settings.smooth), machine)
         rows = rows[int(np.searchsorted(rows["t_ns"].to_numpy(), self._last_t_ns, side="right")) :]
         self._last_t_ns = int(rows["t_ns"][-1])
-        self._forget()
+        self._drop_old_samples()
         return rows
 
-    def _forget(self) -> None:
+    def _drop_old_samples(self) -> None:
         """Drop the samples that no later row looks back to."""
         assert self.basis is not None
         settings = self.basis.machine.settings
@@ -220,7 +220,7 @@ class GrowingLog:
             self._raw[topic] = frame[first:]
 
 
-def _joined(frames: list[pl.DataFrame]) -> pl.DataFrame:
+def concatenate_samples(frames: list[pl.DataFrame]) -> pl.DataFrame:
     """Frames one below the other; a column may be of integers in one and of floats in another."""
     if len(frames) == 1:
         return frames[0]
@@ -230,12 +230,12 @@ def _joined(frames: list[pl.DataFrame]) -> pl.DataFrame:
     return reduce(pl.DataFrame.vstack, frames)
 
 
-def _in_order(frame: pl.DataFrame, key: str) -> pl.DataFrame:
+def sort_by_time(frame: pl.DataFrame, key: str) -> pl.DataFrame:
     """Sort by a time; recorders mostly write in its order."""
     return frame if frame[key].is_sorted() else frame.sort(key, maintain_order=True)
 
 
-def _head(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
+def first_seconds(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
     """The first seconds of every topic, up to one time; None where one has fewer.
 
     However much a look finds on disk, a log has one head: who follows it again begins alike.
@@ -250,7 +250,7 @@ def _head(topics: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame] | None:
     return {t: f.filter(f["log_time_ns"] <= max(reached)) for t, f in topics.items()}
 
 
-def _behind_ns(frame: pl.DataFrame, label: str) -> int | None:
+def log_time_offset_ns(frame: pl.DataFrame, label: str) -> int | None:
     """What is taken off log times; None where the header's stamps place a topic.
 
     Header stamps that scatter are told by their label: log time, although they are there.

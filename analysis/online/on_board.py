@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, axes_with, regressor_columns
-from analysis.model.methods import METHODS, AxisNoise, Feed, Method
+from analysis.model.axes import Axis, axes_of_columns, regressor_columns
+from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.settings import Settings
-from analysis.online.gate_state import GateRow, GateState, number, start_gate, step_gate
+from analysis.online.gate_state import GateRow, GateState, cell_value, start_gate, step_gate
 from analysis.stages.noise.column_noise import axis_noise
 from estimators.arrays import Floats
 from estimators.estimate import Estimate
@@ -33,7 +33,7 @@ class TimedEstimate(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Pending:
+class PendingSample:
     """A sample inside an accepted window that a braking which follows may still claim."""
 
     row: int
@@ -41,7 +41,7 @@ class Pending:
     sample: Floats
 
 
-class Settling(NamedTuple):
+class SettlingWindow(NamedTuple):
     """The number of an accepted row, and the window that ends there."""
 
     row: int
@@ -77,10 +77,10 @@ class AxisState:
     segments: tuple[int, ...]
     standstill: tuple[bool, ...]
     pasts: Mapping[str, Any] = field(default_factory=dict)
-    settling: tuple[Settling, ...] = ()
+    settling: tuple[SettlingWindow, ...] = ()
     fed_row: int = -1
     accepted_row: int = -1
-    pending: tuple[Pending, ...] = ()
+    pending: tuple[PendingSample, ...] = ()
     pooled_id: int = -1
     pooled_row: int = -1
 
@@ -176,7 +176,7 @@ def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, 
     settings = state.settings
     window = settings.gate.window_samples
     found: list[AxisState] = []
-    for axis in axes_with(row):
+    for axis in axes_of_columns(row):
         parameters = len(regressor_columns(axis, settings)) - 1
         found.append(
             AxisState(
@@ -196,7 +196,7 @@ def _start_axes(state: OnlineState, row: Mapping[str, Any]) -> tuple[AxisState, 
 def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, AxisStep]:
     settings = state.settings
     names = regressor_columns(state.axis, settings)
-    sample = np.array([number(row.get(name)) for name in names])
+    sample = np.array([cell_value(row.get(name)) for name in names])
     window = incremental.step_window(state.window, sample)
     gate_row, gate = step_gate(state.gate, window, row, settings, state.noise.mean)
     state = replace(
@@ -208,44 +208,44 @@ def _step_axis(state: AxisState, row: Mapping[str, Any]) -> tuple[AxisState, Axi
     )
     estimates: dict[str, TimedEstimate] = {}
     if gate_row.accepted:
-        state, estimates = _estimate(state, gate.row)
+        state, estimates = estimate_windowed(state, gate.row)
     while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
-        state, fed = _feed(state)
+        state, fed = feed_recursive(state)
         estimates |= fed
-    if any(_choose_method(state, Feed.SEGMENTS)):
-        state, finished = _pool(state, gate.row)
+    if any(methods_fed_by(state, FeedKind.SEGMENTS)):
+        state, finished = pool_settled(state, gate.row)
         estimates |= finished
     return state, AxisStep(gate_row, estimates)
 
 
 def _finish_axis(state: AxisState) -> Iterator[Mapping[str, TimedEstimate]]:
     while state.settling:
-        state, fed = _feed(state)
+        state, fed = feed_recursive(state)
         yield fed
     for pending in state.pending:
-        if _begins_another(state, pending):
+        if _begins_next_manoeuvre(state, pending):
             yield _pooled_estimates(state)
             state = _empty_pool(state)
-        state = _settle(state, pending)
+        state = pool_sample(state, pending)
     yield _pooled_estimates(state)
 
 
-def _estimate(state: AxisState, row: int) -> tuple[AxisState, dict[str, TimedEstimate]]:
+def estimate_windowed(state: AxisState, row: int) -> tuple[AxisState, dict[str, TimedEstimate]]:
     """Every windowed method on the window that ends at `row`, which was accepted."""
     settings, window = state.settings, state.window
     estimates = {
         method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
-        for method, options in _choose_method(state, Feed.WINDOWS)
+        for method, options in methods_fed_by(state, FeedKind.WINDOWS)
     }
-    if any(_choose_method(state, Feed.SETTLED)):
-        state = replace(state, settling=(*state.settling, Settling(row, window)))
-    if any(_choose_method(state, Feed.SEGMENTS)):
+    if any(methods_fed_by(state, FeedKind.SETTLED)):
+        state = replace(state, settling=(*state.settling, SettlingWindow(row, window)))
+    if any(methods_fed_by(state, FeedKind.SEGMENTS)):
         newest = min(row - state.accepted_row, settings.gate.window_samples)
-        state = _pending(state, row, newest)
+        state = queue_for_pooling(state, row, newest)
     return replace(state, accepted_row=row), estimates
 
 
-def _choose_method(state: AxisState, feed: Feed) -> Iterator[tuple[Method, Any]]:
+def methods_fed_by(state: AxisState, feed: FeedKind) -> Iterator[tuple[Method, Any]]:
     """The methods of the settings that are fed so, with their options."""
     for name in state.settings.trace.methods:
         method = METHODS[name]
@@ -253,7 +253,7 @@ def _choose_method(state: AxisState, feed: Feed) -> Iterator[tuple[Method, Any]]
             yield method, method.options(state.settings.trace, state.noise)
 
 
-def _feed(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate]]:
+def feed_recursive(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate]]:
     """Feed the recursive methods the oldest window that settles, unless it brakes by now."""
     settings, (row, window) = state.settings, state.settling[0]
     state = replace(state, settling=state.settling[1:])
@@ -263,42 +263,42 @@ def _feed(state: AxisState) -> tuple[AxisState, dict[str, TimedEstimate]]:
     mean = settings.smooth.samples
     pasts = dict(state.pasts)
     estimates: dict[str, TimedEstimate] = {}
-    for method, options in _choose_method(state, Feed.SETTLED):
+    for method, options in methods_fed_by(state, FeedKind.SETTLED):
         past = pasts.get(method.name)
         pasts[method.name], estimate = method.step(window, past, newest, mean, options)
         estimates[method.name] = TimedEstimate(row, estimate)
     return replace(state, pasts=pasts, fed_row=row), estimates
 
 
-def _pending(state: AxisState, row: int, newest: int) -> AxisState:
+def queue_for_pooling(state: AxisState, row: int, newest: int) -> AxisState:
     """The newest samples of an accepted window will be pooled, unless they stand."""
     pending = [
-        Pending(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
+        PendingSample(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
         for back in range(newest, 0, -1)
         if not state.standstill[-back]
     ]
     return replace(state, pending=(*state.pending, *pending))
 
 
-def _pool(state: AxisState, row: int) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
+def pool_settled(state: AxisState, row: int) -> tuple[AxisState, Mapping[str, TimedEstimate]]:
     """Pool the samples that no braking can claim any more; an estimate if a manoeuvre is over."""
     waiting = list(state.pending)
     while waiting and row - waiting[0].row >= state.gate.braking_lag - 1:
-        if _begins_another(state, waiting[0]):
+        if _begins_next_manoeuvre(state, waiting[0]):
             break
-        state = _settle(state, waiting.pop(0))
+        state = pool_sample(state, waiting.pop(0))
     state = replace(state, pending=tuple(waiting))
     is_awaited = any(each.segment_id == state.pooled_id for each in waiting)
-    if _is_over(state, row) and not is_awaited:
+    if is_manoeuvre_over(state, row) and not is_awaited:
         return _empty_pool(state), _pooled_estimates(state)
     return state, {}
 
 
-def _begins_another(state: AxisState, pending: Pending) -> bool:
+def _begins_next_manoeuvre(state: AxisState, pending: PendingSample) -> bool:
     return state.pool.samples > 0 and pending.segment_id != state.pooled_id
 
 
-def _is_over(state: AxisState, row: int) -> bool:
+def is_manoeuvre_over(state: AxisState, row: int) -> bool:
     """Whether no window to come can hold a sample of the manoeuvre that was not accepted yet.
 
     A window of spins may reach into the standstill behind a spin. Straight motion ends in what no
@@ -317,7 +317,7 @@ def _is_over(state: AxisState, row: int) -> bool:
     return since >= window - 1 or max(refused, state.accepted_row) > last_row
 
 
-def _settle(state: AxisState, pending: Pending) -> AxisState:
+def pool_sample(state: AxisState, pending: PendingSample) -> AxisState:
     """Pool a sample, unless braking has claimed it."""
     if state.gate.last_braking >= pending.row:
         return state
@@ -339,5 +339,5 @@ def _pooled_estimates(state: AxisState) -> Mapping[str, TimedEstimate]:
     mean = state.settings.smooth.samples
     return {
         method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
-        for method, options in _choose_method(state, Feed.SEGMENTS)
+        for method, options in methods_fed_by(state, FeedKind.SEGMENTS)
     }

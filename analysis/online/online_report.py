@@ -129,7 +129,7 @@ def _json_type(annotation: Any) -> dict[str, Any]:
     return {"type": kinds if len(kinds) > 1 else kinds[0]}
 
 
-def judge(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: float) -> Validity:
+def judge_mass(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: float) -> Validity:
     """Judge the last mass at a time `t_ns` of the grid.
 
     Args:
@@ -142,15 +142,15 @@ def judge(last: PooledEstimate | None, t_ns: int, body: Body, valid_s: float) ->
     limits = (0.0, math.inf)
     if empty is not None:
         limits = (LEAST_OF_EMPTY_1 * empty, MOST_OF_EMPTY_1 * empty)
-    return _judge(last, t_ns, valid_s, limits)
+    return _judge_age(last, t_ns, valid_s, limits)
 
 
 def judge_spin(last: PooledEstimate | None, t_ns: int, valid_s: float) -> Validity:
     """Judge the last inertia likewise; no limits are known but that it is positive."""
-    return _judge(last, t_ns, valid_s, (0.0, math.inf))
+    return _judge_age(last, t_ns, valid_s, (0.0, math.inf))
 
 
-def _judge(
+def _judge_age(
     last: PooledEstimate | None, t_ns: int, valid_s: float, limits: tuple[float, float]
 ) -> Validity:
     if last is None:

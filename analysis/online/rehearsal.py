@@ -30,13 +30,13 @@ def rehearse(settings: Settings, noise: pl.DataFrame | None = None) -> None:
     """
     with compile_at_once():
         state = start(settings, noise)
-        for row in _rows(settings):
+        for row in rehearsal_rows(settings):
             state = step(state, row).state
         for _ in finish(state):
             pass
 
 
-def _rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
+def rehearsal_rows(settings: Settings) -> Iterator[Mapping[str, Any]]:
     """Rows of `excitation`: standing for half a window, then faster and faster."""
     window = settings.gate.window_samples
     speed = 0.0

@@ -71,8 +71,8 @@ def loads_of(campaign: ReplayedCampaign) -> pl.DataFrame:
 LOADS: Final = Extract(CAMPAIGNS, loads_of)
 
 
-def _loads(extracts: Extracts) -> pl.DataFrame:
-    return pl.concat(extracts.all(LOADS), how="vertical_relaxed")
+def _all_loads(extracts: Extracts) -> pl.DataFrame:
+    return pl.concat(extracts.results(LOADS), how="vertical_relaxed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,9 @@ class Figure6:
 def figure_6(extracts: Extracts) -> Figure6:
     """Average the raw masses over the campaigns."""
     means = mean_intervals(
-        _loads(extracts), ["method", "load_kg", "reference_kg"], ["estimate_kg", "estimate_std_kg"]
+        _all_loads(extracts),
+        ["method", "load_kg", "reference_kg"],
+        ["estimate_kg", "estimate_std_kg"],
     )
     alphas, betas = printed_numbers.TABLE_2.values()
     lines = pl.DataFrame(
@@ -125,7 +127,7 @@ def figure_7(extracts: Extracts) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
     table = mean_intervals(
-        _loads(extracts).with_columns(calibrated_std_kg=spread),
+        _all_loads(extracts).with_columns(calibrated_std_kg=spread),
         ["method", "load_kg", "reference_kg"],
         ["calibrated_kg", "calibrated_std_kg", "error_kg", "error_left_out_kg"],
     )
@@ -147,7 +149,9 @@ class Figure8:
 
 def figure_8(extracts: Extracts) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
-    table = mean_intervals(_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"])
+    table = mean_intervals(
+        _all_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"]
+    )
     ratios = table.group_by("load_kg", maintain_order=True).agg(
         (pl.col("rms_left_out_kg") / pl.col("rms_kg")).mean().alias("ratio")
     )

@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.calibration.campaign.by_method import calibrate_methods
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import lowest, mean_intervals
+from analysis.paper.confidence_intervals import lowest_errors, mean_intervals
 from analysis.paper.replayed_campaign import (
     ERRORS,
     ReplayedCampaign,
@@ -70,7 +70,7 @@ CHAINED_LINES: Final = Extract(CHAINED_CAMPAIGNS, partial(fitted_lines, chain="f
 def table_2(extracts: Extracts) -> Table2:
     """Average the lines over the campaigns."""
     lines = pl.concat(
-        [*extracts.all(IDEAL_LINES), *extracts.all(CHAINED_LINES)], how="vertical_relaxed"
+        [*extracts.results(IDEAL_LINES), *extracts.results(CHAINED_LINES)], how="vertical_relaxed"
     )
     means = mean_intervals(lines, ["chain", "method"], ["alpha_1", "beta_kg"])
     printed = pl.DataFrame({"method": printed_numbers.METHODS, **printed_numbers.TABLE_2}).rename(
@@ -82,7 +82,7 @@ def table_2(extracts: Extracts) -> Table2:
         for row in table.filter(pl.col("method") == "ls").iter_rows(named=True)
     }
     alpha_1, beta_kg = (
-        printed_numbers.by_method(row)["ls"] for row in printed_numbers.TABLE_2.values()
+        printed_numbers.values_by_method(row)["ls"] for row in printed_numbers.TABLE_2.values()
     )
     return Table2(
         frame=table,
@@ -134,7 +134,7 @@ def errors_over(
     """Repeat gate and estimators with each value of a setting: a row a value and method."""
     frames: list[pl.DataFrame] = []
     for value in values:
-        again = regate(campaign, campaign.settings.changed({f"gate.{setting}": value}))
+        again = regate(campaign, campaign.settings.with_changes({f"gate.{setting}": value}))
         frames.append(
             errors(again).with_columns(
                 pl.lit(float(value)).alias(setting), bound_kg=pl.lit(trial_bound_kg(again))
@@ -156,28 +156,30 @@ OVER_WINDOWS: Final = Extract(
 
 def table_3(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
-    return _swept(extracts.all(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG)
+    return _make_swept_table(
+        extracts.results(OVER_THRESHOLDS), THRESHOLD, printed_numbers.TABLE_3_KG
+    )
 
 
 def table_4(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
-    return _swept(extracts.all(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG)
+    return _make_swept_table(extracts.results(OVER_WINDOWS), WINDOW, printed_numbers.TABLE_4_KG)
 
 
-def _swept(
+def _make_swept_table(
     campaigns: Sequence[pl.DataFrame], setting: str, printed: Mapping[float, Sequence[float]]
 ) -> SweptTable:
-    table = _by_setting(pl.concat(campaigns, how="vertical_relaxed"), setting, printed)
+    table = _mean_errors_by_setting(pl.concat(campaigns, how="vertical_relaxed"), setting, printed)
     best_kg = table["run_left_out_kg"].min()
     assert isinstance(best_kg, float)
     return SweptTable(
         frame=table,
         best_printed={
-            method: lowest({at: row[i] for at, row in printed.items()})
+            method: lowest_errors({at: row[i] for at, row in printed.items()})
             for i, method in enumerate(printed_numbers.METHODS)
         },
         extremes=tuple(
-            _extremes(str(method), setting, part)
+            _find_extremes(str(method), setting, part)
             for (method,), part in table.group_by("method", maintain_order=True)
             if method in _COMPARED
         ),
@@ -191,7 +193,7 @@ def _swept(
     )
 
 
-def _by_setting(
+def _mean_errors_by_setting(
     campaigns: pl.DataFrame, setting: str, printed: Mapping[float, Sequence[float]]
 ) -> pl.DataFrame:
     means = mean_intervals(campaigns, [setting, "method"], [*ERRORS, "bound_kg", "runs"])
@@ -199,7 +201,7 @@ def _by_setting(
         [
             {setting: at, "method": method, "paper_kg": error}
             for at, row in printed.items()
-            for method, error in printed_numbers.by_method(row).items()
+            for method, error in printed_numbers.values_by_method(row).items()
         ]
     )
     return (
@@ -212,9 +214,9 @@ def _by_setting(
     )
 
 
-def _extremes(method: str, setting: str, part: pl.DataFrame) -> Extremes:
+def _find_extremes(method: str, setting: str, part: pl.DataFrame) -> Extremes:
     known = dict(part.select(setting, "run_left_out_kg").drop_nulls().iter_rows())
-    (best, *_), worst = lowest(known), max(known, key=lambda at: known[at])
+    (best, *_), worst = lowest_errors(known), max(known, key=lambda at: known[at])
     high = part.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]
     alike = tuple(at for at, error in known.items() if high is not None and error <= high)
     return Extremes(method, best, known[best], worst, known[worst], alike, len(known))

@@ -17,7 +17,7 @@ from analysis.paper import printed_numbers
 from analysis.paper.campaign_tables import OVER_WINDOWS, WINDOW
 from analysis.paper.confidence_intervals import mean_intervals, rms_interval
 from analysis.paper.excitation_figures import WINDOW_S
-from analysis.paper.replayed_campaign import ReplayedCampaign, accepting
+from analysis.paper.replayed_campaign import ReplayedCampaign, reestimate
 from analysis.paper.simulated_sources import CAMPAIGNS, CRUISES, Extract, Extracts
 from analysis.paper.table1 import AT_LENGTH
 from analysis.stages.gating.gate import gate
@@ -51,12 +51,12 @@ def accept_windows(campaign: ReplayedCampaign, how: Fed, settings: Settings) -> 
         settings: the gate, which estimators, and how they forget.
     """
     if how == "ungated":
-        settings = settings.changed({"gate.exclude_braking": False})
+        settings = settings.with_changes({"gate.exclude_braking": False})
     gated = gate(campaign.replayed.frames["excitation"], settings)
     if how != "gated":
         refused = _INCOMPLETE if how == "ungated" else (*_INCOMPLETE, "braking")
         gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))
-    return accepting(campaign, gated, settings)
+    return reestimate(campaign, gated, settings)
 
 
 def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
@@ -67,7 +67,7 @@ def cruise_errors_kg(campaign: ReplayedCampaign) -> tuple[float, ...]:
 def _cruise_error_kg(campaign: ReplayedCampaign, how: Fed, directional: bool) -> float:
     """The error of RLS at the end of the cruise; NaN without estimate."""
     methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
-    again = accept_windows(campaign, how, campaign.settings.changed(methods))
+    again = accept_windows(campaign, how, campaign.settings.with_changes(methods))
     cruised_ns = int(campaign.trials["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
     before = again.replayed.frames["estimates/rls"].filter(pl.col("t_ns") <= cruised_ns)
     if before.is_empty():
@@ -83,7 +83,7 @@ def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
         `rms_kg` and `rms_left_out_kg` of the trials' masses after (19), and `mean_abs_kg`, the mean
         size of their error with every load in the fit.
     """
-    rls = campaign.settings.changed({"trace.methods": ("rls",)})
+    rls = campaign.settings.with_changes({"trace.methods": ("rls",)})
     without: tuple[Fed, ...] = ("no braking", "ungated")
     estimates = {"gated": campaign.estimates()} | {
         how: accept_windows(campaign, how, rls).estimates() for how in without
@@ -177,13 +177,15 @@ class Buffers:
 def claims(extracts: Extracts) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
     means = mean_intervals(
-        pl.concat(extracts.all(CAMPAIGN_ERRORS), how="vertical_relaxed"),
+        pl.concat(extracts.results(CAMPAIGN_ERRORS), how="vertical_relaxed"),
         ["method", "fed"],
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
     gated = means.filter(pl.col("fed") == "gated")
-    windows = extracts.one(TEN_SECONDS).filter(pl.col("method").is_in(printed_numbers.METHODS))
-    buffer = _buffer_rows(pl.concat(extracts.all(OVER_WINDOWS), how="vertical_relaxed"))
+    windows = extracts.single_result(TEN_SECONDS).filter(
+        pl.col("method").is_in(printed_numbers.METHODS)
+    )
+    buffer = _buffer_rows(pl.concat(extracts.results(OVER_WINDOWS), how="vertical_relaxed"))
     rows = [
         *buffer,
         *(claim_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
@@ -193,7 +195,7 @@ def claims(extracts: Extracts) -> Claims:
             claim_row("experiment", "trial", row, "mean_abs_kg")
             for row in gated.iter_rows(named=True)
         ),
-        *_cruise_rows(np.array(extracts.all(CRUISE_ERRORS))),
+        *_cruise_rows(np.array(extracts.results(CRUISE_ERRORS))),
         *_campaign_rows(means),
     ]
     frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(
@@ -220,8 +222,8 @@ def claims(extracts: Extracts) -> Claims:
         experiment_mass_percent=_value_range(experiment["of_mass_percent"]),
         experiment_range_percent=_value_range(experiment["of_load_range_percent"]),
         reduced=tuple(share >= 100.0 * printed_numbers.REDUCTION for share in smaller),
-        saved_by=_saved_by(means),
-        buffer=_buffers(frame.filter(pl.col("claim") == "buffer")),
+        saved_by=what_saves_rls(means),
+        buffer=_compare_buffers(frame.filter(pl.col("claim") == "buffer")),
     )
 
 
@@ -241,7 +243,7 @@ def _buffer_rows(campaigns: pl.DataFrame) -> list[dict[str, Any]]:
     return rows
 
 
-def _buffers(frame: pl.DataFrame) -> Buffers:
+def _compare_buffers(frame: pl.DataFrame) -> Buffers:
     ls, rls = (frame.filter(pl.col("method") == method) for method in ("ls", "rls"))
     beside = ls.join(rls, "window_samples", suffix="_rls", maintain_order="left")
     reaches = pl.min_horizontal("found_kg_low_rls", "found_kg_rls") <= pl.col("found_kg")
@@ -291,7 +293,7 @@ def _cruise_rows(errors_kg: np.ndarray) -> list[dict[str, Any]]:
                 "fed": how,
                 "directional": directional,
                 **dict(zip(("rms", "rms_low", "rms_high"), each, strict=True)),
-                "smaller_percent": _smaller(each[0], ungated_kg) if number else None,
+                "smaller_percent": _reduction_percent(each[0], ungated_kg) if number else None,
             },
             "rms",
         )
@@ -305,18 +307,18 @@ def _campaign_rows(means: pl.DataFrame) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for row in rls.iter_rows(named=True):
         gated = row["fed"] != "ungated"
-        smaller = _smaller(row["rms_left_out_kg"], ungated_kg) if gated else None
+        smaller = _reduction_percent(row["rms_left_out_kg"], ungated_kg) if gated else None
         rows.append(
             claim_row("reduction", "trial", {**row, "smaller_percent": smaller}, "rms_left_out_kg")
         )
     return rows
 
 
-def _smaller(error_kg: float, ungated_kg: float) -> float:
+def _reduction_percent(error_kg: float, ungated_kg: float) -> float:
     return 100.0 * (1.0 - error_kg / ungated_kg)
 
 
-def _saved_by(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "the index"]:
+def what_saves_rls(means: pl.DataFrame) -> Literal["nothing", "refusing braking", "the index"]:
     """Compare RLS on short starts: gated, without braking, ungated."""
     rls = means.filter(pl.col("method") == "rls")
     by_fed = dict(rls.select("fed", "rms_left_out_kg").iter_rows())

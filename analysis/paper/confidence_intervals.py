@@ -70,6 +70,6 @@ def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float
     return float(np.sqrt(squares.mean())), float(low), float(high)
 
 
-def lowest(errors: Mapping[float, float]) -> list[float]:
+def lowest_errors(errors: Mapping[float, float]) -> list[float]:
     """Where the error is smallest, ties included."""
     return [at for at, error in errors.items() if error == min(errors.values())]

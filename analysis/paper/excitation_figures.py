@@ -10,7 +10,7 @@ import polars as pl
 from analysis.model.schema import values
 from analysis.model.settings import Settings
 from analysis.paper import printed_numbers
-from analysis.paper.replayed_campaign import ReplayedCampaign, accepting
+from analysis.paper.replayed_campaign import ReplayedCampaign, reestimate
 from analysis.paper.simulated_sources import LINEAR, ROTATION, Extract
 from analysis.stages.gating.gate import gate
 from estimators.arrays import Floats
@@ -80,7 +80,7 @@ class Figure3:
 def figure_3(campaign: ReplayedCampaign) -> Figure3:
     """Mass and friction over time under the triangular force."""
     rate_hz = campaign.settings.align.rate_hz
-    settings = campaign.settings.changed(
+    settings = campaign.settings.with_changes(
         {
             "gate.window_samples": round(WINDOW_S * rate_hz),
             "trace.methods": printed_numbers.METHODS,
@@ -88,7 +88,7 @@ def figure_3(campaign: ReplayedCampaign) -> Figure3:
             "gate.exclude_braking": False,
         }
     )
-    estimates = _driven(campaign, settings).replayed.frames
+    estimates = estimates_from_complete_windows(campaign, settings).replayed.frames
     truth = campaign.trials.row(0, named=True)
     series = pl.concat(
         _plot_rows(estimates[f"estimates/{method}"]).select(
@@ -107,7 +107,7 @@ def figure_3(campaign: ReplayedCampaign) -> Figure3:
         frame=series,
         true_mass_kg=truth["mass_kg"],
         rms_kg=_rms(series, "mass_kg", "true_mass_kg"),
-        converging=_converging(series),
+        converging=convergence_rms(series),
         memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
         window_samples=settings.gate.window_samples,
     )
@@ -165,12 +165,14 @@ def figure_4(campaign: ReplayedCampaign) -> Figure4:
     )
 
 
-def _driven(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
+def estimates_from_complete_windows(
+    campaign: ReplayedCampaign, settings: Settings
+) -> ReplayedCampaign:
     """Estimates from every complete window that the figure shows: the end of the drive is not."""
     gated = gate(campaign.replayed.frames["excitation"], settings)
     incomplete = pl.col("reason_x").cast(pl.String).is_in(("warming_up", "gap"))
     shown = ~incomplete & (pl.col("t_ns") <= round(_SHOWN_S * 1e9))
-    return accepting(campaign, gated.with_columns(accepted_x=shown), settings)
+    return reestimate(campaign, gated.with_columns(accepted_x=shown), settings)
 
 
 def _trace(
@@ -215,7 +217,7 @@ def _rms(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
     return dict(errors.iter_rows())
 
 
-def _converging(series: pl.DataFrame) -> dict[str, Rms]:
+def convergence_rms(series: pl.DataFrame) -> dict[str, Rms]:
     """R.m.s. error of LS and RLS at first, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,

@@ -90,7 +90,9 @@ class SteadyDrive:
         return mass_bounds_kg(noise_N, *sums)
 
 
-def excite(scenario: Scenario, *, force: ForceWave | None, torque: TorqueWave | None) -> Scenario:
+def with_waveforms(
+    scenario: Scenario, *, force: ForceWave | None, torque: TorqueWave | None
+) -> Scenario:
     """The scenario with one run without load, under these waveforms for five periods."""
     period_s = (force or torque or ForceWave()).period_s
     drive = Excite(duration_s=_PERIODS * period_s, force=force, torque=torque)
@@ -108,7 +110,7 @@ def steady_drive(scenario: Scenario, force: ForceWave | None = None) -> SteadyDr
         force: the waveform.
     """
     force = force or ForceWave()
-    motion = solve_motion(excite(scenario, force=force, torque=None), 0.0)
+    motion = solve_motion(with_waveforms(scenario, force=force, torque=None), 0.0)
     steps = round(force.period_s * scenario.sensors.rate_hz * PHASES)
     time_s = force.period_s * (_SETTLED_PERIODS + np.arange(steps) / steps)
     true = motion.sample(time_s)

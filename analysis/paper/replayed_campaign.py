@@ -18,7 +18,7 @@ from analysis.model.settings import Settings
 from analysis.paper.cramer_rao import equation_noise, mass_bounds_kg
 from analysis.simulation import Scenario
 from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate, samples_of
+from analysis.stages.gating.gate import gate, samples_in_windows
 
 #: The four errors, r.m.s. in kg over all trials, or over the loads' means.
 ERRORS = ("run_kg", "run_left_out_kg", "mean_kg", "mean_left_out_kg")
@@ -53,10 +53,10 @@ class ReplayedCampaign:
 def regate(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Repeat gate and estimators with other settings; nothing before the gate changes."""
     excitation = campaign.replayed.frames["excitation"]
-    return accepting(campaign, gate(excitation, settings), settings)
+    return reestimate(campaign, gate(excitation, settings), settings)
 
 
-def accepting(
+def reestimate(
     campaign: ReplayedCampaign, gated: pl.DataFrame, settings: Settings
 ) -> ReplayedCampaign:
     """Repeat the estimates of a campaign from the windows that `gated` accepts."""
@@ -101,7 +101,7 @@ def trial_bound_kg(campaign: ReplayedCampaign) -> float:
     """
     frames, scenario = campaign.replayed.frames, campaign.scenario
     window = campaign.settings.gate.window_samples
-    used = samples_of(frames["gate"]["accepted_x"].to_numpy(), window)
+    used = samples_in_windows(frames["gate"]["accepted_x"].to_numpy(), window)
     unix_ns = frames["excitation"]["t_ns"] + campaign.replayed.provenance.t0_unix_ns
     a, v = pl.col("acc_x_m_s2"), pl.col("speed_x_m_s")
     motion = (

@@ -11,9 +11,9 @@ from functools import partial
 from typing import Any, Final, Generic, NamedTuple, TypeAlias, TypeVar
 
 from analysis.model.machine import Channel, Machine
-from analysis.paper.paper_excitation import SteadyDrive, excite, steady_drive
+from analysis.paper.paper_excitation import SteadyDrive, steady_drive, with_waveforms
 from analysis.paper.replayed_campaign import ReplayedCampaign
-from analysis.paper.torque_chain import TorqueChain, through
+from analysis.paper.torque_chain import TorqueChain, record_through_chain
 from analysis.simulation import Scenario, SimulatedLog
 from analysis.simulation.scenario.scenario import SimulatedSensors
 from analysis.simulation.scenario.waveforms import ForceWave, TorqueWave
@@ -91,12 +91,12 @@ class Extracts:
         """Keep the extract of another repetition."""
         self._made.setdefault(extract, []).append(made)
 
-    def all(self, extract: Extract[Any, T]) -> list[T]:
+    def results(self, extract: Extract[Any, T]) -> list[T]:
         """What the extract made of every repetition."""
         return self._made[extract]
 
-    def one(self, extract: Extract[Any, T]) -> T:
-        """What the extract made of a source without repetitions."""
+    def single_result(self, extract: Extract[Any, T]) -> T:
+        """The result of an extract whose source has no repetitions."""
         (made,) = self._made[extract]
         return made
 
@@ -110,7 +110,7 @@ class Repetition(NamedTuple):
 
 def with_paper_noise(machine: Machine) -> Machine:
     """The machine, its noise not from the log but as the paper has it."""
-    return machine.model_copy(update={"settings": machine.settings.changed(PAPER_NOISE)})
+    return machine.model_copy(update={"settings": machine.settings.with_changes(PAPER_NOISE)})
 
 
 def repetitions(
@@ -131,11 +131,13 @@ def repetitions(
         repeats = source.repeats(study)
         for number in range(repeats):
             name = source.name if repeats == 1 else f"{source.name} {number + 1}"
-            planned.append(Repetition(name, partial(_take, source, number, of_it, study, extracts)))
+            planned.append(
+                Repetition(name, partial(_take_repetition, source, number, of_it, study, extracts))
+            )
     return planned
 
 
-def _take(
+def _take_repetition(
     source: Source[Any],
     number: int,
     wanted: Iterable[Extract[Any, Any]],
@@ -155,74 +157,78 @@ class SteadyStudy(NamedTuple):
     windows: int
 
 
-def _ideal(log: SimulatedLog) -> SimulatedLog:
+def _unchanged_log(log: SimulatedLog) -> SimulatedLog:
     return log
 
 
-def _steady(study: Study, _: int) -> SteadyStudy:
+def _make_steady_study(study: Study, _: int) -> SteadyStudy:
     return SteadyStudy(steady_drive(study.scenario), study.scenario.sensors, study.windows)
 
 
-def _campaign(study: Study, number: int) -> ReplayedCampaign:
-    settings = study.machine.settings.changed(
+def _replay_seeded_campaign(study: Study, number: int) -> ReplayedCampaign:
+    settings = study.machine.settings.with_changes(
         {"gate.window_samples": WINDOW_SAMPLES, "gate.threshold_nat": THRESHOLD_NAT}
     )
     machine = study.machine.model_copy(update={"settings": settings})
-    return study.replay(study.seeded(number), machine, _ideal)
+    return study.replay(study.seeded(number), machine, _unchanged_log)
 
 
 def _chained_campaign(study: Study, number: int) -> ReplayedCampaign:
     # (17) as printed knows no share of the force
     printed = study.machine.machine.model_copy(update={"force_share": 1.0})
     machine = study.machine.model_copy(update={"machine": printed})
-    return study.replay(study.seeded(number), machine, lambda log: through(log, TorqueChain()))
+    return study.replay(
+        study.seeded(number), machine, lambda log: record_through_chain(log, TorqueChain())
+    )
 
 
-def _linear(study: Study, _: int) -> ReplayedCampaign:
-    driven = excite(study.scenario, force=ForceWave(), torque=None)
-    return study.replay(driven, study.machine, _ideal)
+def _drive_straight(study: Study, _: int) -> ReplayedCampaign:
+    driven = with_waveforms(study.scenario, force=ForceWave(), torque=None)
+    return study.replay(driven, study.machine, _unchanged_log)
 
 
-def _rotation(study: Study, _: int) -> ReplayedCampaign:
-    driven = excite(study.scenario, force=None, torque=TorqueWave())
+def _drive_spin(study: Study, _: int) -> ReplayedCampaign:
+    driven = with_waveforms(study.scenario, force=None, torque=TorqueWave())
     yaw = {"yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
     machine = study.machine.model_copy(update={"channels": {**study.machine.channels, **yaw}})
-    return study.replay(driven, machine, _ideal)
+    return study.replay(driven, machine, _unchanged_log)
 
 
 def _replay_start(study: Study, _: int) -> ReplayedCampaign:
-    return study.replay(_one_trial(study.scenario), study.machine, _ideal)
+    return study.replay(one_start_scenario(study.scenario), study.machine, _unchanged_log)
 
 
-def _cruise(study: Study, number: int) -> ReplayedCampaign:
-    short = _one_trial(study.seeded(number))
+def _replay_cruise(study: Study, number: int) -> ReplayedCampaign:
+    short = one_start_scenario(study.seeded(number))
     campaign = short.campaign.model_copy(update={"cruise_s": CRUISE_S})
-    return study.replay(short.model_copy(update={"campaign": campaign}), study.machine, _ideal)
+    return study.replay(
+        short.model_copy(update={"campaign": campaign}), study.machine, _unchanged_log
+    )
 
 
-def _one_trial(scenario: Scenario) -> Scenario:
+def one_start_scenario(scenario: Scenario) -> Scenario:
     """One start and stop without load."""
     campaign = scenario.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 1})
     return scenario.model_copy(update={"campaign": campaign})
 
 
-def _campaigns(study: Study) -> int:
+def _campaign_count(study: Study) -> int:
     return study.campaigns
 
 
-def _cruises(study: Study) -> int:
+def _cruise_count(study: Study) -> int:
     return max(study.windows // _WINDOWS_A_CRUISE, 2)
 
 
 #: The steady oscillation under the paper's triangle, for windows without a gate.
-OSCILLATION: Final = Source("windows", _steady)
+OSCILLATION: Final = Source("windows", _make_steady_study)
 #: Campaigns of section 4.3, with an ideal torque chain and with one that would explain Table 2.
-CAMPAIGNS: Final = Source("campaign", _campaign, _campaigns)
-CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _campaigns)
+CAMPAIGNS: Final = Source("campaign", _replay_seeded_campaign, _campaign_count)
+CHAINED_CAMPAIGNS: Final = Source("torque chain", _chained_campaign, _campaign_count)
 #: The excitations of Figures 2 to 4.
-LINEAR: Final = Source("linear motion", _linear)
-ROTATION: Final = Source("rotation", _rotation)
+LINEAR: Final = Source("linear motion", _drive_straight)
+ROTATION: Final = Source("rotation", _drive_spin)
 #: One start and stop.
 START: Final = Source("start and stop", _replay_start)
 #: A start, and a long cruise.
-CRUISES: Final = Source("cruise", _cruise, _cruises)
+CRUISES: Final = Source("cruise", _replay_cruise, _cruise_count)

@@ -16,7 +16,7 @@ import numpy as np
 import polars as pl
 
 from analysis.paper import printed_numbers
-from analysis.paper.confidence_intervals import CONFIDENCE, lowest, rms_interval
+from analysis.paper.confidence_intervals import CONFIDENCE, lowest_errors, rms_interval
 from analysis.paper.paper_excitation import MeasuredWindows, SteadyDrive
 from analysis.paper.simulated_sources import OSCILLATION, Extract, Extracts, SteadyStudy
 from analysis.simulation.scenario.scenario import SimulatedSensors
@@ -56,7 +56,7 @@ class Table1:
         forgetting_1: λ of RLS.
         half_s: time in which it forgets half.
         longest: the row of RLS at the longest window.
-        raw: the row of TLS on raw units at the noise of `raw_units`.
+        raw: the row of TLS on raw units at the noise of `errors_in_raw_units`.
         scaled: likewise of TLS on columns scaled by their noise.
     """
 
@@ -78,30 +78,32 @@ class Table1:
 
 def table_1(extracts: Extracts) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
-    table = pl.concat([extracts.one(extract) for extract in AT_LENGTH.values()])
+    table = pl.concat([extracts.single_result(extract) for extract in AT_LENGTH.values()])
     beside = table.filter(pl.col("paper_kg").is_not_null())
     ours = {
-        str(method): lowest(dict(part.select("window_s", "rmse_kg").iter_rows()))[0]
+        str(method): lowest_errors(dict(part.select("window_s", "rmse_kg").iter_rows()))[0]
         for (method,), part in table.group_by("method", maintain_order=True)
     }
     long = table.filter((pl.col("window_s") >= LONG_S) & pl.col("method").is_in(["ls", "tls"]))
     over_bound = long["over_bound_1"].to_list()
     long_rms = _rms_over_bound(long)
     forgetting = RlsOptions().forgetting
-    noisier = {row["method"]: row for row in extracts.one(RAW_UNITS).iter_rows(named=True)}
+    noisier = {
+        row["method"]: row for row in extracts.single_result(RAW_UNITS).iter_rows(named=True)
+    }
     return Table1(
         frame=table,
         beside=beside.height,
         below_bound=beside.filter(pl.col("paper_kg") < pl.col("bound_kg")).height,
         rare=beside.filter(pl.col("paper_kg") > RARE * pl.col("rmse_kg")).height,
         best_printed_s={
-            method: lowest({at: row[i] for at, row in printed_numbers.TABLE_1_KG.items()})[0]
+            method: lowest_errors({at: row[i] for at, row in printed_numbers.TABLE_1_KG.items()})[0]
             for i, method in enumerate(printed_numbers.METHODS)
         },
         best_s=ours,
         long_over_bound_1=(min(over_bound), max(over_bound)),
         long_rms_1=long_rms,
-        long_reached=_reached_speed(max(over_bound), long_rms),
+        long_reached=_has_reached_bound(max(over_bound), long_rms),
         forgetting_1=forgetting,
         half_s=log(0.5) / log(forgetting) / SimulatedSensors().rate_hz,
         longest=table.filter(pl.col("method") == "rls").sort("window_s").row(-1, named=True),
@@ -123,7 +125,7 @@ def _rms_over_bound(long: pl.DataFrame) -> tuple[float, float, float]:
     return square**0.5, float(low) ** 0.5, float(high) ** 0.5
 
 
-def _reached_speed(largest: float, rms: tuple[float, float, float]) -> bool | None:
+def _has_reached_bound(largest: float, rms: tuple[float, float, float]) -> bool | None:
     _, low, high = rms
     if low > _NEAR:
         return False
@@ -163,7 +165,7 @@ def window_errors(
         bound_kg, strict_kg, errors = _errors_kg(
             drive, sensors, window_s, smooth_samples, windows, methods, rng
         )
-        printed = printed_numbers.by_method(printed_numbers.TABLE_1_KG.get(window_s))
+        printed = printed_numbers.values_by_method(printed_numbers.TABLE_1_KG.get(window_s))
         for method, error in errors.items():
             rmse, low, high = rms_interval(error, rng)
             known = error[np.isfinite(error)]
@@ -186,7 +188,9 @@ def window_errors(
     return pl.DataFrame(rows, schema_overrides={"paper_kg": pl.Float64})
 
 
-def raw_units(drive: SteadyDrive, sensors: SimulatedSensors, windows: int) -> pl.DataFrame:
+def errors_in_raw_units(
+    drive: SteadyDrive, sensors: SimulatedSensors, windows: int
+) -> pl.DataFrame:
     """`window_errors` at 2 s and a noise under which total least squares needs scaled columns."""
     noisier = sensors.model_copy(update={"force_noise_N": 150.0, "acc_noise_m_s2": 0.03})
     return window_errors(drive, noisier, windows, windows_s=(2.0,), methods=("tls", "tls_raw"))
@@ -247,17 +251,17 @@ def _masses_kg(method: str, seen: MeasuredWindows, sensors: SimulatedSensors) ->
     return traced.theta[:, 0]
 
 
-def _at_length(study: SteadyStudy, window_s: float) -> pl.DataFrame:
+def _errors_at_length(study: SteadyStudy, window_s: float) -> pl.DataFrame:
     return window_errors(study.drive, study.sensors, study.windows, windows_s=(window_s,))
 
 
-def _raw_units(study: SteadyStudy) -> pl.DataFrame:
-    return raw_units(study.drive, study.sensors, study.windows)
+def _study_raw_units(study: SteadyStudy) -> pl.DataFrame:
+    return errors_in_raw_units(study.drive, study.sensors, study.windows)
 
 
 #: The rows of each length.
 AT_LENGTH: Final = {
-    window_s: Extract(OSCILLATION, partial(_at_length, window_s=window_s))
+    window_s: Extract(OSCILLATION, partial(_errors_at_length, window_s=window_s))
     for window_s in printed_numbers.TABLE_1_KG
 }
-RAW_UNITS: Final = Extract(OSCILLATION, _raw_units)
+RAW_UNITS: Final = Extract(OSCILLATION, _study_raw_units)

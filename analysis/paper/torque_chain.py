@@ -36,7 +36,7 @@ class TorqueChain:
         return front_kg / (empty_kg + load_kg)
 
 
-def through(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
+def record_through_chain(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
     """Give a log the torques, and their noise, that this chain would record."""
     machine = simulated.scenario.machine
     share = chain.front_share(machine.mass_kg, simulated.load_kg)

@@ -19,17 +19,21 @@ from analysis.model.schema import FRAMES, build
 from analysis.model.settings import Settings
 from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
-from analysis.planar.planar_budget import gradient_of, sources, standard_uncertainty
-from analysis.planar.planar_motion import drive_of
+from analysis.planar.planar_budget import (
+    quantity_gradient,
+    standard_uncertainty,
+    uncertainty_sources_of,
+)
+from analysis.planar.planar_motion import make_drive
 from analysis.planar.planar_regressor import Regressor
-from analysis.planar.planar_samples import Plane, plane_noise, plane_of
+from analysis.planar.planar_samples import Plane, collect_plane, plane_noise
 from analysis.planar.planar_terms import TERMS, terms_of
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
 from analysis.stages.gating.segments import manoeuvres
 from estimators.arrays import Bools, Floats, Ints
 from estimators.planar import base_parameters
-from estimators.planar.base_parameters import BaseEstimate, Prior
+from estimators.planar.base_estimate import BaseEstimate, Prior
 from estimators.planar.planar_rows import PARAMETERS
 
 _MOMENTS: Final = ("first_moment_x_kg_m", "first_moment_y_kg_m")
@@ -49,7 +53,7 @@ _STAGES: Final = ((X, _FORCE, (0, 4)), (Z, _TORQUE, (1, 5)))
 
 
 @dataclass(frozen=True, slots=True)
-class _Log:
+class PlanarLog:
     """What every fit of a log needs."""
 
     plane: Plane
@@ -58,14 +62,14 @@ class _Log:
 
 
 @dataclass(frozen=True, slots=True)
-class _NamedEstimate:
+class NamedEstimate:
     """A fit, and the names of its priors."""
 
     estimate: BaseEstimate
     priors: tuple[str, ...]
 
 
-def planar(
+def fit_planar(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     verdict: Verdict,
@@ -86,22 +90,22 @@ def planar(
         is null, and `combinations` says what it determines instead. And `planar_budget`, what the
         uncertainty of all motion together is made of.
     """
-    log = _Log(plane_of(excitation, machine.settings, noise), excitation, machine)
-    joint = _joint(log, verdict)
+    log = PlanarLog(collect_plane(excitation, machine.settings, noise), excitation, machine)
+    joint = fit_all_motion(log, verdict)
     start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
     start = start if np.isfinite(start).all() else np.zeros(6)
-    rows = list(_arcs(log, gated, verdict, start))
+    rows = list(fit_arcs(log, gated, verdict, start))
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
-    parts = _budget(*joint, machine) if joint else []
+    parts = uncertainty_rows(*joint, machine) if joint else []
     declared = FRAMES["planar_budget"].columns
     budget = pl.DataFrame(parts, schema={c.name: c.dtype for c in declared}, orient="row")
     return build("planar", table.to_dict()), build("planar_budget", budget.to_dict())
 
 
-def _arcs(
-    log: _Log, gated: pl.DataFrame, verdict: Verdict, start: Floats
+def fit_arcs(
+    log: PlanarLog, gated: pl.DataFrame, verdict: Verdict, start: Floats
 ) -> Iterator[dict[str, Any]]:
     """Each arc that lasts a window, and all of them as one fit."""
     plane, settings = log.plane, log.machine.settings
@@ -114,10 +118,10 @@ def _arcs(
     # an arc is one stretch of the log
     rows = np.flatnonzero(steady)
     firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
-    known = Prior.about_zero({}, 2)
-    for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.tells_inertia), strict=True):
+    known = Prior.around_zero({}, 2)
+    for stage, told in zip(_STAGES, (verdict.can_weigh, verdict.can_tell_inertia), strict=True):
         if told:
-            known = known.and_also(_stage(log, gated, start, *stage))
+            known = known.joined_with(prior_from_axis(log, gated, start, *stage))
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known.names
     parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
@@ -126,18 +130,18 @@ def _arcs(
     for kind, part in parts:
         of = np.full(arc_id.size, -1)
         of[part] = np.where(np.isin(arc_id[part], lasting_ids), arc_id[part], -1)
-        fitted = _fit(log, of, start, known, _BOTH if both else _FORCE)
+        fitted = fit_in_rounds(log, of, start, known, _BOTH if both else _FORCE)
         row = _planar_row(kind, log, of >= 0, fitted, known.names)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _is_determined(row, reason, withheld=not verdict.can_weigh)
+        yield _determined_row(row, reason, withheld=not verdict.can_weigh)
 
 
-def _stage(
-    log: _Log,
+def prior_from_axis(
+    log: PlanarLog,
     gated: pl.DataFrame,
     start: Floats,
     axis: Axis,
@@ -145,31 +149,31 @@ def _stage(
     columns: tuple[int, ...],
 ) -> Prior:
     """What straight motion or spins tell an arc, with the terms that only they have."""
-    nothing = Prior.about_zero({}, 2)
+    nothing = Prior.around_zero({}, 2)
     if axis is Z and not log.plane.has_torque:
         return nothing
     used = accepted_samples(log.excitation, gated, log.machine.settings, axis)
     used &= log.plane.known
     if not used.any():
         return nothing
-    fitted = _fit(log, np.where(used, 0, -1), start, nothing, rows, columns).estimate
+    fitted = fit_in_rounds(log, np.where(used, 0, -1), start, nothing, rows, columns).estimate
     if not np.isfinite(fitted.theta).all():
         return nothing
-    own = [n for n, name in enumerate(fitted.parameters) if _is_of(name, axis)]
+    own = [n for n, name in enumerate(fitted.parameters) if is_of_axis_alone(name, axis)]
     mean = np.zeros((2, len(own)))
     mean[rows] = fitted.by_axis[:, own]
     names = tuple(fitted.parameters[n] for n in own)
     return Prior(names, mean, fitted.covariance[np.ix_(own, own)])
 
 
-def _is_of(name: str, axis: Axis) -> bool:
+def is_of_axis_alone(name: str, axis: Axis) -> bool:
     """Whether a parameter or a term is of one axis alone."""
     return name in PARAMETERS or any(
         term.name == name and term.axes == axis.letter for term in TERMS
     )
 
 
-def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate] | None:
+def fit_all_motion(log: PlanarLog, verdict: Verdict) -> tuple[dict[str, Any], NamedEstimate] | None:
     """One fit over all motion, where there is turning enough and a yaw torque; else None."""
     plane, settings = log.plane, log.machine.settings
     used = plane.usable & plane.moving
@@ -179,7 +183,7 @@ def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate]
     start = base_parameters.fit(
         plane.motion, plane.f, PARAMETERS, of, noise=plane_noise(plane, used)
     ).coefficients
-    fitted = _fit(log, of, start, Prior.about_zero({}, 2), _BOTH)
+    fitted = fit_in_rounds(log, of, start, Prior.around_zero({}, 2), _BOTH)
     row = _planar_row("joint", log, used, fitted, ())
     estimate = fitted.estimate
     variance = np.var(plane.f, axis=0, where=used[:, None])
@@ -188,12 +192,12 @@ def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate]
         estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
     )
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
-    believed = _believable(plane, estimate, row, settings) and not verdict.is_contradicted
+    believed = is_fit_plausible(plane, estimate, row, settings) and not verdict.is_contradicted
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
-    return _is_determined(row, reason, withheld=not believed), fitted
+    return _determined_row(row, reason, withheld=not believed), fitted
 
 
-def _believable(
+def is_fit_plausible(
     plane: Plane, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
 ) -> bool:
     """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
@@ -203,8 +207,10 @@ def _believable(
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.std[:2][told]
     force = plane.f[:, 0]
-    driving = fit_quality.along_share(plane.motion.speed, force, plane.known & (plane.pace > 0))
-    opposing = 1.0 - fit_quality.along_share(
+    driving = fit_quality.share_along_motion(
+        plane.motion.speed, force, plane.known & (plane.pace > 0)
+    )
+    opposing = 1.0 - fit_quality.share_along_motion(
         plane.motion.speed, force, plane.known & (plane.pace < 0)
     )
     return (
@@ -215,14 +221,14 @@ def _believable(
     )
 
 
-def _fit(
-    log: _Log,
+def fit_in_rounds(
+    log: PlanarLog,
     segment_id: Ints,
     start: Floats,
     known: Prior,
     rows: slice,
     columns: tuple[int, ...] = _ALL,
-) -> _NamedEstimate:
+) -> NamedEstimate:
     """Fit the samples of segment_id >= 0 with the terms of these rows.
 
     Args:
@@ -233,34 +239,34 @@ def _fit(
         rows: of force, of yaw torque, or both.
         columns: which of the six.
     """
-    told = _round(log, segment_id, start, known, rows, columns)
+    told = fit_with_coefficients(log, segment_id, start, known, rows, columns)
     for _ in range(_ROUNDS - 1):
         coefficients = start.copy()
         found = told.estimate.coefficients[: len(columns)]
         if np.isfinite(found).all():
             coefficients[list(columns)] = found
-        told = _round(log, segment_id, coefficients, known, rows, columns)
+        told = fit_with_coefficients(log, segment_id, coefficients, known, rows, columns)
     return told
 
 
-def _round(
-    log: _Log,
+def fit_with_coefficients(
+    log: PlanarLog,
     segment_id: Ints,
     coefficients: Floats,
     known: Prior,
     rows: slice,
     columns: tuple[int, ...],
-) -> _NamedEstimate:
+) -> NamedEstimate:
     """One fit, with the terms of a machine of these coefficients (6,)."""
     where = np.flatnonzero(segment_id >= 0)
     part = slice(int(where[0]), int(where[-1]) + 1)
     of_columns = np.array(columns)
-    drive = drive_of(log.plane, log.excitation, log.machine, coefficients)
+    drive = make_drive(log.plane, log.excitation, log.machine, coefficients)
     terms = terms_of(drive, "xz"[rows])
     names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
     width = {term.name: std for term, std in terms if term.name not in known.names}
     noise = plane_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
-    prior = _of_rows(known, rows, names).and_also(Prior.about_zero(width, noise.shape[0]))
+    prior = prior_for_rows(known, rows, names).joined_with(Prior.around_zero(width, noise.shape[0]))
     regressor = Regressor.of(drive.cut(part), of_columns, [term for term, _ in terms], rows)
     fitted = base_parameters.fit(
         regressor,
@@ -271,10 +277,10 @@ def _round(
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
         regressor.loading,
     )
-    return _NamedEstimate(fitted, prior.names)
+    return NamedEstimate(fitted, prior.names)
 
 
-def _of_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
+def prior_for_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
     """The part of a prior that a fit of these rows has parameters of."""
     own = [n for n, name in enumerate(known.names) if name in names]
     return Prior(
@@ -285,7 +291,7 @@ def _of_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
 
 
 def _planar_row(
-    kind: str, log: _Log, used: Bools, fitted: _NamedEstimate, known: tuple[str, ...]
+    kind: str, log: PlanarLog, used: Bools, fitted: NamedEstimate, known: tuple[str, ...]
 ) -> dict[str, Any]:
     """What a fit says, by column."""
     estimate, plane = fitted.estimate, log.plane
@@ -305,7 +311,7 @@ def _planar_row(
             for name, single in zip(found.parameters, found.identifiable, strict=True)
             if single
         ),
-        "combinations": "; ".join(found.texts()),
+        "combinations": "; ".join(found.combination_texts()),
     }
 
     def u(gradient: Floats) -> float:
@@ -313,16 +319,16 @@ def _planar_row(
 
     for name, value in zip(estimate.parameters, estimate.theta, strict=True):
         if name in PARAMETERS and name not in known:
-            row[name], row[_COLUMNS[name]] = float(value), u(gradient_of(estimate, name))
+            row[name], row[_COLUMNS[name]] = float(value), u(quantity_gradient(estimate, name))
     for axis, moment in zip("xy", _MOMENTS, strict=True):
         value, gradient = estimate.slope(moment, "mass_kg")
         row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = value, u(gradient)
     row["predicted_std_com_m"] = row["com_x_std_m"]
     told = {*_MOMENTS, "inertia_z_kg_m2"} & {name for name in PARAMETERS if name in row}
-    row["scale_unknown"] = _unknown(
-        fitted, [gradient_of(estimate, name) for name in sorted(told)], log.machine
+    row["scale_unknown"] = missing_machine_values(
+        fitted, [quantity_gradient(estimate, name) for name in sorted(told)], log.machine
     )
-    row["com_scale_unknown"] = _unknown(
+    row["com_scale_unknown"] = missing_machine_values(
         fitted, [estimate.slope(moment, "mass_kg")[1] for moment in _MOMENTS], log.machine
     )
     for name, rms in zip(
@@ -332,10 +338,10 @@ def _planar_row(
     return row
 
 
-def _unknown(fitted: _NamedEstimate, gradients: list[Floats], machine: Machine) -> str:
+def missing_machine_values(fitted: NamedEstimate, gradients: list[Floats], machine: Machine) -> str:
     """What the machine file should state and does not, for any of these quantities."""
     told = [g for g in gradients if np.isfinite(g).all()]
-    each = [sources(fitted.estimate, g, fitted.priors, machine) for g in told]
+    each = [uncertainty_sources_of(fitted.estimate, g, fitted.priors, machine) for g in told]
     names = (name for found in each for name in unknown_scale(found))
     return ", ".join(dict.fromkeys(names))
 
@@ -350,8 +356,8 @@ _QUANTITIES: Final = {
 }
 
 
-def _budget(
-    row: Mapping[str, Any], fitted: _NamedEstimate, machine: Machine
+def uncertainty_rows(
+    row: Mapping[str, Any], fitted: NamedEstimate, machine: Machine
 ) -> list[dict[str, Any]]:
     """Where the uncertainty of each quantity that all motion tells comes from."""
     parts: list[dict[str, Any]] = []
@@ -359,11 +365,11 @@ def _budget(
         if row.get(quantity) is None or not np.isfinite(row[quantity]):
             continue
         if quantity in PARAMETERS:
-            gradient = gradient_of(fitted.estimate, quantity)
+            gradient = quantity_gradient(fitted.estimate, quantity)
         else:
             moment = _MOMENTS["xy".index(quantity[4])]
             gradient = fitted.estimate.slope(moment, "mass_kg")[1]
-        found = sources(fitted.estimate, gradient, fitted.priors, machine)
+        found = uncertainty_sources_of(fitted.estimate, gradient, fitted.priors, machine)
         total = combine(found)
         parts += [
             {
@@ -381,7 +387,7 @@ def _budget(
     return parts
 
 
-def _is_determined(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+def _determined_row(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
     """The row with its outcome: no number of a fit that is refused or withheld."""
     row = {**row, "reason": reason, "withheld": withheld}
     if withheld or reason != "accepted":

@@ -12,12 +12,12 @@ from analysis.model.uncertainty_sources import (
     TRACK_WIDTH,
     UncertaintySource,
     combine,
+    has_torque_of_sides,
     largest_first,
-    turned_by_sides,
 )
 from analysis.planar.planar_terms import TERMS
 from estimators.arrays import Floats
-from estimators.planar.base_parameters import BaseEstimate
+from estimators.planar.base_estimate import BaseEstimate
 
 _TERMS: Final = {term.name: term for term in TERMS}
 #: Rows of the planar regressor.
@@ -26,12 +26,12 @@ _TORQUE: Final = 1
 _CANCELS: Final = 1e-9
 
 
-def gradient_of(estimate: BaseEstimate, name: str) -> Floats:
+def quantity_gradient(estimate: BaseEstimate, name: str) -> Floats:
     """(p,) what a parameter changes by with each: 1 with itself."""
     return np.array([float(each == name) for each in estimate.parameters])
 
 
-def sources(
+def uncertainty_sources_of(
     estimate: BaseEstimate, gradient: Floats, terms: tuple[str, ...], machine: Machine
 ) -> list[UncertaintySource]:
     """Every source of uncertainty of a quantity, the largest first, the unknown ones last.
@@ -60,10 +60,10 @@ def sources(
             found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
-    return largest_first([*found, *_stated_parts(estimate, gradient, stated, machine)])
+    return largest_first([*found, *machine_parts(estimate, gradient, stated, machine)])
 
 
-def _stated_parts(
+def machine_parts(
     estimate: BaseEstimate, gradient: Floats, fitted: dict[str, float], machine: Machine
 ) -> Iterator[UncertaintySource]:
     """What the machine file states, or should."""
@@ -72,7 +72,7 @@ def _stated_parts(
     whole = float(shares.sum())
     size = float(np.abs(estimate.by_axis[:, at] * gradient[at]).sum())
     torque = float(shares[_TORQUE]) if shares.size > _TORQUE else 0.0
-    by_sides = shares.size > _TORQUE and turned_by_sides(machine)
+    by_sides = shares.size > _TORQUE and has_torque_of_sides(machine)
     body = machine.machine
     for scale in (*SCALES, TRACK_WIDTH):
         if not scale.applies(machine) or (scale is TRACK_WIDTH and not by_sides):
@@ -88,10 +88,10 @@ def _stated_parts(
             change *= max(mass_kg / empty_kg - 1.0, 0.0) if empty_kg else 0.0
         u = scale.u(machine)
         part = fitted.get(scale.name, 0.0)
-        yield scale.source(None if u is None else float(np.hypot(u * change, part)))
+        yield scale.to_source(None if u is None else float(np.hypot(u * change, part)))
     if IMU_POSITION.applies(machine):
         known = IMU_POSITION.u(machine) is not None
-        yield IMU_POSITION.source(fitted.get(IMU_POSITION.name, 0.0) if known else None)
+        yield IMU_POSITION.to_source(fitted.get(IMU_POSITION.name, 0.0) if known else None)
 
 
 def standard_uncertainty(
@@ -101,4 +101,4 @@ def standard_uncertainty(
     at = np.flatnonzero(gradient)
     if not np.isfinite(estimate.covariance[np.ix_(at, at)]).all():
         return float("nan")
-    return combine(sources(estimate, gradient, terms, machine))
+    return combine(uncertainty_sources_of(estimate, gradient, terms, machine))

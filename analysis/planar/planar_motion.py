@@ -80,28 +80,28 @@ class Drive:
     @property
     def mass_kg(self) -> float:
         """As the fit before has it, or as the file has it where that told none."""
-        told = self._found("mass_kg")
+        told = self._coefficient("mass_kg")
         return told if told > 0.0 else self.machine.machine.empty_mass_kg or 0.0
 
     @property
     def inertia_z_kg_m2(self) -> float:
         """Of that fit, 0 where it told none; and so on."""
-        return self._found("inertia_z_kg_m2")
+        return self._coefficient("inertia_z_kg_m2")
 
     @property
     def moment_x_kg_m(self) -> float:
         """First moment ahead."""
-        return self._found("first_moment_x_kg_m")
+        return self._coefficient("first_moment_x_kg_m")
 
     @property
     def moment_y_kg_m(self) -> float:
         """First moment to the left."""
-        return self._found("first_moment_y_kg_m")
+        return self._coefficient("first_moment_y_kg_m")
 
     @property
     def turning_friction(self) -> float:
         """Viscous friction of turning, in N·m·s."""
-        return self._found("friction_z_N_m_s")
+        return self._coefficient("friction_z_N_m_s")
 
     @property
     def half_track_m(self) -> float:
@@ -113,7 +113,7 @@ class Drive:
         """Of the machine, in N."""
         return self.mass_kg * self.gravity_m_s2
 
-    def _found(self, name: str) -> float:
+    def _coefficient(self, name: str) -> float:
         return float(self.coefficients[_AT[name]])
 
     def cut(self, part: slice) -> "Drive":
@@ -136,7 +136,7 @@ class Drive:
         )
 
 
-def drive_of(
+def make_drive(
     plane: Plane, excitation: pl.DataFrame, machine: Machine, coefficients: Floats
 ) -> Drive:
     """Work out what the terms need.
@@ -181,15 +181,15 @@ def drive_of(
         machine,
         coefficients,
         np.nan_to_num(of_samples),
-        reached_value(plane.f[:, 0], used),
-        reached_value(plane.f[:, 1], turns),
-        reached_value(motion.speed, used),
-        reached_value(motion.yaw_rate, turns),
-        reached_value(motion.specific_force_y, turns),
+        robust_maximum(plane.f[:, 0], used),
+        robust_maximum(plane.f[:, 1], turns),
+        robust_maximum(motion.speed, used),
+        robust_maximum(motion.yaw_rate, turns),
+        robust_maximum(motion.specific_force_y, turns),
     )
 
 
-def reached_value(x: Floats, used: Bools) -> float:
+def robust_maximum(x: Floats, used: Bools) -> float:
     """What the samples reach without their outliers; a little where they are none or 0."""
     found = float(np.quantile(np.abs(x[used]), _REACHES)) if used.any() else 0.0
     return max(found, 1e-6)

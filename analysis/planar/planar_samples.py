@@ -7,11 +7,11 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.model.axes import Z, axes
+from analysis.model.axes import Z, available_axes
 from analysis.model.schema import values
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import braking_within_sight
-from analysis.stages.motion.phases import TURNS, pace, yaw_pace
+from analysis.stages.motion.phases import TURNS, speeding_sign, yaw_speeding_sign
 from analysis.stages.noise.column_noise import mean_stds
 from estimators.arrays import Bools, Floats
 from estimators.planar import planar_rows
@@ -62,11 +62,11 @@ class Plane:
         )
 
 
-def plane_of(
+def collect_plane(
     excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
 ) -> Plane:
     """Collect what the planar fits need."""
-    n, has_torque = excitation.height, Z in axes(excitation)
+    n, has_torque = excitation.height, Z in available_axes(excitation)
     phase = excitation["phase"]
     speed = values(excitation, "speed_x_m_s")
     yaw_rate = values(excitation, "yaw_rate_rad_s")
@@ -81,20 +81,20 @@ def plane_of(
     )
     torque = values(excitation, "torque_z_N_m") if has_torque else zero
     f = np.column_stack([values(excitation, "force_x_N"), torque])
-    known = motion.known() & np.isfinite(f).all(axis=1)
+    known = motion.complete_samples() & np.isfinite(f).all(axis=1)
     known &= phase.is_not_null().to_numpy()
     turning = phase.is_in(TURNS).fill_null(False).to_numpy()
     rate = values(excitation, "speed_rate_x_m_s2")
-    along = pace(speed, rate, settings.phases.steady_acc_m_s2, settings)
+    along = speeding_sign(speed, rate, settings.phases.steady_acc_m_s2, settings)
     # the yaw rate of straight driving is not steered
-    about = np.where(turning, yaw_pace(yaw_rate, settings), 0.0)
+    about = np.where(turning, yaw_speeding_sign(yaw_rate, settings), 0.0)
     slows = (along < 0) | (about < 0)
     usable = known
     if settings.gate.exclude_braking:
         stands = (phase == "standstill").fill_null(True).to_numpy()
         speeds_up = ((along > 0) | (about > 0)) & ~slows
         usable = known & ~braking_within_sight(slows, settings)
-        usable &= ~_ends_of_stops(slows, speeds_up, stands)
+        usable &= ~stop_endings(slows, speeds_up, stands)
     return Plane(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
@@ -109,7 +109,7 @@ def plane_of(
     )
 
 
-def _ends_of_stops(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
+def stop_endings(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
     """The samples between braking and the stand that it leads to, (n,).
 
     Brakes that no sensor sees hold on, too gently for the phase to call it braking.

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from analysis.model.machine import Machine
-from analysis.model.settings import PriorSettings
-from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, turned_by_sides
+from analysis.model.prior_settings import PriorSettings
+from analysis.model.uncertainty_sources import IMU_POSITION, SCALES, Scale, has_torque_of_sides
 from analysis.planar.planar_motion import Drive, TurningSamples
 from analysis.weighing.nuisances import constant_force_std, coulomb_std
 from estimators.arrays import Floats
@@ -64,22 +64,22 @@ def measures_sideways(machine: Machine) -> bool:
     return measures_force(machine) and "specific_force_y_m_s2" in machine.channels
 
 
-def _blind_along(machine: Machine) -> bool:
+def _has_unseen_slope_along(machine: Machine) -> bool:
     return not measures_force(machine) and "pitch_rad" not in machine.channels
 
 
-def _blind_sideways(machine: Machine) -> bool:
+def _has_unseen_slope_sideways(machine: Machine) -> bool:
     return not measures_sideways(machine) and "roll_rad" not in machine.channels
 
 
 def _has_unknown_slope(machine: Machine) -> bool:
-    return _blind_along(machine) or _blind_sideways(machine)
+    return _has_unseen_slope_along(machine) or _has_unseen_slope_sideways(machine)
 
 
 def unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
     """The force of a gravity (along, across) the machine of which no channel tells."""
-    x = along if _blind_along(m.drive.machine) else 0.0 * along
-    y = across if _blind_sideways(m.drive.machine) else 0.0 * across
+    x = along if _has_unseen_slope_along(m.drive.machine) else 0.0 * along
+    y = across if _has_unseen_slope_sideways(m.drive.machine) else 0.0 * across
     return m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x
 
 
@@ -108,7 +108,7 @@ def _acc_gain(d: Drive) -> Mixture:
     return {_MASS: d.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: d.moment_y_kg_m}
 
 
-def _square(m: TurningSamples, moment_kg_m: float) -> Columns:
+def turning_torque_term(m: TurningSamples, moment_kg_m: float) -> Columns:
     """The yaw torque of an acceleration ω² a metre, which the six columns do not have."""
     return None, moment_kg_m * m.yaw_rate**2
 
@@ -265,7 +265,7 @@ TERMS: Final = (
         "gains of the two sides' torques that differ from each other",
         _GAIN.remedy,
         "xz",
-        turned_by_sides,
+        has_torque_of_sides,
         _GAIN,
     ),
     Term(
@@ -336,7 +336,9 @@ TERMS: Final = (
     ),
     Term(
         f"{IMU_POSITION.name}_y",
-        lambda m: _square(m, m.drive.moment_x_kg_m if measures_sideways(m.drive.machine) else 0.0),
+        lambda m: turning_torque_term(
+            m, m.drive.moment_x_kg_m if measures_sideways(m.drive.machine) else 0.0
+        ),
         _imu_width,
         f"{IMU_POSITION.meaning}, to the left",
         IMU_POSITION.remedy,

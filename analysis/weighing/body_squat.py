@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.weighing.fit_columns import RelativeLoads
-from analysis.weighing.motion_samples import Floats, MotionSamples, begins, ends, rolling_fraction
+from analysis.weighing.fitted_stretches import begins, ends
+from analysis.weighing.motion_samples import Floats, MotionSamples, rolling_fraction
 from analysis.weighing.pitch_squat import fit_instrumental_variables, squat_products
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
@@ -83,7 +84,7 @@ def find_squat(
     if wheels.gain_counts and wheels.gain[0] < 0.0:
         # a body that squats without a load does so more with one
         before = LIMITS.squat_by_load_prior_probability
-    if _shows_grades(found, wheels):
+    if is_explained_by_grades(found, wheels):
         return Squat(0.0, float(np.sqrt(before)) * prior_std, relative_load)
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
@@ -174,7 +175,7 @@ def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[flo
 
 
 @dataclass(frozen=True, slots=True)
-class _GainByLoad:
+class GainChangeByLoad:
     """The change of gain by load that the wheels say.
 
     Attributes:
@@ -189,7 +190,7 @@ class _GainByLoad:
     residual_ratio: float
 
 
-def _shows_grades(found: _GainByLoad, wheels: WheelKinematics) -> bool:
+def is_explained_by_grades(found: GainChangeByLoad, wheels: WheelKinematics) -> bool:
     """Whether what the wheels say is of grades that come back with the load.
 
     They bend the comparison either way and leave most of the disagreement; springs only make the
@@ -201,7 +202,7 @@ def _shows_grades(found: _GainByLoad, wheels: WheelKinematics) -> bool:
     return found.gain > 0.0 or not explained
 
 
-def _estimate_by_wheels(rows: list[_Stretch]) -> _GainByLoad | None:
+def _estimate_by_wheels(rows: list[_Stretch]) -> GainChangeByLoad | None:
     """The change of gain by load that the wheels say; None where it is undetermined."""
     if len(rows) < LIMITS.squat_min_stretches or len({load for *_, load in rows}) < 2:
         return None
@@ -241,7 +242,7 @@ def _estimate_by_wheels(rows: list[_Stretch]) -> _GainByLoad | None:
     # stretches that agree by chance tell no more than white noise lets them
     found = max(float((bread @ meat @ bread)[0, 0]), float(bread[0, 0]) * variance)
     found *= student_factor(max(count - X.shape[1], 1)) ** 2
-    return _GainByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
+    return GainChangeByLoad(float(theta[0] / scale[0]), found / float(scale[0]) ** 2, left)
 
 
 def _whiten_random_slope(

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from analysis.model.settings import LearntTerm, PriorSettings
+from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.weighing.fit_columns import FitRows, PreviousEstimates, RelativeLoads, average_columns
 from analysis.weighing.haul_route import Route
 from analysis.weighing.joint_result import (

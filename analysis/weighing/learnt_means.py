@@ -69,16 +69,18 @@ class LearntErrors:
             ),
         )
 
-    def moves(self, weighing: Weighing) -> Floats:
+    def mass_shifts_kg(self, weighing: Weighing) -> Floats:
         """(terms, masses) what the errors move the masses by, those of the means at hand, in kg."""
         names, moved_kg = weighing.fit.learnt_mean_sensitivities
         own = dict(zip(names, moved_kg, strict=True))
-        by_fit = dict(zip(self.terms, self.by_fit_kg, strict=False)) if weighing.told else {}
+        by_fit = (
+            dict(zip(self.terms, self.by_fit_kg, strict=False)) if weighing.means_are_told else {}
+        )
         none = np.zeros(weighing.fit.count)
         return np.array([by_fit.get(term, own.get(term, none)) for term in self.terms])
 
 
-def responses(
+def learnt_mean_responses(
     weighing: Weighing | None, machine: Machine, loads: pl.DataFrame, payloads: Mapping[int, Floats]
 ) -> dict[str, pl.DataFrame]:
     """Make `responses` and `learnt_errors`; none where no calibration learnt anything.
@@ -95,7 +97,7 @@ def responses(
     empty = loads.filter("empty")["load_id"].to_list()
     states = range(fit.count)
     of_mass, of_payload, of_cycle = MOVED
-    moved_kg = errors.moves(weighing)
+    moved_kg = errors.mass_shifts_kg(weighing)
 
     def fit_rows(of: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
         return _response_rows(of, weighing, machine, errors.terms, moved_kg, sums)
@@ -111,7 +113,7 @@ def responses(
             "other": other,
             "error_1": errors.mean[i],
             "covariance_1": value,
-            "told": weighing.told and one not in TERMS,
+            "told": weighing.means_are_told and one not in TERMS,
         }
         for i, one in enumerate(errors.terms)
         for other, value in zip(errors.terms, errors.covariance[i].tolist(), strict=True)

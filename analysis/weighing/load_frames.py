@@ -1,4 +1,4 @@
-"""The answer as frames: loads and manoeuvres, nuisances with prior and posterior, the budget."""
+"""The answer as frames: a row a load, and a row a manoeuvre."""
 
 from typing import Final
 
@@ -14,16 +14,10 @@ from analysis.weighing.joint_result import JointFit
 from analysis.weighing.load_states import LoadStates, sample_units
 from analysis.weighing.mass_budget import budget, relative_u
 from analysis.weighing.motion_samples import Floats, Ints
+from analysis.weighing.nuisance_frames import empty_frame
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.weighing_limits import LIMITS
-from analysis.weighing.wheel_kinematics import TERMS
 
-#: Unit and meaning of what the wheels say of slip, gain and delay.
-_OF_WHEELS: Final = (
-    ("1/N", "what share of its speed a newton makes the wheels slip, by the wheels"),
-    ("1", "gain of the accelerometer less 1, by the wheels"),
-    ("s", "delay of the speed behind the accelerometer, by the wheels"),
-)
 _NOT_EMPTY: Final = (
     "settings.loads.empty_from_s and empty_to_s name no load of several: payloads are to the "
     "machine's empty mass"
@@ -76,7 +70,7 @@ def _state_indices(fit: JointFit, states: LoadStates) -> Ints:
     return np.searchsorted(states.unit, sample_units(fit.motion))
 
 
-def changes(weighing: Weighing | None) -> list[int]:
+def load_change_rows(weighing: Weighing | None) -> list[int]:
     """The rows of the grid where another load begins to move."""
     if weighing is None or weighing.fit.states is None:
         return []
@@ -291,7 +285,7 @@ def manoeuvre_frame(
     As those of loads, masses are without what only turns.
     """
     if weighing is None or weighing.fit.states is None:
-        return _empty_frame("manoeuvres")
+        return empty_frame("manoeuvres")
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
@@ -328,105 +322,3 @@ def _unknown_load() -> pl.DataFrame:
     }
     columns = [c for c in FRAMES["loads"].columns if c.name not in CALIBRATED]
     return build("loads", {c.name: pl.Series([said.get(c.name)], dtype=c.dtype) for c in columns})
-
-
-def nuisances(weighing: Weighing | None) -> pl.DataFrame:
-    """Make `nuisances`: a row a term, prior and posterior."""
-    if weighing is None:
-        return _empty_frame("nuisances")
-    rows = pl.concat([_term_rows(weighing), _wheel_rows(weighing)], how="diagonal")
-    return build("nuisances", rows.to_dict())
-
-
-def _term_rows(weighing: Weighing) -> pl.DataFrame:
-    """The terms of the fit."""
-    fit, own = weighing.fit, weighing.alone
-    parts_kg = fit.parts_kg(fit.weights(fit.main_state))
-    prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
-    columns = {
-        "term": [term.name for term in fit.terms],
-        "unit": [term.unit for term in fit.terms],
-        "prior_mean": fit.prior_means.mean,
-        "prior_std": prior_std,
-        "posterior": fit.posterior[0],
-        "posterior_std": fit.posterior[1],
-        "u_kg": [parts_kg[term.name] for term in fit.terms],
-        "meaning": [term.meaning for term in fit.terms],
-    }
-    if own is None:
-        return pl.DataFrame(columns)
-    learnt = weighing.learnt if weighing.told else {}
-    for place, term in enumerate(fit.terms):
-        if term.name in learnt and not fit.prior_means.mean_u[place]:
-            prior_std[place] = learnt[term.name].std
-            mean_u[place] = learnt[term.name].mean_u
-    alone = {
-        "prior_mean_u": mean_u,
-        "alone": own.posterior[0],
-        "alone_std": own.posterior[1],
-        "alone_prior_mean": own.prior_means.mean,
-        "alone_prior_std": own.prior_std,
-    }
-    return pl.DataFrame({**columns, **alone})
-
-
-def _wheel_rows(weighing: Weighing) -> pl.DataFrame:
-    """What wheels and accelerometer say of each other, where they go together."""
-    fit, own = weighing.fit, weighing.alone
-    wheels = fit.kinematics
-    if wheels is None or not wheels.is_consistent or wheels.gain_counts:
-        return pl.DataFrame()
-    parts_kg = fit.parts_kg(fit.weights(fit.main_state))
-    said = list(wheels.by_term.values())
-    rows: dict[str, object] = {
-        "term": TERMS,
-        "unit": [unit for unit, _ in _OF_WHEELS],
-        "prior_mean": [0.0] * len(TERMS) if wheels.own is None else [mean for mean, _ in said],
-        "prior_std": wheels.prior_std,
-        "posterior": [value for value, _ in said],
-        "posterior_std": np.hypot([std for _, std in said], wheels.mean_u),
-        # that of the slip is in the term of its own
-        "u_kg": [0.0, parts_kg.get("gain", 0.0), parts_kg.get("speed_delay", 0.0)],
-        "meaning": [meaning for _, meaning in _OF_WHEELS],
-    }
-    if own is not None:
-        alone = wheels if wheels.own is None else wheels.own
-        rows |= {
-            "prior_mean_u": wheels.mean_u,
-            "alone": [value for value, _ in alone.by_term.values()],
-            "alone_std": [std for _, std in alone.by_term.values()],
-            "alone_prior_mean": [0.0] * len(TERMS),
-            "alone_prior_std": alone.prior_std,
-        }
-    return pl.DataFrame(rows)
-
-
-def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
-    """Make `budget`: a row a load and source."""
-    if weighing is None:
-        return _empty_frame("budget")
-    fit = weighing.fit
-    rows = [_source_rows(weighing, machine, state) for state in range(fit.count)]
-    return build("budget", pl.concat(rows).to_dict())
-
-
-def _source_rows(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
-    sources = budget(weighing, machine, weighing.fit.weights(state))
-    total = combine(sources)
-    u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
-    return pl.DataFrame(
-        {
-            "load_id": np.full(u_kg.size, state),
-            "cause": [source.name for source in sources],
-            "kind": [source.kind for source in sources],
-            "u_kg": u_kg,
-            "share_1": u_kg**2 / total**2 if total else u_kg * np.nan,
-            "meaning": [source.meaning for source in sources],
-            "shrinks": [source.shrinks for source in sources],
-        }
-    )
-
-
-def _empty_frame(name: str) -> pl.DataFrame:
-    """A frame without rows."""
-    return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[name].columns})

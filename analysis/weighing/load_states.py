@@ -299,7 +299,7 @@ def states_of(
     """
     typical_kg = _typical_mass_kg(units)
     posterior = PartitionPosterior(units, LIMITS.largest_load_fraction * typical_kg, 0.0, None)
-    partition = posterior.of(Stretches.of(membership, units.kind))
+    partition = posterior.evaluate(Stretches.from_boundaries(membership, units.kind))
     states = _states_of_partition(units, number, partition)
     if not usual_scatter:
         return states

@@ -13,7 +13,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.force_by_place import BY_PLACE, PLACE
 from analysis.weighing.low_gears import BY_GEAR, LOW_GEARS
 from analysis.weighing.motion_samples import Floats

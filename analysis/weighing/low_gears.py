@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Moments, Nuisance
 from analysis.weighing.weighing_limits import LIMITS
@@ -22,7 +22,7 @@ _QUARTER_LEFT_M_S: Final = (4.0, 10.0)
 BY_GEAR: Final = "gears"
 
 
-def _remaining_fraction(speed: Floats, quarter_m_s: float) -> Floats:
+def _low_gear_fraction(speed: Floats, quarter_m_s: float) -> Floats:
     return (1.0 + (speed / quarter_m_s) ** 2) ** -2
 
 
@@ -45,7 +45,7 @@ def _gear_prior_std(motion: MotionSamples, priors: PriorSettings) -> float:
 
 def _gear_term(quarter_m_s: float) -> Nuisance:
     def left(m: Moments) -> Floats:
-        return _remaining_fraction(m.speed, quarter_m_s)
+        return _low_gear_fraction(m.speed, quarter_m_s)
 
     return Nuisance(
         f"low_gears_{quarter_m_s:.0f}_m_s",

@@ -151,7 +151,7 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     for scale in SCALES:
         if scale.applies(machine):
             relative, of_kg = scale.u(machine), loaded_kg if scale.by_load else sum_kg
-            sources.append(scale.source(None if relative is None else relative * of_kg))
+            sources.append(scale.to_source(None if relative is None else relative * of_kg))
     # of a difference it cancels
     rotating_u_kg = body.rotating_mass_u_kg * abs(float(weights.sum()))
     if rotating_u_kg:
@@ -204,7 +204,7 @@ def _widening_by_checks(
     if fit.effects is not None and "gain" not in fit.effects.left_out:
         drift_kg = fit.term_value("gain_drift") * float(weights @ fit.masses_kg)
         found["drifted_gain"] = LIMITS.half_gain_drift * abs(drift_kg)
-    if weighing.curvature.shows:
+    if weighing.curvature.is_significant:
         found["curvature"] = abs(weighing.curvature.kg) * share
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share

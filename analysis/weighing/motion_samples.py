@@ -12,22 +12,31 @@ from typing import Final, Protocol
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.model.machine import Machine
 from analysis.model.schema import values
-from analysis.model.windows import windows_with
-from analysis.stages.gating.gate import accepted_samples, braking_within_sight
-from analysis.stages.gating.segments import manoeuvres
+from analysis.model.windows import flagged_windows
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration
-from analysis.stages.motion.phases import stopping
 from analysis.stages.signals.grid_rate import rows_in
+from analysis.weighing.fitted_stretches import (
+    begins,
+    centred_progress,
+    count_silences,
+    count_standstills,
+    cut_drives,
+    cut_stretches,
+    driving_directions,
+    drop_standing_runs,
+    ends,
+    fitted_manoeuvres,
+    missing_rows,
+    number_runs,
+    path_places,
+    trim_to_break_away,
+)
 from analysis.weighing.weighing_limits import LIMITS
+from estimators.arrays import Bools, Floats, Ints
 from estimators.interpreted import compiled_ahead
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 #: Wheels of which less rolls say nothing of the ground's speed.
 _LEAST_GROUND: Final = 0.5
@@ -123,7 +132,7 @@ class MotionSamples:
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
-        return replace(self._select(slice(0, end)), progress=_progress(end))
+        return replace(self._select(slice(0, end)), progress=centred_progress(end))
 
     def near_fitted(self, reach_s: float) -> "MotionSamples":
         """The same without samples that are farther than so from any that may be fitted.
@@ -131,7 +140,7 @@ class MotionSamples:
         What moves the force or the speed in time by no more finds what it would.
         """
         size = math.ceil(reach_s * self.rate_hz) + 1
-        near = windows_with(self.used, size) | windows_with(self.used[::-1], size)[::-1]
+        near = flagged_windows(self.used, size) | flagged_windows(self.used[::-1], size)[::-1]
         return self._select(np.flatnonzero(near))
 
     def _select(self, cut: slice | Ints) -> "MotionSamples":
@@ -269,12 +278,12 @@ class MotionSamples:
     def is_on_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
-        return self.both_ways and 0.0 < self.path_m < min(
+        return self.drives_both_ways and 0.0 < self.path_m < min(
             LIMITS.bench_path_m, driven_m / LIMITS.bench_min_passes
         )
 
     @cached_property
-    def both_ways(self) -> bool:
+    def drives_both_ways(self) -> bool:
         """Whether it drives forwards and in reverse."""
         forwards = float((self.direction[self.used] > 0).mean())
         return min(forwards, 1.0 - forwards) > LIMITS.two_way_min_fraction
@@ -308,11 +317,11 @@ def motion_samples(
     known &= ~aligned["gap"].to_numpy()
     noise_m_s = LIMITS.moving_speed_std * float(np.sqrt(noise.covariance(3)[1, 1]))
     moves_m_s = max(noise_m_s, LIMITS.moving_speed_m_s)
-    group = _fitted_manoeuvres(excitation, gated, machine, moves_m_s, braking=braking)
+    group = fitted_manoeuvres(excitation, gated, machine, moves_m_s, braking=braking)
     filtered = any(channel.differentiates for channel in machine.channels.values())
     mixed = LIMITS.mixed_friction_filtered_samples if filtered else LIMITS.mixed_friction_samples
     settled = max(mixed, round(LIMITS.mixed_friction_s * settings.align.rate_hz))
-    group = _trim_to_break_away(
+    group = trim_to_break_away(
         group,
         np.where(known, speed, 0.0),
         moves_m_s,
@@ -321,119 +330,49 @@ def motion_samples(
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = rows_in(LIMITS.gap_margin_s, settings.align.rate_hz)
-    silent = ~known | _missing_rows(aligned)
-    near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
-    group = _number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
-    group = _drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
+    silent = ~known | missing_rows(aligned)
+    near_gap = flagged_windows(silent, clear) | flagged_windows(silent[::-1], clear)[::-1]
+    group = number_runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
+    group = drop_standing_runs(group, np.where(known, speed, 0.0), noise_m_s)
     measured = _grid_column(aligned, "specific_force_x_m_s2", known)
     pitch = _grid_column(aligned, "pitch_rad", known)
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
-    stood = _count_standstills(excitation)
-    unit = _cut_drives(stood, rows_in(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
-    silences = _count_silences(known, rows_in(LIMITS.record_break_s, settings.align.rate_hz))
-    group = _cut_stretches(group, unit)
+    stood = count_standstills(excitation)
+    unit = cut_drives(stood, rows_in(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
+    silences = count_silences(known, rows_in(LIMITS.record_break_s, settings.align.rate_hz))
+    group = cut_stretches(group, unit)
     return MotionSamples(
         np.where(known, acceleration, 0.0),
         np.where(known, speed, 0.0),
         np.where(known, force, 0.0),
         group,
-        _directions(group, np.where(known, speed, 0.0)),
+        driving_directions(group, np.where(known, speed, 0.0)),
         unit,
         settings.align.rate_hz,
         measured,
         level,
         _grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
-        _progress(speed.size),
+        centred_progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *_path_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
+        *path_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _empty_weight(machine, acceleration, force, group >= 0),
         tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
-        _named_empty(aligned, machine),
+        samples_named_empty(aligned, machine),
         stood,
         silences,
         machine.machine.wheel_radius_u_1,
     )
 
 
-def _missing_rows(aligned: pl.DataFrame) -> Bools:
-    """Rows of the grid without information, (n,)."""
-    if "left_out" not in aligned.columns:
-        return np.zeros(aligned.height, np.bool_)
-    return aligned["left_out"].to_numpy()
-
-
 @compiled_ahead
 def rolling_fraction(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     """The share of the speed of wheels which slip by κ = F / C that is the ground's, (n,)."""
     return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
-
-
-def begins(group: Ints) -> Bools:
-    """Which samples are the first of their stretch, (n,)."""
-    return (group >= 0) & (np.append(-1, group[:-1]) != group)
-
-
-def ends(group: Ints) -> Bools:
-    """Which samples are the last of their stretch, (n,)."""
-    return (group >= 0) & (np.append(group[1:], -1) != group)
-
-
-def _progress(samples: int) -> Floats:
-    """From -1/2 to 1/2 over so many samples."""
-    return np.arange(samples) / max(samples, 1) - 0.5
-
-
-def _path_places(
-    speed: Floats, used: Bools, silences: Ints, rate_hz: float
-) -> tuple[Floats, float]:
-    """Where the machine is on its path, (n,), and how long that is, in m.
-
-    What it did while the log was silent nobody knows: each record is centred on its own path.
-    """
-    place = np.cumsum(speed) / rate_hz
-    length = 0.0
-    for record in np.unique(silences[used]):
-        mine = silences == record
-        first, last = (float(edge(place[mine & used])) for edge in (np.min, np.max))
-        place[mine] -= (first + last) / 2.0
-        length = max(length, last - first)
-    return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
-
-
-def _count_standstills(excitation: pl.DataFrame) -> Ints:
-    """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
-    stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
-    return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
-
-
-def _count_silences(known: Bools, shortest: int) -> Ints:
-    """How often nothing was known for so many samples, up to each sample, (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
-    first, end = edges[::2], edges[1::2]
-    begun = np.zeros(known.size, np.int64)
-    begun[first[end - first >= shortest]] = 1
-    return np.cumsum(begun)
-
-
-def _cut_drives(stood: Ints, longest: int) -> Ints:
-    """Number the manoeuvres: a drive of twice so many samples or more is cut into such, (n,)."""
-    cuts = np.append(True, stood[1:] != stood[:-1])
-    drive_begins = np.flatnonzero(cuts)
-    for first, end in zip(drive_begins, np.append(drive_begins[1:], stood.size), strict=True):
-        cuts[np.arange(first + longest, end - longest + 1, longest)] = True
-    return (np.cumsum(cuts) - 1 + stood[0]).astype(np.int64)
-
-
-def _cut_stretches(group: Ints, unit: Ints) -> Ints:
-    """The stretches, each of one manoeuvre, numbered anew, (n,)."""
-    used = group >= 0
-    cut = used & (begins(group) | np.append(False, unit[1:] != unit[:-1]))
-    return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
 def _empty_weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
@@ -446,7 +385,7 @@ def _empty_weight(machine: Machine, acceleration: Floats, force: Floats, used: B
     return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
 
 
-def _named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
+def samples_named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
     """Which samples `settings.loads` names as those of the empty machine; None: it names none."""
     loads = machine.settings.loads
     if loads.empty_from_s is None or loads.empty_to_s is None:
@@ -459,85 +398,3 @@ def _grid_column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | Non
     if name not in aligned.columns:
         return None
     return np.where(known, values(aligned, name), 0.0)
-
-
-def _fitted_manoeuvres(
-    excitation: pl.DataFrame,
-    gated: pl.DataFrame,
-    machine: Machine,
-    moves_m_s: float,
-    *,
-    braking: bool,
-) -> Ints:
-    """The manoeuvre of each sample that drives straight in a manoeuvre with an accepted window."""
-    settings = machine.settings
-    without = settings.gate.exclude_braking or not braking
-    accepted = accepted_samples(excitation, gated, settings)
-    segment_id = manoeuvres(excitation, settings)
-    informative = np.unique(segment_id[accepted & (segment_id >= 0)])
-    phase = excitation["phase"]
-    welcome = [] if without else ["braking"]
-    driving = phase.is_in(["accelerating", "cruising", *welcome]).fill_null(False).to_numpy()
-    if without:
-        brakes = (phase == "braking").fill_null(False).to_numpy()
-        stands = (phase == "standstill").fill_null(False).to_numpy()
-        brakes |= stopping(values(excitation, "speed_x_m_s"), stands, moves_m_s, settings)
-        driving &= ~braking_within_sight(brakes, settings)
-    return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
-
-
-def _trim_to_break_away(
-    group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
-) -> Ints:
-    """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
-    smooth = np.abs(_mean_of_three(speed)) > moves_m_s
-    grown = group.copy()
-    for begin in np.flatnonzero(begins(group)):
-        first = int(begin)
-        while (
-            first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
-        ):
-            first -= 1
-        if first < begin:
-            grown[first:begin] = group[begin]
-            grown[first : first + settled] = -1
-    return grown
-
-
-def _number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
-    """Number the stretches of adjoining samples that move one way; at a reversal friction turns."""
-    used = group >= 0
-    forwards = _mean_of_three(speed) > 0.0
-    turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
-    near = windows_with(turns, mixed) | windows_with(turns[::-1], mixed + 1)[::-1]
-    group = np.where(used & ~near, 2 * group + forwards, -1)
-    return np.where(group >= 0, np.cumsum(begins(group)) - 1, -1).astype(np.int64)
-
-
-def _drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
-    """Leave out stretches whose speed never leaves its noise: the phases took that for a start.
-
-    Of a speed whose noise is less than what counts as motion, what is slow is motion.
-    """
-    used = group >= 0
-    if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
-        return group
-    first = np.flatnonzero(begins(group))
-    fastest = np.maximum.reduceat(np.where(used, np.abs(_mean_of_three(speed)), 0.0), first)
-    moves = fastest > noise_m_s
-    return np.where(used & moves[group], group, -1)
-
-
-def _mean_of_three(speed: Floats) -> Floats:
-    """Mean of each sample and its two neighbours, (n,) in m/s."""
-    return np.convolve(speed, np.ones(3) / 3.0, "same")
-
-
-def _directions(group: Ints, speed: Floats) -> Floats:
-    """The sign of each manoeuvre's mean speed, (n,); 1 outside."""
-    used = group >= 0
-    ids, index = np.unique(group[used], return_inverse=True)
-    total = np.bincount(index, weights=speed[used], minlength=ids.size)
-    out = np.ones(group.size)
-    out[used] = np.where(total >= 0, 1.0, -1.0)[index]
-    return out

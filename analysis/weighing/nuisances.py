@@ -10,7 +10,7 @@ from typing import Final, Self
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, Ints, MotionSamples
 from analysis.weighing.weighing_limits import LIMITS
 
@@ -136,7 +136,7 @@ def split_measured_offset(motion: MotionSamples, priors: PriorSettings) -> tuple
         The share expected, and the standard deviation in N.
     """
     wrong = priors.const_share * motion.largest_force
-    coulomb = 0.0 if motion.both_ways else coulomb_prior_std(motion, priors)
+    coulomb = 0.0 if motion.drives_both_ways else coulomb_prior_std(motion, priors)
     acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
     both = float(np.hypot(wrong, acts))
     return ((wrong / both) ** 2, wrong * acts / both) if both else (0.0, 0.0)
@@ -168,7 +168,7 @@ def split_const_by_weight(motion: MotionSamples, priors: PriorSettings) -> Weigh
     """Split the constant force, which has Coulomb friction where all driving is one way."""
     newtons = priors.const_share * motion.largest_force
     of_weight = priors.const_weight_share * motion.weight
-    if motion.both_ways:
+    if motion.drives_both_ways:
         return WeightShare.of(newtons, of_weight)
     return WeightShare.of(
         float(np.hypot(newtons, priors.direction_share * motion.largest_force)),
@@ -311,7 +311,7 @@ NUISANCES: Final = (
         coulomb_prior_std,
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
-        applies=lambda e: e.both_ways,
+        applies=lambda e: e.drives_both_ways,
     ),
     Nuisance(
         "load_transfer",
@@ -364,7 +364,7 @@ NUISANCES: Final = (
         "what of Coulomb friction is in proportion to the weight with its load (rolling "
         "resistance), beside what is expected of it",
         "starts at different throttles with each load",
-        applies=lambda e: e.both_ways,
+        applies=lambda e: e.drives_both_ways,
         by_load=True,
     ),
 )

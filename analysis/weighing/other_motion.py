@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.joint_fit import JointFitInputs, joint_fit
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.motion_samples import ColumnNoiseModel, Floats, MotionSamples
@@ -28,7 +28,7 @@ class AlternativeMotion:
     u_kg: float
 
     @property
-    def moved_u(self) -> float:
+    def mass_shift_u(self) -> float:
         """How far the mass moves, in standard uncertainties; infinite where nothing is left."""
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 

@@ -51,16 +51,16 @@ def squat_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
         channels = (motion.without_gravity, motion.force / scale_N, gravity)
         a, force, pitch = (overlapping_means(channel[near]) for channel in channels)
         grade = np.vander(
-            _drop_ends(overlapping_means(travelled_m[: near.size])) / LIMITS.grade_reach_m,
+            means_with_rate(overlapping_means(travelled_m[: near.size])) / LIMITS.grade_reach_m,
             LIMITS.grade_degree + 1,
         )
         rows = np.column_stack(
             [
-                _drop_ends(force),
+                means_with_rate(force),
                 _rate_of_means(force),
-                _drop_ends(a),
+                means_with_rate(a),
                 _rate_of_means(a),
-                _drop_ends(pitch),
+                means_with_rate(pitch),
             ]
         )
         rows -= grade @ np.linalg.lstsq(grade, rows, rcond=None)[0]
@@ -70,7 +70,7 @@ def squat_products(gravity: Floats, motion: MotionSamples) -> StretchSquats:
     return StretchSquats(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
 
 
-def _drop_ends(x: Floats) -> Floats:
+def means_with_rate(x: Floats) -> Floats:
     """Those of the means that have a rate."""
     return x[LIMITS.pitch_rate_means : -LIMITS.pitch_rate_means]
 

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import Floats, MotionSamples
 from analysis.weighing.nuisances import Moments, Nuisance
 from analysis.weighing.weighing_limits import LIMITS

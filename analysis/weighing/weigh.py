@@ -9,7 +9,7 @@ import polars as pl
 
 from analysis.model.axes import X
 from analysis.model.machine import Machine
-from analysis.model.settings import LearntTerm, PriorSettings
+from analysis.model.prior_settings import LearntTerm, PriorSettings
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 from analysis.weighing.fit_columns import FitRows
@@ -66,7 +66,7 @@ class Curvature:
     mass_kg: float
 
     @property
-    def shows(self) -> bool:
+    def is_significant(self) -> bool:
         """Whether the force is not linear in the acceleration, and it matters."""
         return abs(self.t) > LIMITS.curvature_min_std and abs(
             self.kg
@@ -110,12 +110,12 @@ class Weighing:
     learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
 
     @property
-    def told(self) -> bool:
+    def means_are_told(self) -> bool:
         """Whether the answer's own fit tells what the means of learnt priors have wrong."""
         return self.informed is self.fit
 
     @property
-    def own(self) -> JointFit:
+    def own_fit(self) -> JointFit:
         """What this log says of the nuisances by itself."""
         return self.fit if self.alone is None else self.alone
 
@@ -221,7 +221,10 @@ def _weigh_with_priors(
             beyond = max(alone.prior_distances.values()) > settings.verdict.beyond_prior_max
             # nor driving that finds another delay of the same force
             lags_apart = abs(alone.lag_s - fit.lag_s) > LIMITS.same_lag_s
-            if not (beyond or lags_apart) and not fit_curvature(alone, columns, priors).shows:
+            if (
+                not (beyond or lags_apart)
+                and not fit_curvature(alone, columns, priors).is_significant
+            ):
                 braking_kg = mean_difference_kg(fit, alone)
                 allowed = LIMITS.braking_left_out_u * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(

@@ -13,14 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
+from analysis.weighing.fitted_stretches import begins, ends
 from analysis.weighing.motion_samples import (
     ColumnNoiseModel,
     Floats,
     Ints,
     MotionSamples,
-    begins,
-    ends,
     rolling_fraction,
 )
 from analysis.weighing.nuisances import const_prior_std
@@ -77,7 +76,7 @@ class WheelKinematics:
     own: "WheelKinematics | None" = None
 
     @property
-    def by_term(self) -> dict[str, tuple[float, float]]:
+    def values_by_term(self) -> dict[str, tuple[float, float]]:
         """Slip, gain and delay by the names that a calibration learns them by."""
         return dict(zip(TERMS, (self.slip_1_N, self.gain_by_prior, self.delay_s), strict=True))
 
@@ -119,7 +118,7 @@ def compare_wheels(
     priors: PriorSettings,
     earlier: WheelKinematics | None = None,
 ) -> WheelKinematics | None:
-    """Compare them; None where there is no accelerometer, or no stretch is long enough.
+    """Compare wheels with the accelerometer; None without one, or where no stretch is long enough.
 
     Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
     goes better without it, it is taken off by the pitch; not elsewhere, since a body that squats
@@ -197,7 +196,7 @@ def _fit_comparison(
 
     def solved(
         rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
-    ) -> prior_fit.PriorSolution | prior_fit.NoSolution:
+    ) -> prior_fit.PriorSolution | prior_fit.UndeterminedFit:
         told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
         return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
@@ -239,10 +238,10 @@ def _fit_comparison(
         narrow_std = slip_std * LIMITS.negative_slip_prior_ratio
         stiff = widths(LIMITS.gain_search_std_1, about, narrow_std)
         rolling = solved(rows, stiff, delay_s, lines, loss).fit
-        if rolling.theta[0] < 0.0 and _gain_counts(rolling, noise_m_s):
+        if rolling.theta[0] < 0.0 and is_gain_significant(rolling, noise_m_s):
             free, slip_std = rolling, narrow_std
     mismatch = free.residual_rms / noise_m_s
-    counts = _gain_counts(free, noise_m_s)
+    counts = is_gain_significant(free, noise_m_s)
     std = widths(LIMITS.gain_search_std_1 if counts else priors.gain, about, slip_std)
     found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
@@ -266,7 +265,7 @@ def _fit_comparison(
     )
 
 
-def _gain_counts(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
+def is_gain_significant(fit: prior_fit.MapFit, noise_m_s: float) -> bool:
     """Whether a gain is more than its prior and the log's noise allow.
 
     Args:
@@ -328,7 +327,7 @@ def _comparison_rows(
     spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
     if not spans.size:
         return None
-    X, y, group, ground = _compared_means(
+    X, y, group, ground = centred_means(
         measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
     covariance = noise.covariance(MEAN)
@@ -339,7 +338,7 @@ def _comparison_rows(
 
 
 @compiled_ahead
-def _compared_means(
+def centred_means(
     measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
 ) -> tuple[Floats, Floats, Ints, Floats]:
     """Means of the columns and of the response, each stretch without its constant and slope.

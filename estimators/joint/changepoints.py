@@ -87,8 +87,8 @@ def partitions(
         # in an order that does not change from process to process, as sums depend on it
         for key in sorted(tried):
             if key not in stretches:
-                stretches[key] = Stretches.of(np.frombuffer(key, np.int64), units.kind)
-            each = posterior.of(stretches[key])
+                stretches[key] = Stretches.from_boundaries(np.frombuffer(key, np.int64), units.kind)
+            each = posterior.evaluate(stretches[key])
             if key not in found or each.log_posterior > found[key][0].log_posterior:
                 found[key] = each, posterior
     single, _ = found[one.tobytes()]
@@ -120,7 +120,7 @@ def move_to_record_ends(best: Partition, posterior: PartitionPosterior) -> Parti
             if low < end < high:
                 moved = np.sort(np.append(changes[changes != change], end))
                 state = np.searchsorted(moved, np.arange(kind.size + 1), "right")
-                tried = posterior.of(Stretches.of(state, kind))
+                tried = posterior.evaluate(Stretches.from_boundaries(state, kind))
                 best = max((best, tried), key=lambda each: each.log_posterior)
     return best
 
@@ -133,10 +133,12 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = [
-            posterior.of(Stretches.of(_merge_states(best.state, joint), posterior.units.kind))
+            posterior.evaluate(
+                Stretches.from_boundaries(_merge_states(best.state, joint), posterior.units.kind)
+            )
             for joint in joints
         ]
-        allowed = [_least_odds(posterior.units.kind[joint - 1]) for joint in joints]
+        allowed = [_least_log_odds(posterior.units.kind[joint - 1]) for joint in joints]
         margin = [
             each.log_posterior - (best.log_posterior - odds)
             for each, odds in zip(plainer, allowed, strict=True)
@@ -148,7 +150,7 @@ def _drop_unsure_changes(best: Partition, posterior: PartitionPosterior) -> Part
     return best
 
 
-def _least_odds(kind: Ints) -> float:
+def _least_log_odds(kind: Ints) -> float:
     """From which odds on changes are said, as a logarithm.
 
     Where the record ended, both sides are known to be records of their own: even odds will do.
@@ -169,18 +171,18 @@ def _candidate_partitions(posterior: PartitionPosterior, effects: Floats) -> set
     level = units.y - units.x @ effects
     tried = {_split_two_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind == FILLED) > 1:
-        tried |= _fit_cycles(posterior, effects)
+        tried |= find_fill_cycles(posterior, effects)
     for probability in _CANDIDATES:
         for window in _WINDOWS:
             tried |= _alternate_effects(posterior, window * spread, probability, effects)
     return tried
 
 
-def _fit_cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+def find_fill_cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     """Partitions that are filled and emptied, and their effects, until nothing changes."""
     units, tried = posterior.units, set[bytes]()
     for _ in range(_ROUNDS):
-        state = _assign_emptied(units.y - units.x @ effects, posterior.variance, units.kind)
+        state = assign_cycle_states(units.y - units.x @ effects, posterior.variance, units.kind)
         if state.tobytes() in tried:
             break
         tried.add(state.tobytes())
@@ -226,7 +228,7 @@ def _split_two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
 
 
-def _assign_emptied(level: Floats, variance: Floats, kind: Ints) -> Ints:
+def assign_cycle_states(level: Floats, variance: Floats, kind: Ints) -> Ints:
     """The states of two levels, the heavy one after each filling, until the light one fits better.
 
     Args:
@@ -246,14 +248,14 @@ def _assign_emptied(level: Floats, variance: Floats, kind: Ints) -> Ints:
         low, high = (np.average(level[each], weights=weight[each]) for each in (~heavy, heavy))
         gain = weight * ((level - low) ** 2 - (level - high) ** 2)
         before = heavy
-        heavy = _find_heavy_units(gain, first)
+        heavy = find_heavy_units(gain, first)
         if np.array_equal(heavy, before):
             break
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
 
 
 @compiled_ahead
-def _find_heavy_units(gain: Floats, first: Ints) -> NDArray[np.bool_]:
+def find_heavy_units(gain: Floats, first: Ints) -> NDArray[np.bool_]:
     """Which units are heavy: each stretch's, up to where their gains add up to most.
 
     Args:

@@ -82,7 +82,7 @@ def group_effects(
     of_group = np.zeros(f.size, np.int64)
     for part, number in zip(sums.rows, unit, strict=True):
         of_group[part] = number
-    each = sums.by(unit)
+    each = sums.sum_by_unit(unit)
     precision = np.where(np.isfinite(prior_std), (prior_std * scale[1:]) ** -2.0, 0.0)
     clean, bare = each.grams - each.noise_gram, each.crosses - each.noise_cross
     # a unit whose acceleration is noise says nothing, and not the contrary

@@ -89,7 +89,7 @@ class Stretches:
     log_prior: float
 
     @classmethod
-    def of(cls, state: Ints, kind: Ints) -> Self:
+    def from_boundaries(cls, state: Ints, kind: Ints) -> Self:
         """Number the stretches of units whose boundaries are of these kinds."""
         return cls(state, _level_choices(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0))
 
@@ -125,12 +125,12 @@ class PartitionPosterior:
         Args:
             state: (n,) numbers of the stretches, ascending.
         """
-        whole, right, _ = self._normal_equations(self._by_state(state))
+        whole, right, _ = self._normal_equations(self._states_by_number(state))
         return _solve_with_log_determinant(whole, right)[0]
 
-    def of(self, stretches: Stretches) -> Partition:
+    def evaluate(self, stretches: Stretches) -> Partition:
         """The partition with its levels, and how probable it is, up to a constant of the units."""
-        by_state = self._by_state(stretches.state)
+        by_state = self._states_by_number(stretches.state)
         best, logs = None, []
         for weight, level in stretches.levels:
             log, levels, effects = self._integrate_levels(_sum_by_level(by_state, level))
@@ -141,7 +141,7 @@ class PartitionPosterior:
         posterior = float(np.logaddexp.reduce(logs)) + self._log + stretches.log_prior
         return Partition(stretches.state, best[1], best[2], self.scatter, best[3], posterior)
 
-    def _by_state(self, state: Ints) -> Floats:
+    def _states_by_number(self, state: Ints) -> Floats:
         first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
         return np.add.reduceat(self._sums, first)
 

@@ -16,7 +16,11 @@ import numpy as np
 from scipy.linalg import toeplitz
 
 from estimators.arrays import Floats, Ints
-from estimators.joint.prior_solution import SolutionParts, solve_with_priors, uncertain_noise_share
+from estimators.joint.prior_solution import (
+    SolutionParts,
+    solve_with_priors,
+    uncertain_noise_fraction,
+)
 from estimators.joint.random_intercepts import InterceptShape, RandomIntercepts
 from estimators.numerics.autocorrelation import (
     autocovariance_loss,
@@ -149,13 +153,13 @@ class PriorSolution:
         alike = max(2.0 * float(correlation @ correlation) - 1.0, 1.0)
         turns = turned.turns[shape.levels.unit]
         meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
-        covariance = gain @ (_floor_meats(shape.square(meats), turned.gram) * white) @ gain.T
+        covariance = gain @ (_floor_meats(shape.expand_square(meats), turned.gram) * white) @ gain.T
         covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
         told = [i for i, part in enumerate(sums.rows) if part.size >= grouping.shortest]
         own = shape.by_group(theta)
         cleaned = sums.grams - kept * sums.noise_gram
         scores = (sums.crosses - kept * sums.noise_cross) - np.einsum("gij,gj->gi", cleaned, own)
-        spread = shape.rows(np.einsum("gij,gj->gi", turns, scores))[told]
+        spread = shape.expand_rows(np.einsum("gij,gj->gi", turns, scores))[told]
         scatter = gain @ turned.scatter @ gain.T
         if levels is not None:
             scatter *= student_factor(levels.freedom) ** 2
@@ -172,7 +176,7 @@ class PriorSolution:
             signs,
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
-        doubt = uncertain_noise_share(kept) * gain @ turned.taken
+        doubt = uncertain_noise_fraction(kept) * gain @ turned.taken
         scale = shape.widen(self._scale)
         units = np.outer(scale, scale)
         return MapFit(
@@ -192,7 +196,7 @@ class PriorSolution:
 
 
 @dataclass(frozen=True)
-class NoSolution:
+class UndeterminedFit:
     """Samples that do not determine the estimates.
 
     Attributes:
@@ -221,13 +225,13 @@ def solve(
     prior_mean: Floats,
     prior_std: Floats,
     grouping: Grouping | None = None,
-) -> PriorSolution | NoSolution:
+) -> PriorSolution | UndeterminedFit:
     """Solve A θ = f for θ; the arguments are those of `fit`."""
     grouping = Grouping() if grouping is None else grouping
     levels = grouping.levels
     n, p = int((group >= 0).sum()), A.shape[1]
     count = 1 if levels is None else levels.count
-    nothing = NoSolution(np.full(p + count - 1, np.nan), f.size)
+    nothing = UndeterminedFit(np.full(p + count - 1, np.nan), f.size)
     if n <= p + count:
         return nothing
     A, f, scale = scaled_columns(A, f, group)

@@ -212,22 +212,22 @@ def solve_with_priors(
     wide_precision, wide_believed = shape.widen(precision), shape.widen(believed)
     solved: SolutionParts | None = None
     units, of_units, level_of_unit = (
-        sums.by(shape.levels.unit),
-        shape.of_units,
+        sums.sum_by_unit(shape.levels.unit),
+        shape.level_of_units,
         shape.levels.membership,
     )
     for _ in range(_ROUNDS):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
-        share = _noise_share(added, gram + variance * np.diag(precision))
+        share = largest_noise_share(added, gram + variance * np.diag(precision))
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
         turned = _weight_units(units, shape, of_units, kept, theta, variance)
         if solved is None:
             found = np.linalg.inv(turned.clean / variance + np.diag(wide_precision))
             theta = found @ (turned.bare / variance + wide_believed)
             turned = _weight_units(units, shape, of_units, kept, theta, variance)
-        weighed = _weighted_gram(
-            turned.clean, turned.gram, variance, uncertain_noise_share(kept) * turned.taken
+        weighed = weighted_gram(
+            turned.clean, turned.gram, variance, uncertain_noise_fraction(kept) * turned.taken
         )
         bread = np.asarray(
             np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
@@ -246,18 +246,18 @@ def solve_with_priors(
     return solved
 
 
-def uncertain_noise_share(kept: float) -> float:
+def uncertain_noise_fraction(kept: float) -> float:
     """The uncertain share of the noise; what was not taken off is doubted whole."""
     return DOUBT * kept + (1.0 - kept)
 
 
-def _weighted_gram(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
+def weighted_gram(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
     """G S⁻¹ with S = σ² AᵀA and one error that is common to all samples."""
     S = variance * gram + np.outer(doubted, doubted)
     return np.linalg.solve(S + 1e-12 * np.trace(S) * np.eye(len(S)), clean).T
 
 
-def _noise_share(noise: Floats, gram: Floats) -> float:
+def largest_noise_share(noise: Floats, gram: Floats) -> float:
     """The largest share of noise in a direction of the columns."""
     if not noise.any():
         return 0.0

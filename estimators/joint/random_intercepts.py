@@ -48,7 +48,7 @@ class InterceptShape:
         shared = np.broadcast_to(theta[self.levels.count :], (membership.size, self.p - 1))
         return np.column_stack([theta[membership], shared])
 
-    def rows(self, values: Floats) -> Floats:
+    def expand_rows(self, values: Floats) -> Floats:
         """(groups, wide) of (groups, p)."""
         count, membership = self.levels.count, self.levels.membership
         out = np.zeros((membership.size, count + self.p - 1))
@@ -56,12 +56,12 @@ class InterceptShape:
         out[:, count:] = values[:, 1:]
         return out
 
-    def square(self, values: Floats) -> Floats:
+    def expand_square(self, values: Floats) -> Floats:
         """The sum (wide, wide) of (groups, p, p)."""
         return _sum_outer_products(values, self.levels.membership, self.levels.count)
 
     @property
-    def of_units(self) -> Ints:
+    def level_of_units(self) -> Ints:
         """(units,) level of each."""
         out = np.zeros(int(self.levels.unit.max()) + 1, np.int64)
         out[self.levels.unit] = self.levels.membership

@@ -16,7 +16,7 @@ from estimators.methods import ls
 from estimators.numerics.normal_equations import gram, residual_squares, solve
 from estimators.numerics.reweighted import reweighted_sums
 from estimators.numerics.rolling import sum_windows, window_ends
-from estimators.numerics.sandwich import window_deviation
+from estimators.numerics.sandwich import window_std
 from estimators.numerics.small_systems import lstsq
 from estimators.threads import in_chunks
 
@@ -51,7 +51,7 @@ def fit(
     root = 1.0 / np.sqrt(np.maximum(residual**2, guard))
     theta = lstsq(A * root[:, None], f * root)
     residual = f - A @ theta
-    std = window_deviation(A, A.T @ A, residual, autocorrelation)
+    std = window_std(A, A.T @ A, residual, autocorrelation)
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 

@@ -19,13 +19,13 @@ from estimators.numerics.normal_equations import gram, residual_squares, solve
 from estimators.numerics.reweighted import (
     AT_ONCE,
     batch_starts,
-    consecutive,
-    load,
+    copy_consecutive,
+    load_samples,
     residuals,
     reweighted_sums,
 )
 from estimators.numerics.rolling import sample_products, sum_windows, window_ends
-from estimators.numerics.sandwich import window_deviation, window_deviations
+from estimators.numerics.sandwich import window_std, window_stds
 from estimators.numerics.small_systems import lstsq, packed_index
 from estimators.threads import in_chunks
 
@@ -72,7 +72,7 @@ def fit(
             break
     residual = f - A @ theta
     pseudo = np.clip(residual, -limit, limit) / (np.abs(residual) <= limit).mean()
-    std = window_deviation(A, A.T @ A, pseudo, autocorrelation)
+    std = window_std(A, A.T @ A, pseudo, autocorrelation)
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
@@ -153,9 +153,9 @@ def _newton_sums(
         begin: int = begins[number]
         end: int = begins[number + 1]
         m = end - begin
-        load(A, f, index[begin] - window + 1, window + m - 1, z)
+        load_samples(A, f, index[begin] - window + 1, window + m - 1, z)
         sample_products(z, window + m - 1, raw)
-        now, bends = consecutive(theta, begin, end), limit[begin:end]
+        now, bends = copy_consecutive(theta, begin, end), limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(window):
             residuals(z, s, now, pull)
@@ -195,8 +195,8 @@ def _pseudo_residuals(
         begin: int = begins[number]
         end: int = begins[number + 1]
         m = end - begin
-        load(A, f, index[begin] - window + 1, window + m - 1, z)
-        now, bends = consecutive(theta, begin, end), limit[begin:end]
+        load_samples(A, f, index[begin] - window + 1, window + m - 1, z)
+        now, bends = copy_consecutive(theta, begin, end), limit[begin:end]
         inside, square = kept[begin:end], squares[begin:end]
         for s in range(window):
             residuals(z, s, now, e)
@@ -242,6 +242,6 @@ def trace(
     limit = statistics.limit[row]
     residual[used] = np.clip(residual[used], -limit, limit) / statistics.kept[row]
     correlation, _ = pooled_autocorrelation(residual, owner, A)
-    std = window_deviations(A, solved.grams, statistics.squares, index, window, correlation)
+    std = window_stds(A, solved.grams, statistics.squares, index, window, correlation)
     rms = np.sqrt(solved.rss / window)
     return Trace(index, solved.theta, std, rms, solved.condition, correlation)

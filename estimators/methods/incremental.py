@@ -29,8 +29,8 @@ from estimators.methods.tls import TlsOptions, solve_scaled
 from estimators.numerics import directional_forgetting
 from estimators.numerics.mutual_information import correlation
 from estimators.numerics.normal_equations import columns_of, gram, residual_squares, solve
-from estimators.numerics.recursive import feed_products, in_lanes, weights
-from estimators.numerics.rolling import add_centre, centred_terms, lanes_of, suffix_sums
+from estimators.numerics.recursive import discounted_counts, feed_products, unpack_lanes
+from estimators.numerics.rolling import add_centre, centred_terms, count_lanes, suffix_sums
 from estimators.numerics.small_systems import (
     condition_number,
     condition_numbers,
@@ -66,7 +66,7 @@ def start_window(parameters: int, window: int) -> WindowState:
     """Before the first sample."""
     q = parameters + 1
     entries = q * (q + 1) // 2
-    lanes = lanes_of(q + entries)
+    lanes = count_lanes(q + entries)
     return WindowState(
         np.full((q, window), np.nan),
         0,
@@ -165,13 +165,13 @@ def _estimate(
     rss = residual_squares(state.products, theta)
     return Estimate(
         theta[:, 0].copy(),
-        _deviations(G[:, 0], p, rss if squares is None else squares, window, mean),
+        estimate_stds(G[:, 0], p, rss if squares is None else squares, window, mean),
         float(np.sqrt(rss[0] / window)),
         float(condition_numbers(state.products, q, p)[0]),
     )
 
 
-def _deviations(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Floats:
+def estimate_stds(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Floats:
     """The textbook's deviations (p,), `mean` samples of residuals counting as one."""
     freedom = samples - p * mean
     variance = rss[0] / freedom * mean if freedom > 0 else np.nan
@@ -202,7 +202,9 @@ def _feed_newest(
     products, squares = past.products.copy(), past.squares.copy()
     feed_products(A, f, fed, forgetting, products)
     feed_products(A, f, fed, forgetting**2, squares)
-    return WindowHistory(products, squares, float(weights(newest, forgetting, past.weight)[-1]))
+    return WindowHistory(
+        products, squares, float(discounted_counts(newest, forgetting, past.weight)[-1])
+    )
 
 
 def _recursive_estimate(
@@ -251,7 +253,9 @@ def _exponential_rls(
         squares = np.zeros((p + 1, p + 1))
         squares[:p, :p] = R @ inverse_spd(G) @ R
         past = WindowHistory(
-            in_lanes(pack(recursion.information(begin))), in_lanes(pack(squares)), begin.weight
+            unpack_lanes(pack(recursion.information(begin))),
+            unpack_lanes(pack(squares)),
+            begin.weight,
         )
         theta, rss, condition = begin.theta, begin.square, condition_number(G)
     else:
@@ -272,7 +276,7 @@ def _directional_rls(
         R = unpack(state.products[:, 0], p + 1, p)
     else:
         ends = np.array([f.size - 1 - newest, f.size - 1])
-        theta, _, P, sums = directional_forgetting.feed(
+        theta, _, P, sums = directional_forgetting.feed_windows(
             A, f, f.size, ends, options.forgetting, past.theta, past.P, (past.square, past.weight)
         )
         past = RlsState(theta[-1], P[-1], *sums)
@@ -290,8 +294,8 @@ def rtls(
     if past is None:
         A, f, _ = _as_log(state)
         begin = total_recursion.start(A, f, options)
-        products = in_lanes(pack(total_recursion.unscale_gram(begin, options)))
-        past = WindowHistory(products, in_lanes(state.products[:, 0]), begin.weight)
+        products = unpack_lanes(pack(total_recursion.unscale_gram(begin, options)))
+        past = WindowHistory(products, unpack_lanes(state.products[:, 0]), begin.weight)
     else:
         past = _feed_newest(state, past, newest, options.forgetting)
     products = past.products[:entries].reshape(-1, 1)
@@ -323,7 +327,7 @@ class Pool:
         rss = residual_squares(products, theta)
         return Estimate(
             theta[:, 0],
-            _deviations(gram(products)[:, 0], p, rss, self.samples, mean),
+            estimate_stds(gram(products)[:, 0], p, rss, self.samples, mean),
             float(np.sqrt(rss[0] / self.samples)),
             float(condition_numbers(products, p + 1, p)[0]),
         )

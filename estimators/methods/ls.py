@@ -12,7 +12,7 @@ from estimators.numerics.autocorrelation import pooled_autocorrelation, window_r
 from estimators.numerics.mutual_information import correlated_sums
 from estimators.numerics.normal_equations import gram, solve
 from estimators.numerics.rolling import sum_windows, window_ends
-from estimators.numerics.sandwich import window_deviation, window_deviations
+from estimators.numerics.sandwich import window_std, window_stds
 from estimators.numerics.small_systems import condition_number, condition_numbers, lstsq, substitute
 from estimators.threads import in_chunks
 
@@ -46,7 +46,7 @@ def fit(
     theta = lstsq(A, f)
     residual = f - A @ theta
     gram = A.T @ A
-    std = window_deviation(A, gram, residual, autocorrelation)
+    std = window_std(A, gram, residual, autocorrelation)
     rms = float(np.sqrt((residual**2).mean()))
     return Estimate(theta, std, rms, float(condition_number(gram)))
 
@@ -274,5 +274,5 @@ def trace_windows(A: Floats, f: Floats, window: int, index: Ints, solved: Window
     theta, grams, rss, condition = solved
     residual, owner = window_residuals(A, f, theta, index, window)
     correlation, _ = pooled_autocorrelation(residual, owner, A)
-    std = window_deviations(A, grams, rss, index, window, correlation)
+    std = window_stds(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

@@ -11,10 +11,10 @@ from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
 from estimators.interpreted import compiled_ahead
 from estimators.methods.attenuation import DOUBT
-from estimators.numerics.autocorrelation import pooled_autocorrelation, widening
+from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_widening
 from estimators.numerics.fit_loss import group_ids
 from estimators.numerics.normal_equations import columns_of, solve
-from estimators.numerics.sandwich import deviations, meat
+from estimators.numerics.sandwich import meat, standard_deviations
 from estimators.numerics.small_systems import condition_numbers, packed_index, unpack
 
 
@@ -103,7 +103,7 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
         gram = unpack(clean[:, row], p + 1, p)
-        known = deviations(gram, B, float(rss[row]), float(counts[row]))
-        std[row] = known * widening(counts[row], correlation)
+        known = standard_deviations(gram, B, float(rss[row]), float(counts[row]))
+        std[row] = known * scale_widening(counts[row], correlation)
     std = np.hypot(std, DOUBT * (theta - ordinary))
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)

@@ -17,15 +17,15 @@ from estimators.numerics import directional_forgetting as directional
 from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.numerics.normal_equations import solve
 from estimators.numerics.recursive import (
-    chunks_of,
+    discounted_counts,
     discounted_meats,
     fed_samples,
     feed_products,
-    in_lanes,
-    weights,
+    sample_chunks,
+    unpack_lanes,
 )
 from estimators.numerics.rolling import window_ends
-from estimators.numerics.sandwich import meat, recursive_deviations
+from estimators.numerics.sandwich import meat, recursive_stds
 from estimators.numerics.small_systems import (
     condition_number,
     condition_numbers,
@@ -132,7 +132,7 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    run = _along_samples if options.directional else _solve_discounted
+    run = feed_along_samples if options.directional else _solve_discounted
     return run(A, f, window, index, options.forgetting, begin)
 
 
@@ -147,12 +147,12 @@ def _solve_discounted(
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
     theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
     condition[0] = condition_number(gram)
-    past, weight = in_lanes(pack(information(begin))), np.array([begin.weight])
+    past, weight = unpack_lanes(pack(information(begin))), np.array([begin.weight])
     entries = (p + 1) * (p + 2) // 2
-    for of_chunk, of_rows, at_rows in chunks_of(seen):
+    for of_chunk, of_rows, at_rows in sample_chunks(seen):
         sums = feed_products(A, f, fed[of_chunk], forgetting, past)
         solved = solve(sums[:entries])
-        weight = weights(sums.shape[1], forgetting, float(weight[-1]))
+        weight = discounted_counts(sums.shape[1], forgetting, float(weight[-1]))
         theta[of_rows] = np.take(solved.theta, at_rows, axis=1).T
         rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
         condition[of_rows] = condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
@@ -160,7 +160,7 @@ def _solve_discounted(
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(begin.P))
     as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
-    std = _deviations(A, as_fed, index, fed, seen, forgetting, R, correlation)
+    std = window_stds(A, as_fed, index, fed, seen, forgetting, R, correlation)
     return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
 
 
@@ -177,7 +177,7 @@ def information(state: RlsState) -> Floats:
     return np.block([[R, h[:, None]], [h[None, :], np.array([[state.square + state.theta @ h]])]])
 
 
-def _deviations(
+def window_stds(
     A: Floats,
     first: Floats,
     index: Ints,
@@ -192,24 +192,26 @@ def _deviations(
     meats, white = (
         discounted_meats(
             A, first, fed, seen, start, forgetting, forgetting**2, r,
-            in_lanes(pack(meat(first, one, 0, 0, len(first) - 1, r))),
+            unpack_lanes(pack(meat(first, one, 0, 0, len(first) - 1, r))),
         )
         for r in (correlation, none)
     )  # fmt: skip
     bread = discounted_meats(
-        A, first, fed, seen, start, forgetting, forgetting, none, in_lanes(pack(R))
+        A, first, fed, seen, start, forgetting, forgetting, none, unpack_lanes(pack(R))
     )
-    return recursive_deviations(bread, meats, white)
+    return recursive_stds(bread, meats, white)
 
 
-def _along_samples(
+def feed_along_samples(
     A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
 ) -> Trace:
     """Directional forgetting."""
     p = A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
     sums = (begin.square, begin.weight)
-    theta, rms, P, _ = directional.feed(A, f, window, index, forgetting, begin.theta, begin.P, sums)
+    theta, rms, P, _ = directional.feed_windows(
+        A, f, window, index, forgetting, begin.theta, begin.P, sums
+    )
     correlation, variance = _autocorrelation(A, f, window, index)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
@@ -220,10 +222,10 @@ def _along_samples(
         # the first window's samples that the residual j + 1 after it still knows
         near = correlation[j + 1 :][:window]
         ahead[j] = bread @ (near @ A[first][::-1][: near.size])
-    std = directional.deviations(A, window, index, forgetting, begin.P, cover, ahead, correlation)
+    std = directional.window_stds(A, window, index, forgetting, begin.P, cover, ahead, correlation)
     # a tapered correlation need not be positive definite: never below uncorrelated residuals
     none = np.zeros((1, p))
-    white = directional.deviations(A, window, index, forgetting, begin.P, bread, none, np.ones(1))
+    white = directional.window_stds(A, window, index, forgetting, begin.P, bread, none, np.ones(1))
     std = np.maximum(std, white) * np.sqrt(variance)
     upper = np.triu_indices(p)
     R = invert(*factor(np.ascontiguousarray(P[:, *upper].T), p, p))[upper]

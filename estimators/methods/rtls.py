@@ -16,15 +16,15 @@ from estimators.methods.tls import TlsOptions, solve_scaled
 from estimators.numerics.autocorrelation import pooled_autocorrelation
 from estimators.numerics.normal_equations import residual_squares
 from estimators.numerics.recursive import (
-    chunks_of,
+    discounted_counts,
     discounted_meats,
     fed_samples,
     feed_products,
-    in_lanes,
-    weights,
+    sample_chunks,
+    unpack_lanes,
 )
 from estimators.numerics.rolling import window_ends
-from estimators.numerics.sandwich import meat, recursive_deviations
+from estimators.numerics.sandwich import meat, recursive_stds
 from estimators.numerics.small_systems import condition_numbers, pack
 
 
@@ -58,7 +58,7 @@ def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState
     scale = options.noise.scales(p)
     z = np.column_stack([A / scale, f])
     C: Floats = z.T @ z
-    return RtlsState(_theta(C, options), C, float(f.size))
+    return RtlsState(tls_parameters(C, options), C, float(f.size))
 
 
 def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = None) -> RtlsState:
@@ -67,10 +67,10 @@ def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = No
     scale = options.noise.scales(a.size)
     z = np.append(a / scale, f)
     C = options.forgetting * state.C + np.outer(z, z)
-    return RtlsState(_theta(C, options), C, options.forgetting * state.weight + 1.0)
+    return RtlsState(tls_parameters(C, options), C, options.forgetting * state.weight + 1.0)
 
 
-def _theta(C: Floats, options: RtlsOptions) -> Floats:
+def tls_parameters(C: Floats, options: RtlsOptions) -> Floats:
     """The estimate (p,) of one scaled Gram matrix, NaN where A without its noise is singular."""
     units = np.append(options.noise.scales(len(C) - 1), 1.0)
     products = pack(C * np.outer(units, units)).reshape(-1, 1)
@@ -116,13 +116,13 @@ def trace(
         rms[of_rows] = np.sqrt(residual_squares(products, x) / weight)
         condition[of_rows] = condition_numbers(products, p + 1, p)
 
-    past, weight = in_lanes(pack(unscale_gram(begin, options))), np.array([begin.weight])
+    past, weight = unpack_lanes(pack(unscale_gram(begin, options))), np.array([begin.weight])
     entries = (p + 1) * (p + 2) // 2
     keep(slice(0, 1), past[:entries].reshape(-1, 1), weight)
     fed, seen = fed_samples(index, window)
-    for of_chunk, of_rows, at_rows in chunks_of(seen):
+    for of_chunk, of_rows, at_rows in sample_chunks(seen):
         sums = feed_products(A, f, fed[of_chunk], decay, past)
-        weight = weights(sums.shape[1], decay, float(weight[-1]))
+        weight = discounted_counts(sums.shape[1], decay, float(weight[-1]))
         keep(of_rows, sums[:entries, at_rows], weight[at_rows])
     residual, owner = _residuals(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
@@ -131,11 +131,11 @@ def trace(
     meats, white = (
         discounted_meats(
             A, A[first], fed, seen, int(index[0]), decay, decay**2, r,
-            in_lanes(pack(meat(A[first], one, 0, 0, window - 1, r))),
+            unpack_lanes(pack(meat(A[first], one, 0, 0, window - 1, r))),
         )
         for r in (correlation, np.ones(1))
     )  # fmt: skip
-    std = recursive_deviations(grams, meats, white) * np.sqrt(variance)
+    std = recursive_stds(grams, meats, white) * np.sqrt(variance)
     return Trace(index, theta, std, rms, condition, correlation)
 
 

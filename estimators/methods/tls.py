@@ -16,7 +16,7 @@ from estimators.interpreted import compiled_ahead
 from estimators.methods import ls
 from estimators.numerics.normal_equations import columns_of, gram, residual_squares
 from estimators.numerics.rolling import sum_windows, window_ends
-from estimators.numerics.sandwich import window_deviation
+from estimators.numerics.sandwich import window_std
 from estimators.numerics.small_systems import (
     condition_number,
     entry_rows,
@@ -71,7 +71,7 @@ def fit(
     theta = -Vt[-1, :p] / Vt[-1, p] / scale
     residual = f - A @ theta
     gram = (scaled.T @ scaled - s[-1] ** 2 * np.eye(p)) * np.outer(scale, scale)
-    std = window_deviation(A, gram, residual, autocorrelation)
+    std = window_std(A, gram, residual, autocorrelation)
     theta = np.where(np.isnan(solve_spd(gram, gram[0])), np.nan, theta)
     rms = float(np.sqrt((residual**2).mean()))
     return Estimate(theta, std, rms, float(condition_number(A.T @ A)))

@@ -17,7 +17,7 @@ from estimators.numerics.small_systems import factor, invert
 
 
 @compiled_ahead
-def _weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[Floats, Ints]:
+def mean_weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[Floats, Ints]:
     """c_k (n, p), and 0 for the samples inside a window of index, -1 for the others.
 
     Breads (p, p, rows) are the windows' ω G⁻¹.
@@ -86,7 +86,7 @@ def mean_estimate(
     known = np.maximum(std[:, 0], np.finfo(float).tiny ** 0.25)
     share = known**-2.0 / (known**-2.0).sum()
     breads = invert(*factor(grams, A.shape[1], A.shape[1])) * share
-    weights, inside = _weights(A, breads, index, window)
+    weights, inside = mean_weights(A, breads, index, window)
     # the residuals' own correlation, which a window where TLS is wild would hide
     residual, owner = window_residuals(A, f, least.theta, index, window)
     correlation, variance = pooled_autocorrelation(residual, owner, A)

@@ -53,7 +53,7 @@ def _lag_sums(residual: Floats, group: Ints, lags: int, every: int) -> tuple[Flo
                     for j in range(min(lags, end - first)):
                         pairs[j] += min(last, end - j) - first
                     # a group may have holes
-                    _add_beyond(residual, group, first, last, end, sums, pairs)
+                    add_pairs_beyond_hole(residual, group, first, last, end, sums, pairs)
         begin = end
     return sums[:lags], pairs
 
@@ -94,7 +94,7 @@ def _add_run(run: Floats, count: int, sums: Floats) -> None:
 
 
 @compiled_ahead
-def _add_beyond(
+def add_pairs_beyond_hole(
     residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
 ) -> None:
     """Add the pairs of a run's samples with those of its group that lie behind a hole."""
@@ -155,10 +155,12 @@ def pooled_autocorrelation(
     noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
     run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
     # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one
-    kept = _quiet_from(found, noise, 1)
-    kept = _quiet_from(_restore_lost_covariance(found, loss, _flat_top(kept, limit)), noise, run)
-    taper = _flat_top(kept, limit)
-    restored = _restore_lost_covariance(found, loss, taper)
+    kept = first_quiet_lag(found, noise, 1)
+    kept = first_quiet_lag(
+        restore_lost_covariance(found, loss, flat_top_weights(kept, limit)), noise, run
+    )
+    taper = flat_top_weights(kept, limit)
+    restored = restore_lost_covariance(found, loss, taper)
     both_sides = np.where(np.arange(limit) > 0, 2.0, 1.0) * taper
     long_run = max(float(both_sides @ restored), 0.0)
     growth = max(long_run / max(float(both_sides @ found), 1e-3 * found[0]), 1.0)
@@ -169,7 +171,7 @@ def pooled_autocorrelation(
 
 
 @compiled_ahead
-def _flat_top(kept: int, limit: int) -> Floats:
+def flat_top_weights(kept: int, limit: int) -> Floats:
     """Weights (limit,) of the lags: 1 up to `kept`, falling to 0 at twice as many."""
     width = min(2 * kept, limit)
     out = np.empty(limit)
@@ -179,7 +181,7 @@ def _flat_top(kept: int, limit: int) -> Floats:
 
 
 @compiled_ahead
-def _quiet_from(covariance: Floats, noise: float, run: int) -> int:
+def first_quiet_lag(covariance: Floats, noise: float, run: int) -> int:
     """The first lag from which on `run` lags, or all that are left, stay within the noise."""
     first = 1
     for lag in range(1, covariance.size):
@@ -190,7 +192,7 @@ def _quiet_from(covariance: Floats, noise: float, run: int) -> int:
     return first
 
 
-def _restore_lost_covariance(found: Floats, loss: Floats, taper: Floats) -> Floats:
+def restore_lost_covariance(found: Floats, loss: Floats, taper: Floats) -> Floats:
     """The autocovariances (lags,) with what the fits took out of them.
 
     By substitution: where a fit leaves little, a solution would put back anything.
@@ -244,16 +246,16 @@ def _residuals(
                     residual[k] -= A[k, c] * theta[row, c]
 
 
-def student_factor(freedom: float) -> float:
+def student_factor(dof: float) -> float:
     """Student's t over the normal quantile at 95 %, by the expansion of Cornish and Fisher.
 
     Within 0.5 % from 3 degrees of freedom on; fewer count as 3.
     """
-    x = 1.0 / max(freedom, _FEWEST)
+    x = 1.0 / max(dof, _FEWEST)
     return 1.0 + x * (1.2104 + x * (1.4335 + x * (1.2904 + x * 0.89)))
 
 
-def widening(samples: float, correlation: Floats) -> float:
+def scale_widening(samples: float, correlation: Floats) -> float:
     """The factor of a deviation whose scale comes from `samples` residuals of that correlation.
 
     So many of them count as one in a variance as their squared correlations add up to (Bartlett).

@@ -11,7 +11,7 @@ from estimators.interpreted import compiled_ahead
 
 
 @compiled_ahead
-def _learn(P: Floats, a: Floats, forgetting: float) -> Floats:
+def update_gain(P: Floats, a: Floats, forgetting: float) -> Floats:
     """The gain of a sample; P is updated in place."""
     p = a.size
     Pa = np.zeros(p)
@@ -30,7 +30,7 @@ def _learn(P: Floats, a: Floats, forgetting: float) -> Floats:
 
 
 @compiled_ahead
-def feed(
+def feed_windows(
     A: Floats,
     f: Floats,
     window: int,
@@ -55,7 +55,7 @@ def feed(
             error = f[k]
             for c in range(p):
                 error -= A[k, c] * theta[c]
-            gain = _learn(P, A[k], forgetting)
+            gain = update_gain(P, A[k], forgetting)
             after = f[k]
             for c in range(p):
                 theta[c] += gain[c] * error
@@ -69,7 +69,7 @@ def feed(
 
 
 @compiled_ahead
-def deviations(
+def window_stds(
     A: Floats,
     window: int,
     index: Ints,
@@ -112,7 +112,7 @@ def deviations(
         for k in range(first, index[row] + 1):
             gap = k - last - 1
             last = k
-            gain = _learn(P, A[k], forgetting)
+            gain = update_gain(P, A[k], forgetting)
             for i in range(p):
                 for c in range(p):
                     F[i, c] = (1.0 if i == c else 0.0) - gain[i] * A[k, c]

@@ -126,7 +126,7 @@ def _add_loss(Q: Floats, loss: Floats) -> None:
 
 
 @compiled_ahead
-def _orthonormal(A: Floats) -> Floats:
+def orthonormal_basis(A: Floats) -> Floats:
     """An orthonormal basis of the columns of A (n, p), without those that depend on others."""
     n, p = A.shape
     Q = np.zeros((n, p))
@@ -150,11 +150,11 @@ def _orthonormal(A: Floats) -> Floats:
     return Q
 
 
-def _group_spans(group: Ints, some: Ints) -> Ints:
+def group_spans(group: Ints, groups: Ints) -> Ints:
     """First and last sample of each of `some` (ascending) groups, (fits, 2)."""
-    fit = np.minimum(np.searchsorted(some, group), some.size - 1)
-    inside = np.flatnonzero(some[fit] == group)
-    spans = np.empty((some.size, 2), np.int64)
+    fit = np.minimum(np.searchsorted(groups, group), groups.size - 1)
+    inside = np.flatnonzero(groups[fit] == group)
+    spans = np.empty((groups.size, 2), np.int64)
     # of several assignments to one place the last one holds
     spans[fit[inside[::-1]], 0] = inside[::-1]
     spans[fit[inside], 1] = inside
@@ -167,7 +167,7 @@ def _sum_loss_by_arrays(A: Floats, group: Ints, spans: Ints, lags: int) -> Float
         mine = group[first : last + 1] == group[first]
         for j in range(min(lags, mine.size)):
             pairs[j] += np.count_nonzero(mine[: mine.size - j] & mine[j:])
-        _add_loss(_orthonormal(np.where(mine[:, None], A[first : last + 1], 0.0)), loss)
+        _add_loss(orthonormal_basis(np.where(mine[:, None], A[first : last + 1], 0.0)), loss)
     return loss / np.maximum(pairs, 1.0)[:, None]
 
 
@@ -187,7 +187,7 @@ def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
                 others = group[first + k : first + min(k + lags, n)]
                 for j in range(np.uint64(others.size)):
                     pairs[j] += 1.0 if others[j] == group[first] else 0.0
-        _add_loss(_orthonormal(B), loss)
+        _add_loss(orthonormal_basis(B), loss)
     for j in range(lags):
         for m in range(lags):
             loss[j, m] /= max(pairs[j], 1.0)
@@ -239,4 +239,4 @@ def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, _MOST_FITS)).astype(np.int64)]
-    return _total_loss(A, group, _group_spans(group, some), lags)
+    return _total_loss(A, group, group_spans(group, some), lags)

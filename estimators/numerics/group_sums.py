@@ -186,14 +186,14 @@ class GroupSums:
     ) -> Self:
         """Sum columns that were divided by a scale."""
         rows = group_rows(group)
-        own = [_as_slice(part) for part in rows]
+        own = [as_slice(part) for part in rows]
         grams = np.stack([A[part].T @ A[part] for part in own])
         crosses = np.stack([A[part].T @ f[part] for part in own])
         if noise is None:
             return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
         return cls(rows, grams, crosses, noise.gram / np.outer(scale, scale), noise.cross / scale)
 
-    def by(self, unit: Ints) -> Self:
+    def sum_by_unit(self, unit: Ints) -> Self:
         """Add up the groups of one unit each, (groups,) from 0; the rows stay the groups'."""
         if np.array_equal(unit, np.arange(len(self.rows))):
             return self
@@ -207,7 +207,7 @@ class GroupSums:
         return type(self)(self.rows, *(sum_by_unit(each) for each in sums))
 
 
-def _as_slice(rows: Ints) -> slice | Ints:
+def as_slice(rows: Ints) -> slice | Ints:
     """The same rows, without a copy of what is taken where they follow one another."""
     first, last = int(rows[0]), int(rows[-1]) + 1
     return slice(first, last) if last - first == rows.size else rows

@@ -4,7 +4,7 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
-from estimators.numerics.rolling import add_centre, pairs_of_blocks, sum_pair, workspace
+from estimators.numerics.rolling import add_centre, make_workspace, pairs_of_blocks, sum_pair
 from estimators.numerics.small_systems import packed_index
 from estimators.threads import in_chunks
 
@@ -50,7 +50,7 @@ def correlated_sums(
         `window_correlation` has them.
     """
     q = A.shape[1] + 1
-    work = workspace(q, window)
+    work = make_workspace(q, window)
     products = np.empty((q * (q + 1) // 2, index.size))
     rho, spread = np.empty(index.size), np.empty(index.size)
     pairs = pairs_of_blocks(window, index)

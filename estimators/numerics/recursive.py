@@ -10,7 +10,7 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead
-from estimators.numerics.rolling import copy_row, lanes_of, load_columns, sample_products
+from estimators.numerics.rolling import copy_row, count_lanes, load_columns, sample_products
 from estimators.numerics.small_systems import packed_index
 from estimators.threads import CHUNK
 
@@ -33,7 +33,7 @@ def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
     return fed, seen
 
 
-def chunks_of(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
+def sample_chunks(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
     """The samples fed after the first window, in chunks.
 
     Args:
@@ -49,7 +49,7 @@ def chunks_of(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
 
 
 @compiled_ahead
-def stretch_end(fed: Ints, begin: int) -> int:
+def end_of_stretch(fed: Ints, begin: int) -> int:
     """The end of the stretch of consecutive samples from fed[begin] on, `_AT_ONCE` at most."""
     end = begin + 1
     while end < fed.size and end - begin < _AT_ONCE and fed[end] == fed[end - 1] + 1:
@@ -80,9 +80,9 @@ def discount(
         past[lane], past[lane + 1], past[lane + 2] = s, t, u
 
 
-def in_lanes(entries: Floats) -> Floats:
+def unpack_lanes(entries: Floats) -> Floats:
     """A packed matrix (entries,) as the lanes of a discounted sum."""
-    past = np.zeros(lanes_of(entries.size))
+    past = np.zeros(count_lanes(entries.size))
     past[: entries.size] = entries
     return past
 
@@ -132,7 +132,7 @@ def discounted_meats(
     while begin < fed.size:
         if begin > 0 and fed[begin] != fed[begin - 1] + 1:
             stretch = begin
-        end = stretch_end(fed, begin)
+        end = end_of_stretch(fed, begin)
         count = end - begin
         load_columns(A, fed[begin], count, z)
         for c in range(p):
@@ -187,7 +187,7 @@ def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floa
     sums = np.empty((past.size, fed.size))
     begin = 0
     while begin < fed.size:
-        end = stretch_end(fed, begin)
+        end = end_of_stretch(fed, begin)
         count = end - begin
         load_columns(A, fed[begin], count, z)
         copy_row(f, fed[begin], count, z[q - 1])
@@ -198,7 +198,7 @@ def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floa
 
 
 @compiled_ahead
-def weights(count: int, forgetting: float, weight: float) -> Floats:
+def discounted_counts(count: int, forgetting: float, weight: float) -> Floats:
     """The discounted number of samples after each of `count` more."""
     out = np.empty(count)
     for k in range(count):

@@ -30,7 +30,7 @@ def batch_starts(index: Ints) -> Ints:
 
 
 @compiled_ahead
-def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
+def load_samples(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
     """Lay samples of [A f] from `first` on out a row a column, z (p + 1, > samples), then zeros."""
     load_columns(A, first, samples, z)
     copy_row(f, first, samples, z[A.shape[1]])
@@ -40,7 +40,7 @@ def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
 
 
 @compiled_ahead
-def consecutive(theta: Floats, begin: int, end: int) -> Floats:
+def copy_consecutive(theta: Floats, begin: int, end: int) -> Floats:
     """Copy the estimates theta (p, rows) of the windows begin … end - 1."""
     out = np.empty((theta.shape[0], end - begin))
     for c in range(theta.shape[0]):
@@ -117,9 +117,9 @@ def reweighted_sums(
         end: int = begins[number + 1]
         m = end - begin
         first = index[begin] - window + 1
-        load(A, f, first, window + m - 1, z)
+        load_samples(A, f, first, window + m - 1, z)
         sample_products(z, window + m - 1 + _IN_STEP, raw)
-        now, full = consecutive(theta, begin, end), limit[begin:end]
+        now, full = copy_consecutive(theta, begin, end), limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(0, window, _IN_STEP):
             for c in range(_IN_STEP):

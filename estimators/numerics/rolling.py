@@ -41,16 +41,16 @@ class Workspace(NamedTuple):
 
 
 @compiled_ahead
-def lanes_of(quantities: int) -> int:
+def count_lanes(quantities: int) -> int:
     """Sums run three at a time, which keeps the adders busy: the next multiple of three."""
     return -(-quantities // 3) * 3
 
 
 @compiled_ahead
-def workspace(q: int, window: int) -> Workspace:
+def make_workspace(q: int, window: int) -> Workspace:
     """Room for windows over q columns."""
     entries = q * (q + 1) // 2
-    lanes = lanes_of(q + entries)
+    lanes = count_lanes(q + entries)
     return Workspace(
         np.zeros((q, 2 * window)),
         np.empty(q),
@@ -199,7 +199,7 @@ def pairs_of_blocks(window: int, index: Ints) -> Ints:
 
 
 @compiled_ahead
-def take(sums: Floats, index: Ints, row: int, end: int) -> None:
+def keep_rows(sums: Floats, index: Ints, row: int, end: int) -> None:
     """Of the sums of every window from index[row] on, keep those of the rows asked for."""
     if end - row < index[end - 1] - index[row] + 1:
         for lane in range(sums.shape[0]):
@@ -225,7 +225,7 @@ def sum_pair(
     centred_terms(work.z, work.centre, samples, work.terms)
     suffix_sums(work.terms, left, work.moments)
     add_prefix_sums(work.terms, left, window - left, samples - window + 1, work.moments)
-    take(work.moments, index, row, end)
+    keep_rows(work.moments, index, row, end)
 
 
 @compiled_ahead
@@ -242,7 +242,7 @@ def sum_windows(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
         (entries, rows) packed.
     """
     q = A.shape[1] + 1
-    work = workspace(q, window)
+    work = make_workspace(q, window)
     out = np.empty((q * (q + 1) // 2, index.size))
     pairs = pairs_of_blocks(window, index)
     for number in range(pairs.size - 1):

@@ -9,16 +9,16 @@ import numpy as np
 
 from estimators.arrays import Floats, Ints
 from estimators.interpreted import compiled_ahead, compiled_beside
-from estimators.numerics.autocorrelation import pooled_autocorrelation, widening
+from estimators.numerics.autocorrelation import pooled_autocorrelation, scale_widening
 from estimators.numerics.in_order import sum_axis_in_order
 from estimators.numerics.normal_equations import columns_of
 from estimators.numerics.rolling import (
     add_prefix_sums,
-    lanes_of,
+    count_lanes,
+    keep_rows,
     load_columns,
     pairs_of_blocks,
     suffix_sums,
-    take,
 )
 from estimators.numerics.small_systems import factor, invert, pack, packed_index
 from estimators.threads import in_chunks
@@ -62,7 +62,7 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
             for k in range(rows + lags - 1):
                 at = begin - (lags - 1) + k
                 own[k] = A[at, c] if at >= 0 and group[at] == of else 0.0
-            _add_up_before(own, correlation, tail[:rows])
+            add_correlated_before(own, correlation, tail[:rows])
             here[:rows, c], tails[:rows, c] = own[lags - 1 : lags - 1 + rows], tail[:rows]
         for k in range(rows):
             for i in range(p):
@@ -82,7 +82,7 @@ def _add_up_by_arrays(own: Floats, correlation: Floats, tail: Floats) -> None:
 
 
 @compiled_beside(_add_up_by_arrays)
-def _add_up_before(own: Floats, correlation: Floats, tail: Floats) -> None:
+def add_correlated_before(own: Floats, correlation: Floats, tail: Floats) -> None:
     """Half of each sample, and those before it by their correlation with it.
 
     Args:
@@ -99,18 +99,18 @@ def _add_up_before(own: Floats, correlation: Floats, tail: Floats) -> None:
             tail[k] += correlation[j] * before[k]
 
 
-def deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
+def standard_deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
     """(p,) standard deviations from AᵀA, AᵀRA and the residual sum of squares.
 
     Never smaller than the textbook's: a tapered correlation need not be positive definite.
     """
     meats = pack(B).reshape(-1, 1)
-    return _deviations(_breads(pack(G).reshape(1, -1)), meats, np.array([rss]), samples)[:, 0]
+    return stds_from_bread(invert_packed(pack(G).reshape(1, -1)), meats, np.array([rss]), samples)[
+        :, 0
+    ]
 
 
-def window_deviation(
-    A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None
-) -> Floats:
+def window_std(A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None) -> Floats:
     """Standard deviations of one window's estimate, (p,): the readable form.
 
     Args:
@@ -123,11 +123,11 @@ def window_deviation(
     if autocorrelation is None:
         autocorrelation, _ = pooled_autocorrelation(residual, one, A)
     B = meat(A, one, 0, 0, residual.size - 1, autocorrelation)
-    std = deviations(gram, B, float(residual @ residual), float(residual.size))
-    return std * widening(residual.size, autocorrelation)
+    std = standard_deviations(gram, B, float(residual @ residual), float(residual.size))
+    return std * scale_widening(residual.size, autocorrelation)
 
 
-def window_deviations(
+def window_stds(
     A: Floats, grams: Floats, rss: Floats, index: Ints, window: int, correlation: Floats
 ) -> Floats:
     """Standard deviations of windowed estimates.
@@ -147,29 +147,29 @@ def window_deviations(
 
     def work(rows: slice) -> None:
         meats = window_meats(A, window, index[rows], correlation)
-        out[rows] = _deviations(_breads(grams[rows]), meats, rss[rows], window).T
+        out[rows] = stds_from_bread(invert_packed(grams[rows]), meats, rss[rows], window).T
 
     in_chunks(work, index.size)
-    return out * widening(window, correlation)
+    return out * scale_widening(window, correlation)
 
 
-def _breads(grams: Floats) -> Floats:
+def invert_packed(grams: Floats) -> Floats:
     """Inverses (p, p, m) of packed matrices (m, entries)."""
     p = columns_of(grams.T)
     return invert(*factor(np.ascontiguousarray(grams.T), p, p))
 
 
-def _deviations(bread: Floats, meats: Floats, rss: Floats, samples: float) -> Floats:
+def stds_from_bread(bread: Floats, meats: Floats, rss: Floats, samples: float) -> Floats:
     """Standard deviations (p, m) from inverses (p, p, m), packed meats (entries, m), RSS (m,)."""
     p = len(bread)
-    freedom = samples - _traces(bread, meats)
+    freedom = samples - trace_of_product(bread, meats)
     freedom = np.where(freedom > 0.5, freedom, np.nan)
-    cover = rss / freedom * covers(bread, meats)
+    cover = rss / freedom * sandwich_variances(bread, meats)
     textbook = rss / max(samples - p, 1.0) * np.array([bread[i, i] for i in range(p)])
     return np.sqrt(np.where(cover > textbook, cover, textbook + 0.0 * freedom))
 
 
-def _traces(bread: Floats, meats: Floats) -> Floats:
+def trace_of_product(bread: Floats, meats: Floats) -> Floats:
     """tr(G⁻¹ M), (m,)."""
     p = len(bread)
     total = np.zeros(meats.shape[1])
@@ -179,7 +179,7 @@ def _traces(bread: Floats, meats: Floats) -> Floats:
     return total
 
 
-def covers(bread: Floats, meats: Floats) -> Floats:
+def sandwich_variances(bread: Floats, meats: Floats) -> Floats:
     """The diagonals (p, m) of G⁻¹ M G⁻¹, from inverses (p, p, m) and packed M (entries, m)."""
     p = len(bread)
     out = np.zeros((p, meats.shape[1]))
@@ -200,7 +200,7 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
     """
     p = A.shape[1]
     entries = p * (p + 1) // 2
-    lanes = lanes_of(entries)
+    lanes = count_lanes(entries)
     z = np.zeros((p, 2 * window))
     near = np.zeros((p, 2 * window))
     terms = np.zeros((lanes, 2 * window))
@@ -221,7 +221,7 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
                 samples = index[stop - 1] + 1 - start
                 left = last + 1 - start
                 load_columns(A, start, samples, z)
-                _neighbours(z, samples, left, 2 * left >= window, correlation, near)
+                sum_correlated_neighbours(z, samples, left, 2 * left >= window, correlation, near)
                 for i in range(p):
                     for j in range(i, p):
                         term, x, y, u, v = (
@@ -235,7 +235,7 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
                             term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
                 suffix_sums(terms, left, sums)
                 add_prefix_sums(terms, left, window - left, samples - window + 1, sums)
-                take(sums, index, begin, stop)
+                keep_rows(sums, index, begin, stop)
                 for entry in range(entries):
                     total = sums[entry]
                     for k in range(stop - begin):
@@ -255,10 +255,10 @@ def _add_neighbours_by_arrays(
 
 
 @compiled_beside(_add_neighbours_by_arrays)
-def _neighbours(
+def sum_correlated_neighbours(
     z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:
-    """Of each sample, its correlated neighbours, so that each pair counts once.
+    """Sum the correlated neighbours of each sample, each pair of samples counted once.
 
     Of a pair in the second block the later sample has it, in the first block the earlier one; of
     a pair across, the later one if `across_later`.
@@ -278,7 +278,7 @@ def _neighbours(
                 total[k] += r * x[k]
 
 
-def recursive_deviations(grams: Floats, meats: Floats, white: Floats) -> Floats:
+def recursive_stds(grams: Floats, meats: Floats, white: Floats) -> Floats:
     """Roots of diag G⁻¹ M G⁻¹, (rows, p), for residuals of variance 1; never below `white`'s.
 
     Args:
@@ -286,7 +286,7 @@ def recursive_deviations(grams: Floats, meats: Floats, white: Floats) -> Floats:
         meats: (rows, entries) packed M; a tapered correlation need not leave it positive.
         white: (rows, entries) packed M of uncorrelated residuals.
     """
-    bread = _breads(grams)
-    squares = np.maximum(covers(bread, meats.T), covers(bread, white.T))
+    bread = invert_packed(grams)
+    squares = np.maximum(sandwich_variances(bread, meats.T), sandwich_variances(bread, white.T))
     # of columns so nearly dependent that rounding is all that is left, nothing is known
     return np.sqrt(np.where(squares > 0.0, squares, np.nan)).T

@@ -253,14 +253,14 @@ def entry_rows(size: int) -> tuple[tuple[int, ...], ...]:
 
 
 @cache
-def _upper(size: int) -> tuple[Ints, Ints]:
+def _upper_triangle(size: int) -> tuple[Ints, Ints]:
     rows, columns = np.triu_indices(size)
     return rows, columns
 
 
 def pack(G: Floats) -> Floats:
     """One symmetric matrix (size, size), packed (entries,)."""
-    return np.asarray(G[_upper(len(G))], np.float64)
+    return np.asarray(G[_upper_triangle(len(G))], np.float64)
 
 
 def unpack(entries: Floats, size: int, p: int) -> Floats:

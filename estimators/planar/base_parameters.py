@@ -19,11 +19,18 @@ from estimators.methods.attenuation import DOUBT, attenuation
 from estimators.numerics.autocorrelation import (
     autocovariance_loss,
     pooled_autocorrelation,
-    widening,
+    scale_widening,
 )
 from estimators.numerics.small_systems import inverse_spd, lstsq
-from estimators.planar.blockwise_qr import BLOCK, Blocks, factors, residuals, sandwich_meat
-from estimators.planar.identifiability import Identifiability, identify
+from estimators.planar.base_estimate import BaseEstimate, Prior
+from estimators.planar.blockwise_qr import (
+    BLOCK,
+    Blocks,
+    residuals,
+    sandwich_meat,
+    triangular_factors,
+)
+from estimators.planar.identifiability import identify
 
 #: Axes are weighted by their residuals, which rounding alone must not decide.
 LEAST_RESIDUAL = 1e-9
@@ -35,94 +42,6 @@ MOST_ROUNDS = 30
 LEAST_FREEDOM = 0.1
 #: Noise is at most this share of a column's sum of squares: its size is known to a tenth or so.
 MOST_NOISE = 0.9
-
-
-@dataclass(frozen=True, slots=True)
-class Prior:
-    """A normal prior of some of the parameters.
-
-    Attributes:
-        names: (q,) which parameters.
-        mean: (k, q) their means, by the axis whose force they were found from: they add up.
-        covariance: (q, q) of them, positive definite.
-    """
-
-    names: tuple[str, ...]
-    mean: Floats
-    covariance: Floats
-
-    @classmethod
-    def about_zero(cls, std: dict[str, float], axes: int) -> "Prior":
-        """Independent parameters that are 0 but for these standard deviations."""
-        variance = np.square(list(std.values()))
-        return cls(tuple(std), np.zeros((axes, len(std))), np.diag(variance))
-
-    def and_also(self, other: "Prior") -> "Prior":
-        """Both, of different parameters that are independent of each other."""
-        mine, size = len(self.names), len(self.names) + len(other.names)
-        covariance = np.zeros((size, size))
-        covariance[:mine, :mine], covariance[mine:, mine:] = self.covariance, other.covariance
-        mean = np.concatenate([self.mean, other.mean], axis=1)
-        return Prior(self.names + other.names, mean, covariance)
-
-
-@dataclass(frozen=True, slots=True)
-class BaseEstimate:
-    """What a motion tells of p parameters.
-
-    Attributes:
-        identifiability: what is determined of the parameters that have no prior.
-        parameters: (p,) names of all parameters.
-        theta: (p,) their values; NaN where the motion does not determine them.
-        by_axis: (k, p) what each axis' force adds to them, likewise: a gain of one axis acts on it.
-        covariance: (p, p) their covariance; NaN likewise.
-        responses: (q, p) what one standard deviation of each prior moves them by, likewise; the
-            priors as `Prior.covariance` has them if they are independent.
-        coefficients: (p,) what multiplies the columns of A in the fit, 0 for those left out.
-        combination: (c,) values of `identifiability.combinations`.
-        combination_std: (c,) their standard deviations.
-        residual_rms: (k,) r.m.s. of the residuals of each axis, in its unit.
-    """
-
-    identifiability: Identifiability
-    parameters: tuple[str, ...]
-    theta: Floats
-    by_axis: Floats
-    covariance: Floats
-    responses: Floats
-    coefficients: Floats
-    combination: Floats
-    combination_std: Floats
-    residual_rms: Floats
-
-    @property
-    def std(self) -> Floats:
-        """(p,) standard deviations, NaN where the motion does not determine a parameter."""
-        return np.sqrt(np.diagonal(self.covariance))
-
-    def slope(self, numerator: str, denominator: str) -> tuple[float, Floats]:
-        """One parameter over another, and what it changes by with each parameter, (p,).
-
-        NaN where the other one is 0.
-        """
-        i, j = self.parameters.index(numerator), self.parameters.index(denominator)
-        gradient = np.zeros(len(self.parameters))
-        if self.theta[j] == 0.0:
-            gradient[[i, j]] = np.nan
-            return float("nan"), gradient
-        ratio = float(self.theta[i] / self.theta[j])
-        gradient[[i, j]] = np.array([1.0, -ratio]) / self.theta[j]
-        return ratio, gradient
-
-    def quotient(self, numerator: str, denominator: str) -> tuple[float, float]:
-        """One parameter over another and its first-order deviation: a centre of mass is mc_x / m.
-
-        NaN where the motion does not determine both.
-        """
-        ratio, gradient = self.slope(numerator, denominator)
-        both = np.flatnonzero(gradient)
-        variance = gradient[both] @ self.covariance[np.ix_(both, both)] @ gradient[both]
-        return ratio, float(np.sqrt(variance))
 
 
 def fit(
@@ -171,7 +90,7 @@ def fit(
     segment_id = np.zeros(n, np.int64) if segment_id is None else segment_id
     used = segment_id >= 0
     samples = int(used.sum())
-    R = factors(A, f, used)
+    R = triangular_factors(A, f, used)
     if not np.isfinite(R[..., -1]).all() and np.isfinite(R[..., :-1]).all():
         raise DataError("the forces hold NaN or infinity; leave out the samples that miss")
 
@@ -187,15 +106,15 @@ def fit(
     shared = np.broadcast_to(np.eye(p), (k, p, p)) if loading is None else loading
     system = _System(R[..., columns], R[..., -1], added, shared[:, columns], prior, samples)
     fitted = system.solve(np.ones(k))
-    coefficients = _place_parameters(fitted.theta, columns, p)
+    coefficients = scatter_parameters(fitted.theta, columns, p)
     residual = residuals(A, f, used, coefficients)
-    losses = _losses(A, columns, segment_id)
+    losses = fit_losses(A, columns, segment_id)
     correlations = _correlations(segment_id, residual, losses)
     if given.size and samples and np.isfinite(fitted.theta).all():
         # a prior is worth as many samples as are independent
         lasting = [max(2.0 * float(each.sum()) - 1.0, 1.0) for each in correlations]
         fitted = system.solve(np.array(lasting))
-        coefficients = _place_parameters(fitted.theta, columns, p)
+        coefficients = scatter_parameters(fitted.theta, columns, p)
         residual = residuals(A, f, used, coefficients)
         correlations = _correlations(segment_id, residual, losses)
     covariance = _covariance(A, columns, segment_id, correlations, fitted, prior)
@@ -207,10 +126,10 @@ def fit(
     return BaseEstimate(
         identifiability=found,
         parameters=tuple(parameters),
-        theta=_place_parameters(fitted.theta[single], here, p, np.nan),
-        by_axis=_place_parameters(fitted.by_axis[:, single], here, p, np.nan),
+        theta=scatter_parameters(fitted.theta[single], here, p, np.nan),
+        by_axis=scatter_parameters(fitted.by_axis[:, single], here, p, np.nan),
         covariance=full,
-        responses=_place_parameters(fitted.responses[:, single], here, p, np.nan),
+        responses=scatter_parameters(fitted.responses[:, single], here, p, np.nan),
         coefficients=coefficients,
         combination=fitted.theta[~single],
         combination_std=np.sqrt(np.diagonal(covariance))[~single],
@@ -218,7 +137,7 @@ def fit(
     )
 
 
-def _place_parameters(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
+def scatter_parameters(values: Floats, at: Ints, p: int, other: float = 0.0) -> Floats:
     """Values (…, r) in columns `at` of p."""
     out = np.full((*values.shape[:-1], p), other)
     out[..., at] = values
@@ -277,7 +196,7 @@ class _System:
         q = len(self.prior.names)
         if self.samples == 0 or r == 0:
             nothing = np.full((r, r), np.nan)
-            rms = _rms(self.f, self.samples) if self.samples else np.full(k, np.nan)
+            rms = rms_of_axes(self.f, self.samples) if self.samples else np.full(k, np.nan)
             return _FittedParameters(
                 theta=np.full(r, np.nan),
                 by_axis=np.full((k, r), np.nan),
@@ -295,7 +214,10 @@ class _System:
         for number in range(MOST_ROUNDS):
             # the first weights are none, beside which no prior is to be weighed
             theta = self._solve_regularised(rms, lasting, with_prior=number > 0).sum(axis=0)
-            before, rms = rms, np.maximum(_rms(self.f - self.A @ theta, self.samples), floor)
+            before, rms = (
+                rms,
+                np.maximum(rms_of_axes(self.f - self.A @ theta, self.samples), floor),
+            )
             if (np.abs(rms / before - 1.0) < SETTLED).all():
                 break
         by_axis = self._solve_regularised(rms, lasting)
@@ -319,7 +241,7 @@ class _System:
         theta = by_axis.sum(axis=0)
         std = np.linalg.cholesky(self.prior.covariance) if q else np.zeros((0, 0))
         responses = (bread[:, r - q :] @ precision @ std).T
-        residual = _rms(self.f - self.A @ theta, self.samples)
+        residual = rms_of_axes(self.f - self.A @ theta, self.samples)
         return _FittedParameters(
             theta=theta,
             by_axis=by_axis,
@@ -353,12 +275,12 @@ class _System:
         return (lstsq(rows / size, wanted) / size[:, None]).T
 
 
-def _rms(residual: Floats, samples: int) -> Floats:
+def rms_of_axes(residual: Floats, samples: int) -> Floats:
     """R.m.s. (k,) of the residuals whose triangular factor is (k, q)."""
     return np.sqrt((residual**2).sum(axis=1) / samples)
 
 
-def _losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
+def fit_losses(A: Blocks, columns: Ints, segment_id: Ints) -> list[Floats]:
     """What the fit takes out of the autocovariances of each axis' residuals."""
     k, used = A.shape[1], segment_id >= 0
     if not used.any():
@@ -419,7 +341,7 @@ def _covariance(
         np.diagonal(plain) * samples / max(samples - r, 1.0),
     )
     # of what its prior alone tells the log says nothing, to rounding
-    std = np.sqrt(np.maximum(variance, 0.0)) * widening(fitted.samples * k, correlations[0])
+    std = np.sqrt(np.maximum(variance, 0.0)) * scale_widening(fitted.samples * k, correlations[0])
     shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else plain
     own = np.diagonal(shape)
     stretch = std * size / np.sqrt(np.where(own > 0.0, own, np.inf))

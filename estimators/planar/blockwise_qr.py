@@ -29,7 +29,7 @@ class Blocks(Protocol):
         ...
 
 
-def _parts(used: Bools) -> Iterator[slice]:
+def sample_blocks(used: Bools) -> Iterator[slice]:
     """Slices that hold every used sample."""
     for first in range(0, used.size, BLOCK):
         part = slice(first, min(first + BLOCK, used.size))
@@ -37,7 +37,7 @@ def _parts(used: Bools) -> Iterator[slice]:
             yield part
 
 
-def factors(A: Blocks, f: Floats, used: Bools) -> Floats:
+def triangular_factors(A: Blocks, f: Floats, used: Bools) -> Floats:
     """The triangular factor of [A f] of each axis, (k, p + 1, p + 1), over the used samples.
 
     Args:
@@ -47,21 +47,21 @@ def factors(A: Blocks, f: Floats, used: Bools) -> Floats:
     """
     _, k, p = A.shape
     out = np.zeros((k, p + 1, p + 1))
-    for part in _parts(used):
+    for part in sample_blocks(used):
         both = np.concatenate([A[part], f[part][..., None]], axis=-1)[used[part]]
         for axis in range(k):
-            out[axis] = _triangle(np.concatenate([out[axis], both[:, axis]]))
+            out[axis] = _triangular_factor(np.concatenate([out[axis], both[:, axis]]))
     return out
 
 
-def _triangle(rows: Floats) -> Floats:
+def _triangular_factor(rows: Floats) -> Floats:
     return np.asarray(np.linalg.qr(rows, mode="r"), np.float64)
 
 
 def residuals(A: Blocks, f: Floats, used: Bools, theta: Floats) -> Floats:
     """What A θ leaves of f, (n, k), zero where not used; θ is (p,)."""
     out = np.zeros(f.shape)
-    for part in _parts(used):
+    for part in sample_blocks(used):
         out[part] = np.where(used[part][:, None], f[part] - A[part] @ theta, 0.0)
     return out
 
@@ -80,7 +80,7 @@ def sandwich_meat(
     """
     total = np.zeros((columns.size, columns.size))
     before = max(each.size for each in correlations) - 1
-    for part in _parts(segment_id >= 0):
+    for part in sample_blocks(segment_id >= 0):
         # samples look back at those they correlate with, across the block's edge
         history = min(before, part.start)
         wide = slice(part.start - history, part.stop)

@@ -50,7 +50,7 @@ class Identifiability:
         """(rank - identifiable, p) the rows of `echelon` that join several parameters."""
         return self.echelon[~self.identifiable[self.base]]
 
-    def texts(self) -> list[str]:
+    def combination_texts(self) -> list[str]:
         """The combinations as a person reads them: `mass_kg - 5 first_moment_x_kg_m`."""
         return [_combination_text(row, self.parameters) for row in self.combinations]
 
@@ -97,7 +97,7 @@ def identify(
         smallest, slack = NOISE_MARGIN, NOISY
     rank = int((singular > smallest).sum())
     identifiable = (Vt[:rank] ** 2).sum(0) > 1.0 - slack
-    base, echelon = _echelon(Vt[:rank], identifiable)
+    base, echelon = row_echelon_form(Vt[:rank], identifiable)
     # coefficients that the test above takes for zero
     echelon[identifiable[base]] = 0.0
     echelon[np.abs(echelon) < np.sqrt(slack / p)] = 0.0
@@ -108,11 +108,11 @@ def identify(
         identifiable=identifiable,
         base=base,
         echelon=echelon * scale / scale[base][:, None],
-        condition=_condition(R, base),
+        condition=condition_of_base(R, base),
     )
 
 
-def _echelon(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
+def row_echelon_form(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
     """Pivots (r,) ascending and the reduced row echelon form (r, p) of r independent rows.
 
     What is determined by itself is a pivot. Of the others the earliest column that stands out far
@@ -133,7 +133,7 @@ def _echelon(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
     return base, np.asarray(np.linalg.solve(rows[:, base], rows), np.float64)
 
 
-def _condition(R: Floats, base: Ints) -> float:
+def condition_of_base(R: Floats, base: Ints) -> float:
     """The condition number of the base columns scaled to unit norm; infinite where none is."""
     if base.size == 0:
         return np.inf

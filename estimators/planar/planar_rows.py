@@ -163,7 +163,7 @@ class PlanarRegressor:
         """A slice of the samples, which shares their memory."""
         return PlanarRegressor(*(x[part] for x in self._channels))
 
-    def known(self) -> Bools:
+    def complete_samples(self) -> Bools:
         """(n,) the samples of which no channel is missing."""
         return np.logical_and.reduce([np.isfinite(x) for x in self._channels])
 

@@ -27,18 +27,18 @@ from recordings.calibration.bundle_folder import (
     TIMESTAMP,
     UNLISTED,
     BundleFile,
-    listing,
+    list_bundle,
     parse_sums,
     read_file,
 )
 from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.chain_check import check_chain, check_counter
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, bytes_of, fault_without_name
+from recordings.calibration.checked_bundle import CheckedBundle, fault_without_name, held_bytes
 from recordings.calibration.evidence_document import (
     EvidenceDocument,
     UnknownFormatError,
-    document_of,
+    parse_document,
 )
 from recordings.calibration.notary_stretch import check_notary
 from recordings.calibration.recomputation import compare_recomputed
@@ -108,12 +108,12 @@ def _check_alone(
 ) -> CheckedBundle:
     """Check a bundle, without the one before it."""
     checked = CheckedBundle()
-    held = check_files(folder, checked)
+    held = check_bundle_files(folder, checked)
     if EVIDENCE not in held:
         return checked
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
+        document = parse_document(held_bytes(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
         strange = isinstance(fault, UnknownFormatError)
         outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
@@ -124,9 +124,9 @@ def _check_alone(
     check_timestamp(checked, held, document, authorities)
     check_signature(checked, held, digests, document, key, keyring)
     _check_recordings(checked, document, digests)
-    stretch = bytes_of(held, NOTARY) if NOTARY in held else None
+    stretch = held_bytes(held, NOTARY) if NOTARY in held else None
     check_notary(checked, document, stretch, keyring)
-    readings, points = _tables(checked, held, document)
+    readings, points = read_checked_tables(checked, held, document)
     checked.readings, checked.points = readings, points
     if readings is not None:
         findings, notes = compare_recomputed(
@@ -137,7 +137,7 @@ def _check_alone(
     return checked
 
 
-def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
+def check_bundle_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
     """Read every file that a bundle may hold, and compare it with SHA256SUMS.
 
     Args:
@@ -147,7 +147,7 @@ def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
     Returns:
         The files that could be read, by name.
     """
-    names, strange = listing(folder)
+    names, strange = list_bundle(folder)
     for name, what in strange[:_MOST_NAMED]:
         checked.add(BundleOutcome.TAMPERED, name, what)
     if len(strange) > _MOST_NAMED:
@@ -163,7 +163,7 @@ def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
         if name not in names:
             checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        checked.sums = bytes_of(held, SUMS)
+        checked.sums = held_bytes(held, SUMS)
         try:
             _check_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
@@ -200,7 +200,7 @@ def _check_recordings(
             )
 
 
-def _tables(
+def read_checked_tables(
     checked: CheckedBundle, held: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
     """Readings and points; None of what cannot be read."""
@@ -215,7 +215,7 @@ def _tables(
             checked.add(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
-    asked = [UntrustedTable(bytes_of(held, name), schemas[name]) for name in there]
+    asked = [UntrustedTable(held_bytes(held, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_tables(asked), strict=True):
         if isinstance(table, str):
@@ -249,7 +249,7 @@ def check_signature(
         return
     checked.signed_by = SignedBy("broken")
     try:
-        signed = parse_envelope(bytes_of(held, STATEMENT), STATEMENT)
+        signed = parse_envelope(held_bytes(held, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.of_text(named.public_key)
     except EvidenceError as fault:
         checked.add(BundleOutcome.TAMPERED, STATEMENT, fault_without_name(STATEMENT, fault))
@@ -257,21 +257,21 @@ def check_signature(
     before = len(checked.findings)
     if document is not None:
         _check_signer(checked, signed, stated, document)
-    if key is not None and not signed.by(key):
+    if key is not None and not signed.is_signed_by(key):
         checked.add(
             BundleOutcome.TAMPERED, STATEMENT, f"is not signed by the key {key.key_id[:12]}… given"
         )
-    if key is None and stated is not None and not signed.by(stated):
+    if key is None and stated is not None and not signed.is_signed_by(stated):
         checked.add(BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names")
     _check_statement(checked, signed, held, digests, document)
     if len(checked.findings) == before and stated is not None and document is not None:
-        _identify(checked, stated, document, key, keyring)
+        identify_signer(checked, stated, document, key, keyring)
 
 
 def _add_unsigned(
     checked: CheckedBundle, document: EvidenceDocument | None, key: PublicKey | None
 ) -> None:
-    """What it means that there is no statement."""
+    """Add the findings of a bundle that has no signed statement."""
     if document is not None and document.signer is not None:
         checked.add(
             BundleOutcome.INCOMPLETE, STATEMENT, "is missing, and evidence.json has a signer"
@@ -285,7 +285,7 @@ def _add_unsigned(
         )
 
 
-def _identify(
+def identify_signer(
     checked: CheckedBundle,
     stated: PublicKey,
     document: EvidenceDocument,
@@ -299,7 +299,7 @@ def _identify(
     by = SignedBy("unknown", claimed, owner, stated.key_id, stated.text)
     if known is not None:
         made = dt.datetime.fromisoformat(document.made).date()
-        fault = known.fault_on(made, checked.proven_day)
+        fault = known.distrust_reason(made, checked.proven_day)
         if fault:
             checked.signed_by = by
             outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
@@ -307,7 +307,7 @@ def _identify(
             return
     how = "given" if key is not None else "unknown" if known is None else "known"
     checked.signed_by = by = replace(by, how=how)
-    if not by.trusted:
+    if not by.is_trusted:
         checked.notes.append(_UNKNOWN_KEY.format(by, by.add_line))
 
 

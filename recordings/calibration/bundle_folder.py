@@ -59,7 +59,7 @@ def is_bundle_file(name: str) -> bool:
     return name in (*REQUIRED, PDF, NOTARY, *UNLISTED) or _RUN.fullmatch(name) is not None
 
 
-def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
+def list_bundle(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
     """What lies in the folder of a bundle.
 
     Returns:
@@ -73,7 +73,7 @@ def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
         raise EvidenceError(f"{folder}: {fault}; `payscope calibrate` writes one")
     good: list[str] = []
     bad: list[tuple[str, str]] = []
-    for number, (name, mode) in enumerate(_entries(folder)):
+    for number, (name, mode) in enumerate(folder_entries(folder)):
         if number >= _MOST_FILES:
             raise EvidenceError(f"{folder}: more than {_MOST_FILES} entries are no bundle")
         if stat.S_ISLNK(mode):
@@ -92,7 +92,7 @@ def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
     return sorted(good), sorted(bad)
 
 
-def _entries(folder: Path) -> Iterator[tuple[str, int]]:
+def folder_entries(folder: Path) -> Iterator[tuple[str, int]]:
     """Names and modes in the folder and its runs/, as they are without following a link."""
     try:
         for place, prefix in ((folder, ""), (folder / RUNS, f"{RUNS}/")):
@@ -115,7 +115,7 @@ def read_file(folder: Path, name: str) -> BundleFile:
     keep = name not in (RECORDING, PDF) and not name.startswith(f"{RUNS}/")
     digest, size = hashlib.sha256(), 0
     parts: list[bytes] = []
-    for part in _parts(folder, name):
+    for part in read_in_parts(folder, name):
         size += len(part)
         digest.update(part)
         if keep and size > _MOST_BYTES:
@@ -133,13 +133,13 @@ def copy_file(folder: Path, name: str, to: Path) -> str:
     """
     digest = hashlib.sha256()
     with to.open("xb") as copy:
-        for part in _parts(folder, name):
+        for part in read_in_parts(folder, name):
             digest.update(part)
             copy.write(part)
     return digest.hexdigest()
 
 
-def _parts(folder: Path, name: str) -> Iterator[bytes]:
+def read_in_parts(folder: Path, name: str) -> Iterator[bytes]:
     """Read a file from its beginning to its end, without following a link."""
     try:
         number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))

@@ -95,12 +95,12 @@ def _read_in_process(tables: Sequence[UntrustedTable]) -> list[dict[str, Any]] |
         ]
     )
     data = b"".join(table.data for table in tables)
-    ask = _ask_once if len(data) <= _MOST_KEPT else ask_reader
+    ask = _ask_once if len(data) <= _MOST_KEPT else start_reader
     out = ask(asked, data)
     return None if out is None else json.loads(out)
 
 
-def ask_reader(asked: str, data: bytes) -> bytes | None:
+def start_reader(asked: str, data: bytes) -> bytes | None:
     """Start the reader; its JSON, or None where it ended without a word."""
     # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
@@ -119,7 +119,7 @@ def ask_reader(asked: str, data: bytes) -> bytes | None:
 
 
 #: The same bytes hold the same, and the reader takes a quarter of a second to start.
-_ask_once: Final = lru_cache(maxsize=16)(ask_reader)
+_ask_once: Final = lru_cache(maxsize=16)(start_reader)
 
 
 def _make_frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:

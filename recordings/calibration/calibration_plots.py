@@ -17,18 +17,18 @@ _GRID: Final = 41
 _ROW: Final = 18.0
 
 
-def pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
+def report_pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
     """The figures that this evidence has something to show in."""
-    fitted, points = document.calibration, _points(document, readings)
+    fitted, points = document.calibration, readings_about_mean(document, readings)
     found: list[Drawing] = []
     if fitted is not None and document.kind == "calibration":
-        found += [_line(fitted), _residuals(fitted), _bars(fitted)]
+        found += [_draw_line(fitted), _draw_residuals(fitted), _budget_bars(fitted)]
     if points.height:
-        found.append(_scatter(points))
+        found.append(_draw_points(points))
     return found
 
 
-def band(fitted: Calibration) -> list[tuple[float, float, float]]:
+def calibrated_band(fitted: Calibration) -> list[tuple[float, float, float]]:
     """(reference, low, high) of the calibrated mass of a run like the campaign's, in kg."""
     low, high = fitted.range_kg
     readings = fitted.budget_at[1]
@@ -40,9 +40,9 @@ def band(fitted: Calibration) -> list[tuple[float, float, float]]:
     return found
 
 
-def _line(fitted: Calibration) -> Drawing:
+def _draw_line(fitted: Calibration) -> Drawing:
     known = [point for point in fitted.points if point.calibrated_kg is not None]
-    edges = band(fitted)
+    edges = calibrated_band(fitted)
     low, high = fitted.range_kg
     percent = f"{fitted.confidence_1:.0%}".replace("%", " %")
     picture = Drawing(
@@ -63,8 +63,8 @@ def _line(fitted: Calibration) -> Drawing:
     return picture
 
 
-def _residuals(fitted: Calibration) -> Drawing:
-    edges = [(mass, low - mass, high - mass) for mass, low, high in band(fitted)]
+def _draw_residuals(fitted: Calibration) -> Drawing:
+    edges = [(mass, low - mass, high - mass) for mass, low, high in calibrated_band(fitted)]
     errors = [(p, p.error_kg, "point") for p in fitted.points if p.error_kg is not None]
     left = [
         (p, p.error_left_out_kg, "left") for p in fitted.points if p.error_left_out_kg is not None
@@ -89,7 +89,7 @@ def _residuals(fitted: Calibration) -> Drawing:
     return picture
 
 
-def _bars(fitted: Calibration) -> Drawing:
+def _budget_bars(fitted: Calibration) -> Drawing:
     rows = sorted(fitted.budget, key=lambda row: -(row.u_kg or 0.0))
     known = [row for row in rows if row.u_kg]
     largest = max((row.u_kg or 0.0 for row in known), default=1.0)
@@ -116,7 +116,7 @@ def _bars(fitted: Calibration) -> Drawing:
     return picture
 
 
-def _scatter(points: pl.DataFrame) -> Drawing:
+def _draw_points(points: pl.DataFrame) -> Drawing:
     runs = points["run_id"].unique(maintain_order=True).to_list()
     used = points.filter("used")["off_kg"].to_list()
     picture = Drawing(
@@ -145,7 +145,7 @@ def _draw_band(picture: Drawing, axes: Axes, edges: list[tuple[float, float, flo
         picture.polygon([*lower, *reversed(upper)], "band")
 
 
-def _points(document: EvidenceDocument, readings: pl.DataFrame) -> pl.DataFrame:
+def readings_about_mean(document: EvidenceDocument, readings: pl.DataFrame) -> pl.DataFrame:
     """Readings with a mass, and how far each is off the mean of those in use of its run."""
     order = {run.id: number for number, run in enumerate(document.campaign.runs)}
     mean = pl.col("mass_kg").filter("used").mean().over("run_id")

@@ -7,7 +7,7 @@ import polars as pl
 from analysis.model.run_record import InputFile, Provenance, Run
 from analysis.model.schema import conform
 from recordings.calibration.bundle_folder import RECORDING
-from recordings.calibration.calibration_text import in_words
+from recordings.calibration.calibration_text import report_paragraphs
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.rrd.writer import write_recording
 
@@ -61,7 +61,7 @@ def calibration_run(
         notes=(
             f"evidence {document.id} of machine {document.campaign.machine.id}, "
             f"{'signed' if document.signer else 'UNSIGNED'}",
-            *in_words(document, readings, points),
+            *report_paragraphs(document, readings, points),
         ),
     )
     named = {"load_id": "load", "reason": "left_out_for"}

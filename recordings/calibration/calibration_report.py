@@ -14,17 +14,21 @@ from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
-from analysis.calibration.campaign.campaign_plan import ReferenceMass
+from analysis.calibration.campaign.campaign_subjects import ReferenceMass
 from analysis.calibration.line.calibration import Calibration
-from recordings.calibration.calibration_plots import pictures
-from recordings.calibration.calibration_text import ESTIMATORS, in_words, unseen
+from recordings.calibration.calibration_plots import report_pictures
+from recordings.calibration.calibration_text import (
+    ESTIMATORS,
+    report_paragraphs,
+    undetectable_faults,
+)
 from recordings.calibration.campaign_faults import runs_without_date
 from recordings.calibration.certificate_text import (
     certificate_rows,
     not_stated,
     range_sentences,
     warnings_of,
-    weighings,
+    weighings_by_load,
 )
 from recordings.calibration.evidence_document import EvidenceDocument
 from recordings.calibration.learnt_terms_text import learnt_rows
@@ -49,22 +53,22 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         e=document,
         fitted=document.calibration,
         title=title_of(document),
-        facts=facts(document),
+        facts=report_facts(document),
         certificate=certificate_rows(document),
         warnings=warnings_of(document),
         not_stated=not_stated(document),
-        weighings=weighings(document, readings),
+        weighings=weighings_by_load(document, readings),
         range_sentences=list(range_sentences(document)),
-        words=in_words(document, readings, points),
-        unseen=unseen(document),
-        pictures=pictures(document, readings),
+        words=report_paragraphs(document, readings, points),
+        unseen=undetectable_faults(document),
+        pictures=report_pictures(document, readings),
         width=WIDTH,
-        points=_points(points),
+        points=_point_rows(points),
         rejected=_list_rejected(readings),
-        budget=_budget(document.calibration),
+        budget=_budget_rows(document.calibration),
         learnt=learnt_rows(document.learnt),
-        references=_references(document),
-        runs=_runs(document, readings),
+        references=_reference_rows(document),
+        runs=_run_rows(document, readings),
         estimator=ESTIMATORS.get(document.estimator.name, document.estimator.name),
     )
 
@@ -77,7 +81,7 @@ def report_template() -> "Template":
     environment = Environment(
         undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["kg"] = kilograms
+    environment.filters["kg"] = kilograms_text
     source = files("recordings.calibration").joinpath(TEMPLATE).read_text(encoding="utf-8")
     return environment.from_string(source)
 
@@ -98,7 +102,7 @@ def report_pdf(html: str, path: Path) -> str:
             f"no PDF: WeasyPrint lacks a system library ({missing}); "
             "on Debian libpangoft2-1.0-0, libharfbuzz-subset0"
         )
-    HTML(string=html, url_fetcher=_fetch_nothing).write_pdf(path)
+    HTML(string=html, url_fetcher=_refuse_fetch).write_pdf(path)
     return ""
 
 
@@ -109,7 +113,7 @@ def title_of(document: EvidenceDocument) -> str:
     return name or f"{what} of {document.machine.machine.name} {document.campaign.machine.id}"
 
 
-def facts(document: EvidenceDocument) -> list[tuple[str, str]]:
+def report_facts(document: EvidenceDocument) -> list[tuple[str, str]]:
     """What a reader looks for first, name and value."""
     fitted = document.calibration
     found: list[tuple[str, str]] = []
@@ -128,11 +132,11 @@ def facts(document: EvidenceDocument) -> list[tuple[str, str]]:
             ),
             (
                 "error, in the fit / load left out",
-                f"{kilograms(fitted.rms_error_kg)} / {kilograms(fitted.rms_error_left_out_kg)} kg "
-                "r.m.s.",
+                f"{kilograms_text(fitted.rms_error_kg)} / "
+                f"{kilograms_text(fitted.rms_error_left_out_kg)} kg r.m.s.",
             ),
-            ("repeatability of a reading", _of_mass(fitted.repeatability_kg, fitted)),
-            ("day to day", _of_mass(fitted.day_kg, fitted)),
+            ("repeatability of a reading", estimate_as_mass(fitted.repeatability_kg, fitted)),
+            ("day to day", estimate_as_mass(fitted.day_kg, fitted)),
         ]
     found += [
         ("expires", document.expires.isoformat()),
@@ -141,7 +145,7 @@ def facts(document: EvidenceDocument) -> list[tuple[str, str]]:
     return found
 
 
-def kilograms(value: float | None, digits: int = 1) -> str:
+def kilograms_text(value: float | None, digits: int = 1) -> str:
     """A number of kg, or a dash."""
     return _NONE if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
 
@@ -153,22 +157,22 @@ def _with_interval(value: float, interval: tuple[float | None, float | None], sh
     return f"{shape.format(value)} ({shape.format(low)} to {shape.format(high)})"
 
 
-def _of_mass(kg: float | None, fitted: Calibration) -> str:
+def estimate_as_mass(kg: float | None, fitted: Calibration) -> str:
     """Kilograms of m̂ as kilograms of mass."""
-    return "unknown" if kg is None else f"{kilograms(kg / abs(fitted.c1_1))} kg"
+    return "unknown" if kg is None else f"{kilograms_text(kg / abs(fitted.c1_1))} kg"
 
 
-def _points(points: pl.DataFrame) -> list[Mapping[str, Any]]:
+def _point_rows(points: pl.DataFrame) -> list[Mapping[str, Any]]:
     return [
         {
             "run": point["run_id"],
             "load": point["load_id"],
             "cells": [
-                kilograms(point["reference_kg"]),
+                kilograms_text(point["reference_kg"]),
                 str(point["readings"]),
                 str(point["rejected"]),
-                *(kilograms(point[n]) for n in ("mean_kg", "std_kg", "calibrated_kg")),
-                *(kilograms(point[n], 2) for n in ("error_kg", "error_left_out_kg")),
+                *(kilograms_text(point[n]) for n in ("mean_kg", "std_kg", "calibrated_kg")),
+                *(kilograms_text(point[n], 2) for n in ("error_kg", "error_left_out_kg")),
             ],
         }
         for point in points.iter_rows(named=True)
@@ -177,19 +181,19 @@ def _points(points: pl.DataFrame) -> list[Mapping[str, Any]]:
 
 def _list_rejected(readings: pl.DataFrame) -> list[Mapping[str, Any]]:
     return [
-        {**row, "mass": kilograms(row["mass_kg"])}
+        {**row, "mass": kilograms_text(row["mass_kg"])}
         for row in readings.filter(~pl.col("used")).iter_rows(named=True)
     ]
 
 
-def _budget(fitted: Calibration | None) -> list[Mapping[str, Any]]:
+def _budget_rows(fitted: Calibration | None) -> list[Mapping[str, Any]]:
     if fitted is None:
         return []
     return [
         {
             "component": row.component,
             "kind": row.kind,
-            "u": kilograms(row.u_kg, 2),
+            "u": kilograms_text(row.u_kg, 2),
             "freedom": _NONE if row.freedom is None else f"{row.freedom:.1f}",
             "known": row.known,
         }
@@ -197,19 +201,21 @@ def _budget(fitted: Calibration | None) -> list[Mapping[str, Any]]:
     ]
 
 
-def _references(document: EvidenceDocument) -> list[Mapping[str, Any]]:
+def _reference_rows(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     def day(value: dt.date | None) -> str:
         return _NONE if value is None else value.isoformat()
 
     rows: list[Mapping[str, Any]] = [
         {
             "id": mass.id,
-            "value": kilograms(mass.value_kg, 3),
-            "u": kilograms(mass.u_kg, 3),
-            "certificate": _certificate(mass),
+            "value": kilograms_text(mass.value_kg, 3),
+            "u": kilograms_text(mass.u_kg, 3),
+            "certificate": _certificate_text(mass),
             "issuer": mass.certificate_issuer or _NONE,
             "expires": day(mass.expires),
-            "shared": f"{mass.source}: {kilograms(mass.shared_u_kg, 3)} kg" if mass.source else "",
+            "shared": f"{mass.source}: {kilograms_text(mass.shared_u_kg, 3)} kg"
+            if mass.source
+            else "",
         }
         for mass in document.campaign.masses
     ]
@@ -217,8 +223,8 @@ def _references(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     if document.campaign.method.estimator != "joint_payload":
         machine = {
             "id": "machine, empty",
-            "value": kilograms(body.empty_mass_kg, 3),
-            "u": kilograms(body.empty_mass_u_kg, 3),
+            "value": kilograms_text(body.empty_mass_kg, 3),
+            "u": kilograms_text(body.empty_mass_u_kg, 3),
             "certificate": about.empty_certificate or "none named",
             "issuer": _NONE,
             "expires": day(about.empty_expires),
@@ -228,7 +234,7 @@ def _references(document: EvidenceDocument) -> list[Mapping[str, Any]]:
     return rows
 
 
-def _certificate(mass: ReferenceMass) -> str:
+def _certificate_text(mass: ReferenceMass) -> str:
     """The certificate of a mass, or who says the mass; of a digital one who signed it."""
     if mass.stated_by:
         return f"stated by the {mass.stated_by}"
@@ -237,7 +243,7 @@ def _certificate(mass: ReferenceMass) -> str:
     return f"{mass.certificate or 'none named'}{signed}{digest}"
 
 
-def _runs(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+def _run_rows(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:
     counts = {
         row["run_id"]: row
         for row in readings.group_by("run_id")
@@ -277,5 +283,5 @@ def _runs(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[st
     return found
 
 
-def _fetch_nothing(url: str, *_: Any, **__: Any) -> Any:
+def _refuse_fetch(url: str, *_: Any, **__: Any) -> Any:
     raise ValueError(f"a report loads nothing, so not {url[:80]}")

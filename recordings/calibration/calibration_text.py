@@ -42,7 +42,9 @@ _UNSEEN: Final = (
 )
 
 
-def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame) -> list[str]:
+def report_paragraphs(
+    document: EvidenceDocument, readings: pl.DataFrame, points: pl.DataFrame
+) -> list[str]:
     """What the numbers mean, a paragraph each."""
     fitted = document.calibration
     found: list[str] = []
@@ -51,19 +53,19 @@ def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.Data
     else:
         found += [
             *_outcome_lines(document),
-            _about_beta(fitted),
+            constant_share_text(fitted),
             *(f"{_capitalise(said)}." for said in fitted.says),
             *_learnt_lines(document),
-            *(_more_days(document) if document.kind == "calibration" else ()),
+            *(one_day_lines(document) if document.kind == "calibration" else ()),
             *(_unlike_driving_lines(fitted) if document.kind == "calibration" else ()),
             *(_advice_lines(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
-        found += [*_as_found(document), *_notary_lines(document)]
+        found += [*as_found_lines(document), *_notary_lines(document)]
     return found
 
 
-def unseen(document: EvidenceDocument) -> list[str]:
+def undetectable_faults(document: EvidenceDocument) -> list[str]:
     """What no check of a bundle can find."""
     first = (
         ("Whether this machine has earlier evidence: this bundle names none before it.",)
@@ -167,10 +169,10 @@ def _learnt_lines(document: EvidenceDocument) -> list[str]:
     ]
 
 
-def _more_days(document: EvidenceDocument) -> list[str]:
+def one_day_lines(document: EvidenceDocument) -> list[str]:
     """What evidence of one day lacks; that of format 1 does not have the sentence."""
     fitted = document.calibration
-    if fitted is None or not fitted.responses or not fitted.of_one_day:
+    if fitted is None or not fitted.responses or not fitted.is_of_one_day:
         return []
     return [
         "Evidence of one day: its intervals do not have what changes until another. Runs of "
@@ -201,7 +203,7 @@ def _advice_lines(fitted: Calibration) -> list[str]:
     ]
 
 
-def _about_beta(fitted: Calibration) -> str:
+def constant_share_text(fitted: Calibration) -> str:
     """How much of the output is a constant."""
     middle_kg = sum(fitted.range_kg) / 2.0
     share = fitted.beta_kg / middle_kg if middle_kg else 0.0
@@ -265,7 +267,7 @@ def _offset_text(
     return f"{text}."
 
 
-def _as_found(document: EvidenceDocument) -> list[str]:
+def as_found_lines(document: EvidenceDocument) -> list[str]:
     """The line before this one, and what it made of these runs."""
     found, link, fitted = document.as_found, document.chain.previous, document.calibration
     if found is None or link is None:
@@ -277,11 +279,11 @@ def _as_found(document: EvidenceDocument) -> list[str]:
     )
     return [
         f"As found, the line of evidence number {link.counter} held: α {found.alpha_1:.4f}, β "
-        f"{found.beta_kg:,.1f} kg{error}.{'' if fitted is None else _as_left(fitted)}"
+        f"{found.beta_kg:,.1f} kg{error}.{'' if fitted is None else _as_left_text(fitted)}"
     ]
 
 
-def _as_left(fitted: Calibration) -> str:
+def _as_left_text(fitted: Calibration) -> str:
     return f" As left: α {fitted.alpha_1:.4f}, β {fitted.beta_kg:,.1f} kg."
 
 

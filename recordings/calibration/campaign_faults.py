@@ -14,7 +14,7 @@ CLOCK_S: Final = 300
 _BEGINS: Final = "%Y-%m-%d %H:%M:%S UTC"
 
 
-def begin_of(log: EvidenceLog) -> dt.datetime | None:
+def log_begin(log: EvidenceLog) -> dt.datetime | None:
     """When a log begins; None where it has no absolute time."""
     try:
         return dt.datetime.strptime(log.begins, _BEGINS).replace(tzinfo=dt.UTC)
@@ -36,14 +36,14 @@ def find_day_faults(
     by_name = {each.log: each for each in logs}
     for run in campaign.runs:
         log = by_name.get(run.log)
-        begin = None if log is None else begin_of(log)
+        begin = None if log is None else log_begin(log)
         if log is None:
             continue
         if begin is None:
             if run.day > made.astimezone(zone).date():
                 yield f"run '{run.id}' of {run.day}: is after the evidence was made, {made:%F %R}"
             continue
-        start, end = _stretch(run, log, begin)
+        start, end = _run_span(run, log, begin)
         first, last = start.astimezone(zone).date(), end.astimezone(zone).date()
         if not first <= run.day <= last:
             yield (
@@ -59,16 +59,16 @@ def find_day_faults(
 
 def runs_without_date(document: EvidenceDocument) -> list[CampaignRun]:
     """The runs whose logs have no absolute time: nothing proves their days."""
-    without = {each.log for each in document.logs if begin_of(each) is None}
+    without = {each.log for each in document.logs if log_begin(each) is None}
     return [run for run in document.campaign.runs if run.log in without]
 
 
-def made_at(document: EvidenceDocument) -> dt.datetime:
+def creation_time(document: EvidenceDocument) -> dt.datetime:
     """When the evidence was made, as it says itself."""
     return dt.datetime.fromisoformat(document.made)
 
 
-def _stretch(
+def _run_span(
     run: CampaignRun, log: EvidenceLog, begin: dt.datetime
 ) -> tuple[dt.datetime, dt.datetime]:
     from_s = min(run.from_s or 0.0, log.duration_s)

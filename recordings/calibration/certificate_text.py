@@ -38,15 +38,15 @@ def certificate_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
         *([("received", about.received.isoformat())] if about.received else []),
         ("work done", work),
         ("issued", document.made[:10]),
-        ("authorised by", _person(about.authoriser, about.authoriser_function)),
-        ("made by", _person(about.author, about.author_function)),
+        ("authorised by", _person_text(about.authoriser, about.authoriser_function)),
+        ("made by", _person_text(about.author, about.author_function)),
         ("deviations from the method", about.deviations or NOT_STATED),
         ("replaces", replaced),
         *conditions_rows(document),
     ]
 
 
-def _person(name: str, function: str) -> str:
+def _person_text(name: str, function: str) -> str:
     if not name:
         return NOT_STATED
     return f"{name}, {function or 'function ' + NOT_STATED}"
@@ -73,19 +73,21 @@ def conditions_rows(document: EvidenceDocument) -> list[tuple[str, str]]:
 
 def warnings_of(document: EvidenceDocument) -> list[str]:
     """What a reader must see first: references that are not traceable."""
-    untraceable = document.campaign.untraceable
+    untraceable = document.campaign.untraceable_references
     return [f"NOT TRACEABLE: {'; '.join(untraceable)}."] if untraceable else []
 
 
 def not_stated(document: EvidenceDocument) -> list[str]:
     """What the campaign file leaves open of what a certificate says."""
-    keys = document.campaign.not_stated
+    keys = document.campaign.missing_statements
     if not keys:
         return []
     return [f"Not stated, and ISO/IEC 17025, 7.8 asks for it: {', '.join(keys)}."]
 
 
-def weighings(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[str, Any]]:
+def weighings_by_load(
+    document: EvidenceDocument, readings: pl.DataFrame
+) -> list[Mapping[str, Any]]:
     """Of each load the number of weighings, their mean error and standard deviation, kg.
 
     The limit is that of a single error: categories Y of R 51 and classes of R 134 have none of a

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from recordings.calibration.bundle_folder import EVIDENCE
-from recordings.calibration.campaign_faults import CLOCK_S, made_at
+from recordings.calibration.campaign_faults import CLOCK_S, creation_time
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -60,10 +60,10 @@ def check_chain(
         )
     elif link is None:
         checked.add(BundleOutcome.TAMPERED, item, "names no evidence before it, and there is some")
-    elif link.id != last.id or link.sums_sha256 != digest_of(before):
+    elif link.id != last.id or link.sums_sha256 != link_digest(before):
         checked.add(BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
     else:
-        if made_at(document) < made_at(last) - dt.timedelta(seconds=CLOCK_S):
+        if creation_time(document) < creation_time(last) - dt.timedelta(seconds=CLOCK_S):
             what = f"is before the evidence that it follows was made, {last.made}"
             checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: made", what)
         _check_as_found(checked, document, last)
@@ -71,7 +71,7 @@ def check_chain(
             _check_kept(checked, document, last)
 
 
-def digest_of(checked: CheckedBundle) -> str:
+def link_digest(checked: CheckedBundle) -> str:
     """What a link to evidence holds of it."""
     return hashlib.sha256(checked.sums).hexdigest()
 
@@ -85,7 +85,7 @@ def chain_findings(bundles: Sequence[CheckedBundle]) -> tuple[list[BundleFinding
     Returns:
         Gaps, forks and links that do not fit; and who signed which number, a sentence each.
     """
-    by_digest = {digest_of(each): each for each in bundles}
+    by_digest = {link_digest(each): each for each in bundles}
     known = [(each.document, each) for each in by_digest.values() if each.document is not None]
     ordered = sorted(known, key=lambda pair: (pair[0].chain.counter, pair[0].made, pair[0].id))
     found: list[BundleFinding] = []

@@ -66,7 +66,7 @@ class BundleFinding:
         return f"{self.kind}: {self.item}: {self.what}"
 
 
-def worst(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
+def worst_outcome(findings: Sequence[BundleFinding]) -> BundleOutcome | None:
     """The outcome that is the exit status; None where nothing was found."""
     found = {each.outcome for each in findings}
     return next((outcome for outcome in ORDER if outcome in found), None)
@@ -80,7 +80,7 @@ def verdict_text(place: Path, findings: Sequence[BundleFinding], holds: str) -> 
         findings: what was found.
         holds: what is said where that is nothing.
     """
-    outcome = worst(findings)
+    outcome = worst_outcome(findings)
     if outcome is None:
         return f"{place}: {holds}"
     return f"{place}: {_NAMES[outcome].upper()} ({counted(len(findings), 'finding')})"

@@ -49,7 +49,7 @@ class CheckedBundle:
         self.findings.append(BundleFinding(outcome, item, what))
 
 
-def bytes_of(held: Mapping[str, BundleFile], name: str) -> bytes:
+def held_bytes(held: Mapping[str, BundleFile], name: str) -> bytes:
     """The bytes of a file that is held in memory."""
     data = held[name].data
     assert data is not None

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.campaign.campaign_fit import references
+from analysis.calibration.campaign.campaign_fit import load_references
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from recordings.calibration.evidence_document import (
@@ -17,7 +17,7 @@ from recordings.calibration.evidence_document import (
     EvidenceDocument,
     ReferenceLoad,
 )
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 
 #: Keys of `[machine]` and stages that no mass depends on, by the format since which they are no
 #: part of what defines it.
@@ -41,17 +41,17 @@ def estimator_of(
         absent: dotted names of the machine's settings that came after the evidence.
         form: of the evidence; earlier ones digest more.
     """
-    own = _restore_defaults(machine) if form in _WHOLE_FORMATS else definition(machine)
+    own = _restore_defaults(machine) if form in _WHOLE_FORMATS else mass_definition(machine)
     if absent:
-        own = drop_names(own, absent, "machine.")
+        own = without_names(own, absent, "machine.")
     defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
-        definition_sha256=hashlib.sha256(canonical(defined)).hexdigest(),
+        definition_sha256=hashlib.sha256(canonical_bytes(defined)).hexdigest(),
     )
 
 
-def definition(machine: Machine) -> dict[str, Any]:
+def mass_definition(machine: Machine) -> dict[str, Any]:
     """Of a machine, what defines its mass, as plain values."""
     values = machine.model_dump(mode="json")
     for name in _NO_PART_BODY:
@@ -69,10 +69,10 @@ def _restore_defaults(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def drop_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
+def without_names(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
     """The same without some names, dotted."""
     return {
-        name: drop_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
+        name: without_names(value, names, f"{at}{name}.") if isinstance(value, dict) else value
         for name, value in values.items()
         if f"{at}{name}" not in names
     }
@@ -82,7 +82,7 @@ def reference_loads(
     campaign: CalibrationCampaign, machine: Machine
 ) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
     """The references as they are kept, and their covariance."""
-    known, covariance_kg2 = references(campaign, machine.machine)
+    known, covariance_kg2 = load_references(campaign, machine.machine)
     loads = tuple(
         ReferenceLoad(load_id=row["load_id"], reference_kg=row["reference_kg"], u_kg=float(v**0.5))
         for row, v in zip(known.to_dicts(), covariance_kg2.diagonal(), strict=True)

@@ -11,25 +11,26 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Annotated, Any, Final, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, StringConstraints, ValidationError
+from pydantic import BaseModel, Field, PrivateAttr, StringConstraints, ValidationError
 
-from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Id, Line
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
+from analysis.calibration.campaign.campaign_subjects import Id, Line
 from analysis.calibration.line.calibration import Calibration, CalibrationOptions
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import ErrorLimits
-from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt
+from analysis.calibration.use.learnt_priors import LearntPriors, with_learnt_priors
 from analysis.model.machine import Machine
+from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
 from recordings.calibration.released_defaults import (
     absent_settings,
     changed_defaults,
-    put_in,
     released_defaults,
-    taken_out,
+    with_values,
+    without_values,
 )
-from recordings.signatures.canonical_json import canonical, parse
+from recordings.signatures.canonical_json import canonical_bytes, parse
 
-_FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 #: Format 1 does not say what the errors of learnt means did to its runs and its line.
 _FIRST: Final = "payscope-calibration-evidence/1"
 #: Formats 2 and 3 hold the same; their pages differ. Format 4 has the machine that each log names,
@@ -61,7 +62,7 @@ class UnknownFormatError(EvidenceError):
 class EvidenceFile(BaseModel):
     """A file by its digest."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     name: Sentence
     sha256: Sha256
@@ -71,7 +72,7 @@ class EvidenceFile(BaseModel):
 class LoggedTopic(BaseModel):
     """A topic that was read."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     topic: Sentence
     messages: Counted
@@ -81,7 +82,7 @@ class LoggedTopic(BaseModel):
 class EvidenceLog(BaseModel):
     """A log: what was read, what it lost, what its replay gave."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     log: Line
     files: tuple[EvidenceFile, ...] = Field(min_length=1)
@@ -102,7 +103,7 @@ class EvidenceLog(BaseModel):
 class Estimator(BaseModel):
     """Which mass was calibrated: its name, and the digest of everything that defines it."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     name: Line
     definition_sha256: Sha256
@@ -111,7 +112,7 @@ class Estimator(BaseModel):
 class ReferenceLoad(BaseModel):
     """The reference of one load."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     load_id: Annotated[str, StringConstraints(max_length=4000)]
     reference_kg: float
@@ -121,7 +122,7 @@ class ReferenceLoad(BaseModel):
 class Link(BaseModel):
     """The evidence of this machine before this one."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     id: Id
     counter: Annotated[int, Field(ge=1, lt=2**53)]
@@ -131,7 +132,7 @@ class Link(BaseModel):
 class Chain(BaseModel):
     """The place of this evidence in that of its machine: the counter only grows."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     counter: Annotated[int, Field(ge=1, lt=2**53)]
     previous: Link | None
@@ -140,7 +141,7 @@ class Chain(BaseModel):
 class Signer(BaseModel):
     """Whose signature the statement has."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     name: Line
     key_id: Sha256
@@ -150,7 +151,7 @@ class Signer(BaseModel):
 class Software(BaseModel):
     """What computed it."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     payscope: Line
     distributions: dict[Line, Line]
@@ -161,7 +162,7 @@ class Software(BaseModel):
 class AsFound(BaseModel):
     """The line before this one, and what it made of this campaign's points."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     evidence_id: Id
     alpha_1: float
@@ -172,7 +173,7 @@ class AsFound(BaseModel):
 class EvidenceTables(BaseModel):
     """The tables beside, by their digests."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     readings_sha256: Sha256
     points_sha256: Sha256
@@ -181,7 +182,7 @@ class EvidenceTables(BaseModel):
 class EvidenceDocument(BaseModel):
     """A whole `evidence.json`."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     format: Literal[
         "payscope-calibration-evidence/1",
@@ -220,10 +221,10 @@ class EvidenceDocument(BaseModel):
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
         values = self.model_dump(mode="json", exclude=left_out, exclude_unset=True)
-        return canonical(taken_out(values, self._put_in))
+        return canonical_bytes(without_values(values, self._put_in))
 
     @property
-    def absent(self) -> dict[str, Any]:
+    def settings_at_default(self) -> dict[str, Any]:
         """Settings that came after it was made, and the default that each is taken at: dotted."""
         return {
             **absent_settings(self.machine, "machine."),
@@ -237,20 +238,22 @@ class EvidenceDocument(BaseModel):
         Args:
             values: `evidence.json`, that it was read from.
         """
-        changed = changed_defaults(self.absent, released_defaults())
+        changed = changed_defaults(self.settings_at_default, released_defaults())
         if not changed:
             return self
-        document = EvidenceDocument.model_validate_json(canonical(put_in(values, changed)))
+        document = EvidenceDocument.model_validate_json(
+            canonical_bytes(with_values(values, changed))
+        )
         document._put_in = changed  # noqa: SLF001  its own
         return document
 
     @property
-    def completed(self) -> "EvidenceDocument":
+    def with_all_settings(self) -> "EvidenceDocument":
         """The same with every setting of this version written down, also those left at default."""
-        return EvidenceDocument.model_validate_json(canonical(self.model_dump(mode="json")))
+        return EvidenceDocument.model_validate_json(canonical_bytes(self.model_dump(mode="json")))
 
     @property
-    def made_elsewhere(self) -> str:
+    def other_version(self) -> str:
         """Which other version made it, or ""; its page and words are not this version's."""
         made = self.software.payscope
         if made == version("payscope") and self.format == FORMAT:
@@ -260,14 +263,18 @@ class EvidenceDocument(BaseModel):
     @property
     def weighing(self) -> Machine:
         """The machine as its mass is found: with the priors that were learnt."""
-        return self.machine if self.learnt is None else with_learnt(self.machine, self.learnt.terms)
+        return (
+            self.machine
+            if self.learnt is None
+            else with_learnt_priors(self.machine, self.learnt.terms)
+        )
 
     def log(self, name: str) -> EvidenceLog | None:
         """The log of that name."""
         return next((each for each in self.logs if each.log == name), None)
 
 
-def document_of(data: bytes, what: str) -> EvidenceDocument:
+def parse_document(data: bytes, what: str) -> EvidenceDocument:
     """Read `evidence.json` of a stranger.
 
     Raises:
@@ -280,7 +287,7 @@ def document_of(data: bytes, what: str) -> EvidenceDocument:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
-        made = _maker(values)
+        made = version_of_maker(values)
         if made:
             raise UnknownFormatError(
                 f"{what}: made by {made}, and payscope {version('payscope')} does not read all of "
@@ -293,7 +300,7 @@ def document_of(data: bytes, what: str) -> EvidenceDocument:
     return document.with_first_defaults(values)
 
 
-def _maker(values: Any) -> str:
+def version_of_maker(values: Any) -> str:
     """Which other version a document says that it is of; "" for this one, or where it says none."""
     if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
         return ""

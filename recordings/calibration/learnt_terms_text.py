@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from analysis.calibration.use.learnt_priors import LearntPriors
-from analysis.model.settings import LearnableTerm
+from analysis.model.prior_settings import LearnableTerm
 
 #: By term its meaning, and its unit.
 TERMS: Final[Mapping[LearnableTerm, tuple[str, str]]] = {

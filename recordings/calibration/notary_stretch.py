@@ -6,7 +6,7 @@ from typing import Final
 
 from analysis.calibration.campaign.campaign_plan import NotaryStretch
 from recordings.calibration.bundle_folder import NOTARY
-from recordings.calibration.campaign_faults import CLOCK_S, begin_of, made_at
+from recordings.calibration.campaign_faults import CLOCK_S, creation_time, log_begin
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
@@ -57,7 +57,7 @@ def check_notary(
         if not each.forged and each.counter in reasons
     ]
     checked.notes += [f"{NOTARY}: {note}" for note in kept.notes]
-    checked.notarised_by = _keeper(checked, document, kept, keyring)
+    checked.notarised_by = list_keeper(checked, document, kept, keyring)
 
 
 def stretch_findings(
@@ -84,7 +84,7 @@ def stretch_findings(
             yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
     for what in find_unaccounted_logs(stretch, document.logs, kept.entries):
         yield BundleFinding(BundleOutcome.INCOMPLETE, NOTARY, what)
-    yield from _contradictions(document, stretch, kept.entries)
+    yield from find_contradictions(document, stretch, kept.entries)
 
 
 def find_unaccounted_logs(
@@ -109,11 +109,11 @@ def _is_of(log: EvidenceLog, entry: NotaryEntry) -> bool:
     return {file.sha256 for file in log.files} <= {file.sha256 for file in entry.files}
 
 
-def _contradictions(
+def find_contradictions(
     document: EvidenceDocument, stretch: NotaryStretch, entries: Sequence[NotaryEntry]
 ) -> Iterator[BundleFinding]:
     """Yield what cannot be true of both list and evidence."""
-    made, machine = made_at(document), document.campaign.machine.id
+    made, machine = creation_time(document), document.campaign.machine.id
     for entry in entries:
         number = entry.counter
         own = next((log for log in document.logs if _is_of(log, entry)), None)
@@ -126,7 +126,7 @@ def _contradictions(
             said = f"number {number} is left out, and {own.log} is a log of the campaign"
         elif own is not None and entry.machine_id not in ("", machine):
             said = f"number {number} names machine '{entry.machine_id}', the campaign '{machine}'"
-        elif own is not None and not _is_within(own, entry):
+        elif own is not None and not begins_within_entry(own, entry):
             said = (
                 f"number {number}: {own.log} begins {own.begins}, and the list has {entry.begins}"
             )
@@ -134,15 +134,15 @@ def _contradictions(
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, NOTARY, said)
 
 
-def _is_within(log: EvidenceLog, entry: NotaryEntry) -> bool:
+def begins_within_entry(log: EvidenceLog, entry: NotaryEntry) -> bool:
     """Whether a log begins within the time that its line has."""
-    begin, first, last = begin_of(log), time_of(entry.begins), time_of(entry.ends)
+    begin, first, last = log_begin(log), time_of(entry.begins), time_of(entry.ends)
     if begin is None or first is None or last is None:
         return begin is None or first is None
     return first - _CLOCK <= begin <= last + _CLOCK
 
 
-def _keeper(
+def list_keeper(
     checked: CheckedBundle, document: EvidenceDocument, kept: CheckedList, keyring: Keyring
 ) -> SignedBy:
     """Who keeps the list, by the user's own knowledge."""
@@ -162,8 +162,8 @@ def _keeper(
             f"keep it: {by.add_line}"
         )
         return by
-    last = max((time_of(entry.listed) or made_at(document)) for entry in kept.entries)
-    fault = known.fault_on(last.date(), checked.proven_day) if kept.entries else ""
+    last = max((time_of(entry.listed) or creation_time(document)) for entry in kept.entries)
+    fault = known.distrust_reason(last.date(), checked.proven_day) if kept.entries else ""
     if fault:
         outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
         checked.add(outcome, NOTARY, f"the key of {known.owner}, {key.key_id[:12]}…, {fault}")

@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     check_known_mass,
     fit_campaign,
-    options_of,
+    fit_options,
 )
 from analysis.calibration.campaign.campaign_plan import CampaignRun
 from analysis.calibration.use.calibration_drift import DriftCheck
@@ -21,7 +21,12 @@ from analysis.calibration.use.learnt_priors import learnt_terms
 from estimators.errors import CampaignError
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.calibration.calibration_report import report_html
-from recordings.calibration.campaign_faults import CLOCK_S, find_day_faults, machine_faults, made_at
+from recordings.calibration.campaign_faults import (
+    CLOCK_S,
+    creation_time,
+    find_day_faults,
+    machine_faults,
+)
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
 from recordings.calibration.derived_values import estimator_of, reference_loads, rms_error_kg
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -56,19 +61,21 @@ def compare_recomputed(
     """
     # what is nothing by default is no setting that a mass was found with
     named = [
-        f"{name} = {value}" for name, value in document.absent.items() if value not in _NOTHING
+        f"{name} = {value}"
+        for name, value in document.settings_at_default.items()
+        if value not in _NOTHING
     ]
     notes = [_LATER.format(", ".join(named))] if named else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
-        (EVIDENCE, lambda: _of_files(document)),
-        (READINGS, lambda: _of_runs(document, readings)),
-        (f"{EVIDENCE}: calibration", lambda: _of_fit(document, readings, points, notes)),
-        (REPORT, lambda: _of_page(document, readings, points, report)),
+        (EVIDENCE, lambda: compare_files_of_campaign(document)),
+        (READINGS, lambda: check_runs(document, readings)),
+        (f"{EVIDENCE}: calibration", lambda: compare_fit(document, readings, points, notes)),
+        (REPORT, lambda: compare_page(document, readings, points, report)),
     )
     for item, step in steps:
         found += _run_step(item, step)
-    found += _verdicts(document)
+    found += compare_verdicts(document)
     return found, notes
 
 
@@ -83,7 +90,7 @@ def _run_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[Bu
         return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
 
 
-def _of_page(
+def compare_page(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -94,9 +101,9 @@ def _of_page(
         return
     if report_html(document, readings, points).encode() == report:
         return
-    if document.made_elsewhere:
+    if document.other_version:
         what = (
-            f"made by {document.made_elsewhere}: the page cannot be recomputed here; compared by "
+            f"made by {document.other_version}: the page cannot be recomputed here; compared by "
             "its digest alone"
         )
         yield BundleFinding(BundleOutcome.OTHER_VERSION, REPORT, what)
@@ -106,7 +113,7 @@ def _of_page(
         )
 
 
-def differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
+def find_differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
     """Where two JSON values differ: the place, and whether it is in the last bits alone."""
     if isinstance(stored, dict) and isinstance(computed, dict):
         found: list[tuple[str, bool]] = []
@@ -115,60 +122,66 @@ def differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, 
             if name not in stored or name not in computed:
                 found.append((inside, False))
             else:
-                found += differences(stored[name], computed[name], inside)
+                found += find_differences(stored[name], computed[name], inside)
         return found
     if isinstance(stored, list | tuple) and isinstance(computed, list | tuple):
         if len(stored) != len(computed):
             return [(place, False)]
         pairs = zip(stored, computed, strict=True)
-        return [each for k, pair in enumerate(pairs) for each in differences(*pair, f"{place}.{k}")]
+        return [
+            each for k, pair in enumerate(pairs) for each in find_differences(*pair, f"{place}.{k}")
+        ]
     if stored == computed and isinstance(stored, bool) == isinstance(computed, bool):
         return []
-    return [(place, _near(stored, computed))]
+    return [(place, differ_by_rounding(stored, computed))]
 
 
-def _near(stored: Any, computed: Any) -> bool:
+def differ_by_rounding(stored: Any, computed: Any) -> bool:
     """Whether two numbers differ in their last bits alone."""
     if not all(type(value) in (int, float) for value in (stored, computed)):
         return False
     return abs(stored - computed) <= _LAST_BITS * max(abs(stored), abs(computed))
 
 
-def _irreproducible(place: str, what: str) -> BundleFinding:
+def _irreproducible_finding(place: str, what: str) -> BundleFinding:
     return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {place}", what)
 
 
-def _of_files(document: EvidenceDocument) -> Findings:
+def compare_files_of_campaign(document: EvidenceDocument) -> Findings:
     """What follows from the campaign and machine files."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
-        yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
-    made, now = made_at(document), dt.datetime.now(dt.UTC)
+        yield _irreproducible_finding(
+            "expires", f"is not {campaign.expires}, as the runs' days give"
+        )
+    made, now = creation_time(document), dt.datetime.now(dt.UTC)
     for fault in find_day_faults(campaign, document.logs, machine.machine.zone, made):
-        yield _irreproducible("campaign.runs", fault)
+        yield _irreproducible_finding("campaign.runs", fault)
     if made > now + dt.timedelta(seconds=CLOCK_S):
-        yield _irreproducible("made", f"is in the future: {document.made}, and now is {now:%F %R}")
+        yield _irreproducible_finding(
+            "made", f"is in the future: {document.made}, and now is {now:%F %R}"
+        )
     for fault in machine_faults(campaign.machine.id, machine, document.logs):
-        yield _irreproducible("campaign.machine.id", fault)
-    yield from _of_learnt(document)
+        yield _irreproducible_finding("campaign.machine.id", fault)
+    yield from compare_learnt_priors(document)
     if document.estimator != estimator_of(
-        campaign, document.weighing, document.absent, document.format
+        campaign, document.weighing, document.settings_at_default, document.format
     ):
-        yield _irreproducible("estimator", "is not that of the settings")
+        yield _irreproducible_finding("estimator", "is not that of the settings")
     try:
         loads, covariance = reference_loads(campaign, machine)
     except CampaignError as fault:
-        yield _irreproducible("references", str(fault))
+        yield _irreproducible_finding("references", str(fault))
         return
     if document.references != loads:
-        yield _irreproducible("references", "are not what the masses on board add up to")
+        yield _irreproducible_finding("references", "are not what the masses on board add up to")
     if document.reference_covariance_kg2 != covariance:
-        yield _irreproducible("reference_covariance_kg2", "does not follow from the masses")
+        yield _irreproducible_finding("reference_covariance_kg2", "does not follow from the masses")
     own = {each.component for each in campaign.method.stated}
     others = tuple(each for each in document.options.stated if each.component not in own)
-    if document.options != options_of(campaign, others):
-        yield _irreproducible("options", "are not those of the campaign's method")
-    for overdue in campaign.overdue():
+    if document.options != fit_options(campaign, others):
+        yield _irreproducible_finding("options", "are not those of the campaign's method")
+    for overdue in campaign.overdue_certificates():
         yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
     if tuple(log.log for log in document.logs) != campaign.logs:
         yield BundleFinding(
@@ -176,25 +189,25 @@ def _of_files(document: EvidenceDocument) -> Findings:
         )
 
 
-def _of_learnt(document: EvidenceDocument) -> Findings:
+def compare_learnt_priors(document: EvidenceDocument) -> Findings:
     """The priors that the logs' own words come to."""
     learnt, campaign = document.learnt, document.campaign
     if learnt is None:
         return
-    if not campaign.learns:
-        yield _irreproducible("learnt", "is there, and the campaign learns nothing")
+    if not campaign.learns_priors:
+        yield _irreproducible_finding("learnt", "is there, and the campaign learns nothing")
     stored, computed = (
         {name: term.model_dump() for name, term in terms.items()}
         for terms in (learnt.terms, learnt_terms(learnt.logs))
     )
-    if not all(near for _, near in differences(stored, computed)):
-        yield _irreproducible("learnt", "does not follow from what its logs say")
+    if not all(near for _, near in find_differences(stored, computed)):
+        yield _irreproducible_finding("learnt", "does not follow from what its logs say")
     said = {each.log for each in learnt.logs}
     if document.kind == "calibration" and not said <= set(campaign.logs):
-        yield _irreproducible("learnt", "is of other logs than the campaign's")
+        yield _irreproducible_finding("learnt", "is of other logs than the campaign's")
 
 
-def _of_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
+def check_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
     """Whether each run is there, with a reason for whatever of it counts for nothing."""
     runs = {run.id: run for run in document.campaign.runs}
     weighs = {log.log: log.can_weigh for log in document.logs}
@@ -207,7 +220,7 @@ def _of_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
         if run is None:
             yield BundleFinding(BundleOutcome.TAMPERED, item, "is of no run of the campaign")
             continue
-        for what in _faults(row, run, seen[name], weighs.get(run.log, False)):
+        for what in _run_faults(row, run, seen[name], weighs.get(run.log, False)):
             yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)
         if not row["used"] and not row["reason"]:
             yield BundleFinding(BundleOutcome.INCOMPLETE, item, "is left out without a reason")
@@ -216,7 +229,7 @@ def _of_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
             yield BundleFinding(BundleOutcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
 
 
-def _faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) -> Iterator[str]:
+def _run_faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) -> Iterator[str]:
     about = (row["load_id"], row["day"], row["log"])
     if about != (run.load_id, run.day.isoformat(), run.log):
         yield "is of another load, day or log than its run"
@@ -230,7 +243,7 @@ def _faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) ->
             yield "is used and has no mass"
     elif row["start_s"] is None or row["end_s"] is None or not row["start_s"] < row["end_s"]:
         yield "has no stretch of time"
-    elif not run.holds(row["start_s"], row["end_s"]):
+    elif not run.covers(row["start_s"], row["end_s"]):
         yield "is not in the stretch of its run"
     if row["used"] and row["reason"]:
         yield "is used, with a reason why not"
@@ -240,7 +253,7 @@ def _faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) ->
         yield "is used, and its log cannot weigh"
 
 
-def _of_fit(
+def compare_fit(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -255,12 +268,14 @@ def _of_fit(
         ("limits", _to_json(document.limits), _to_json(fitted.limits)),
         ("drift", _to_json(document.drift), _to_json(drift)),
     )
-    places = [each for name, kept, computed in pairs for each in differences(kept, computed, name)]
+    places = [
+        each for name, kept, computed in pairs for each in find_differences(kept, computed, name)
+    ]
     wrong = [place for place, near in places if not near]
     for place in wrong[:_MOST]:
-        yield _irreproducible(place, "does not follow from the readings")
+        yield _irreproducible_finding(place, "does not follow from the readings")
     if len(wrong) > _MOST:
-        yield _irreproducible("calibration", f"and {len(wrong) - _MOST} more")
+        yield _irreproducible_finding("calibration", f"and {len(wrong) - _MOST} more")
     if places and not wrong:
         notes.append(
             f"{len(places)} numbers of the fit differ in their last bits: another processor or "
@@ -271,7 +286,7 @@ def _of_fit(
         yield BundleFinding(
             BundleOutcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings"
         )
-    yield from _of_as_found(document, fitted.frame)
+    yield from compare_as_found(document, fitted.frame)
 
 
 def _refit_readings(
@@ -290,7 +305,7 @@ def _to_json(value: Any) -> Any:
     return None if value is None else to_jsonable_python(value)
 
 
-def _verdicts(document: EvidenceDocument) -> Findings:
+def compare_verdicts(document: EvidenceDocument) -> Findings:
     """What the evidence itself says is not within limits."""
     limits, drift = document.limits, document.drift
     if limits is not None and limits.verdict != WITHIN:
@@ -304,10 +319,12 @@ def _verdicts(document: EvidenceDocument) -> Findings:
         yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: drift", what)
 
 
-def _of_as_found(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
+def compare_as_found(document: EvidenceDocument, points: pl.DataFrame) -> Findings:
     """Errors of the line before on these points, which its own α and β give."""
     found = document.as_found
     if found is not None and found.rms_error_kg is not None:
         computed = rms_error_kg(found, points)
-        if differences(found.rms_error_kg, computed) not in ([], [("", True)]):
-            yield _irreproducible("as_found.rms_error_kg", "does not follow from the points")
+        if find_differences(found.rms_error_kg, computed) not in ([], [("", True)]):
+            yield _irreproducible_finding(
+                "as_found.rms_error_kg", "does not follow from the points"
+            )

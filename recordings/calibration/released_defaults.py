@@ -34,7 +34,7 @@ def model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]
     """
     for name, field in model.model_fields.items():
         place = f"{at}.{name}"
-        inner, several = _inner(field.annotation)
+        inner, several = model_of_field(field.annotation)
         if inner is not None:
             yield from model_defaults(inner, f"{place}.{_ANY}" if several else place)
         if inner is None or several:
@@ -43,12 +43,12 @@ def model_defaults(model: type[BaseModel], at: str) -> Iterator[tuple[str, Any]]
                 yield place, to_jsonable_python(default)
 
 
-def _inner(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
+def model_of_field(annotation: Any) -> tuple[type[BaseModel] | None, bool]:
     """The model that a field holds, and whether it holds several."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation, False
     for each in get_args(annotation):
-        inner, _ = _inner(each)
+        inner, _ = model_of_field(each)
         if inner is not None:
             return inner, getattr(annotation, "__origin__", None) in (tuple, dict, list)
     return None, False
@@ -100,20 +100,20 @@ def absent_settings(kept: BaseModel, at: str = "") -> dict[str, Any]:
         at: what its names begin with.
     """
     there = kept.model_dump(mode="json", exclude_unset=True)
-    return dict(_absent(kept.model_dump(mode="json"), there, at))
+    return dict(_find_absent(kept.model_dump(mode="json"), there, at))
 
 
-def _absent(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
+def _find_absent(whole: Any, there: Any, at: str) -> Iterator[tuple[str, Any]]:
     if isinstance(whole, list) and isinstance(there, list):
         for number, (value, own) in enumerate(zip(whole, there, strict=True)):
-            yield from _absent(value, own, f"{at}{number}.")
+            yield from _find_absent(value, own, f"{at}{number}.")
     if not isinstance(whole, dict) or not isinstance(there, dict):
         return
     for name, value in whole.items():
         if name not in there:
             yield f"{at}{name}", value
         else:
-            yield from _absent(value, there[name], f"{at}{name}.")
+            yield from _find_absent(value, there[name], f"{at}{name}.")
 
 
 def changed_defaults(
@@ -146,24 +146,24 @@ def _first_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]
     return default
 
 
-def put_in(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
+def with_values(values: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
     """Plain values with some of them put in, by dotted names."""
     whole: dict[str, Any] = json.loads(json.dumps(values))
     for name, value in changed.items():
-        inside, last = _place(whole, name)
+        inside, last = locate_value(whole, name)
         inside[last] = value
     return whole
 
 
-def taken_out(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
+def without_values(values: dict[str, Any], names: Iterable[str]) -> dict[str, Any]:
     """The values without some of them, which are there, by dotted names."""
     for name in names:
-        inside, last = _place(values, name)
+        inside, last = locate_value(values, name)
         del inside[last]
     return values
 
 
-def _place(values: Any, name: str) -> tuple[Any, str]:
+def locate_value(values: Any, name: str) -> tuple[Any, str]:
     """What a dotted name is in, and its last part."""
     *path, last = name.split(".")
     for part in path:

@@ -83,15 +83,15 @@ def read_in_process(
                 found[name] = "is not the file whose digest the bundle has"
             else:
                 copies[name] = copy
-        said = _run(kind, list(copies.values()))
+        said = _run_reader(kind, list(copies.values()))
         for number, (name, copy) in enumerate(copies.items()):
             # one of them ended the process: which?
-            each = said[number] if said is not None else (_run(kind, [copy]) or [None])[0]
+            each = said[number] if said is not None else (_run_reader(kind, [copy]) or [None])[0]
             found[name] = _DAMAGED if each is None else each.get("fault", each)
     return found
 
 
-def _run(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
+def _run_reader(kind: str, copies: Sequence[Path]) -> list[dict[str, Any]] | None:
     """What it says of each; None where it ended without a word."""
     if not copies:
         return []

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import STATEMENT, TIMESTAMP, BundleFile
-from recordings.calibration.campaign_faults import CLOCK_S, made_at
+from recordings.calibration.campaign_faults import CLOCK_S, creation_time
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.checked_bundle import CheckedBundle, bytes_of
+from recordings.calibration.checked_bundle import CheckedBundle, held_bytes
 from recordings.calibration.evidence_document import EvidenceDocument
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def check_timestamp(
         checked.notes.append(f"{TIMESTAMP}: not checked, which needs rfc3161-client ({_INSTALL})")
         return
     try:
-        response = decode_timestamp_response(bytes_of(held, TIMESTAMP))
+        response = decode_timestamp_response(held_bytes(held, TIMESTAMP))
         stamped = response.tst_info.gen_time.astimezone(dt.UTC)
         imprint = response.tst_info.message_imprint
         hashed = _HASHES.get(imprint.hash_algorithm.dotted_string)
@@ -122,12 +122,12 @@ def check_timestamp(
         what = f"is no time-stamp response that was granted ({str(error)[:_LONGEST]})"
         checked.add(BundleOutcome.TAMPERED, TIMESTAMP, what)
         return
-    statement = bytes_of(held, STATEMENT)
+    statement = held_bytes(held, STATEMENT)
     if hashed is None:
         checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "is of a hash that is not SHA-2")
     elif hashed(statement).digest() != imprint.message:
         checked.add(BundleOutcome.TAMPERED, TIMESTAMP, "is of another signature than this one")
-    elif stamped < made_at(document) - dt.timedelta(seconds=CLOCK_S):
+    elif stamped < creation_time(document) - dt.timedelta(seconds=CLOCK_S):
         what = f"is of {stamped:%F %R} UTC, before the evidence says that it was made"
         checked.add(BundleOutcome.IRREPRODUCIBLE, TIMESTAMP, what)
     elif not authorities:
@@ -136,7 +136,7 @@ def check_timestamp(
             "authority's certificate shows: --tsa CA.pem"
         )
     else:
-        fault = _fault(response, statement, authorities)
+        fault = timestamp_fault(response, statement, authorities)
         if fault:
             checked.add(BundleOutcome.TAMPERED, TIMESTAMP, fault)
         else:
@@ -144,7 +144,7 @@ def check_timestamp(
             checked.notes.append(f"signed by {stamped:%F %R} UTC, as its time stamp proves")
 
 
-def _fault(
+def timestamp_fault(
     response: "TimeStampResponse", statement: bytes, authorities: "Sequence[Certificate]"
 ) -> str:
     """Why the stamp is by none of the authorities; "" where it is."""

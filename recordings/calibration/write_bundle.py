@@ -15,14 +15,14 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
-    listing,
+    list_bundle,
     read_file,
     sums_text,
 )
 from recordings.calibration.bundle_tables import write_table
 from recordings.calibration.calibration_report import report_html, report_pdf
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceTables
-from recordings.signatures.signing import SigningKey, envelope, statement
+from recordings.signatures.signing import SigningKey, make_envelope, make_statement
 
 
 def tables_of(
@@ -70,14 +70,14 @@ def write_bundle(
     html = report_html(document, readings, points)
     (folder / REPORT).write_bytes(html.encode())
     remark = report_pdf(html, folder / PDF)
-    names, _ = listing(folder)
+    names, _ = list_bundle(folder)
     digests = {name: read_file(folder, name).sha256 for name in names}
     sums = sums_text(digests).encode()
     (folder / SUMS).write_bytes(sums)
     if key is not None:
         digests[SUMS] = hashlib.sha256(sums).hexdigest()
-        payload = statement(digests, predicate_of(document))
-        (folder / STATEMENT).write_bytes(envelope(payload, key))
+        payload = make_statement(digests, predicate_of(document))
+        (folder / STATEMENT).write_bytes(make_envelope(payload, key))
     return [remark] if remark else []
 
 

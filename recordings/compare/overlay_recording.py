@@ -10,14 +10,21 @@ from typing import Final
 
 import polars as pl
 
-from analysis.compare.run_alignment import difference, in_time_of
+from analysis.compare.run_alignment import align_times, subtract_run
 from analysis.compare.run_comparison import Comparison, EstimateChange, ValueChange
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.report.number_text import number, plus_minus, table
-from recordings.rrd.blueprint import Page, Panel, laid_out, unix_span_ns
-from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, display_frames, drawn_of
-from recordings.rrd.recording_table import TABS, Kind, View
+from recordings.report.number_text import markdown_table, number_text, plus_minus
+from recordings.rrd.blueprint import Page, Panel, lay_out_tabs, unix_span_ns
+from recordings.rrd.display_frames import (
+    ROOT,
+    DisplayColumn,
+    axis_range,
+    display_frames,
+    drawn_columns_of_view,
+)
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.recording_views import Kind, View
 from recordings.rrd.writer import Scene, write_scene
 
 #: The text beside the first tab.
@@ -31,7 +38,7 @@ _MOST: Final = 12
 
 
 @dataclass(frozen=True)
-class _Side:
+class _OverlaidRun:
     """One of the runs with what is drawn of it, under a name of its own."""
 
     name: str
@@ -39,10 +46,10 @@ class _Side:
     shown: Mapping[str, pl.DataFrame]
 
     def columns_of_view(self, view: View) -> tuple[DisplayColumn, ...]:
-        return drawn_of(view, self.run, self.shown)
+        return drawn_columns_of_view(view, self.run, self.shown)
 
     def frames_by_place(self) -> dict[str, pl.DataFrame]:
-        return {_under(self.name, frame): rows for frame, rows in self.shown.items()}
+        return {entity_under_side(self.name, frame): rows for frame, rows in self.shown.items()}
 
 
 def write_overlay(
@@ -63,68 +70,70 @@ def write_overlay(
     Raises:
         OutputError: as `write_recording`.
     """
-    moved = in_time_of(a, b, one_log=one_log)
+    moved = align_times(a, b, one_log=one_log)
     about = a.provenance.model_copy(
         update={"notes": ("two replays over each other; see the tab Compared",), "losses": ()}
     )
 
     def scene(_: Run) -> Scene:
         sides = [
-            _Side(name, run, display_frames(run))
-            for name, run in ((_A, a), (_B, moved), (_LESS, difference(a, moved)))
+            _OverlaidRun(name, run, display_frames(run))
+            for name, run in ((_A, a), (_B, moved), (_LESS, subtract_run(a, moved)))
         ]
         return Scene(
             name="A and B",
             shown={name: rows for side in sides for name, rows in side.frames_by_place().items()},
-            layout=laid_out(_pages(*sides), unix_span_ns(a)),
+            layout=lay_out_tabs(_overlay_pages(*sides), unix_span_ns(a)),
             texts={COMPARED: text},
         )
 
     return write_scene(Run({}, about), scene, path, force=force)
 
 
-def _pages(a: _Side, b: _Side, less: _Side) -> list[Page]:
+def _overlay_pages(a: _OverlaidRun, b: _OverlaidRun, less: _OverlaidRun) -> list[Page]:
     first, *rest = [tab for tab in TABS if tab.views]
     panels: list[Panel | None] = []
     elsewhere = {view for tab in rest for view in tab.views}
-    moved = [view for view in first.views if _differs(view, a, b)]
+    moved = [view for view in first.views if has_difference(view, a, b)]
     for view in first.views:
         if view in moved:
             # beside a text there is room for a few; what led to the masses is in other tabs
             led = view.kind is Kind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
-            over = _over(view, a, b)
+            over = page_of_both_runs(view, a, b)
             panels.append(over)
             if view.kind is Kind.BANDS:  # the other tabs have the differences of what led to it
-                panels.append(_difference(view, less, over))
+                panels.append(difference_panel(view, less, over))
         elif view.name in _CONTEXT:
-            panels.append(_alone(view, a))
+            panels.append(page_of_one_run(view, a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
     for tab in rest:
         differ = [
             view
             for view in tab.views
-            if not (view.kind is Kind.STATES and view in first.views) and _differs(view, a, b)
+            if not (view.kind is Kind.STATES and view in first.views) and has_difference(view, a, b)
         ]
         # the speed alone says nothing of what the tab is about
         if all(view.name in _CONTEXT for view in differ):
             continue
         found: list[Panel | None] = []
         for view in differ:
-            over = _over(view, a, b)
-            found += [over, _difference(view, less, over)]
+            over = page_of_both_runs(view, a, b)
+            found += [over, difference_panel(view, less, over)]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
 
-def _alone(view: View, a: _Side) -> Panel | None:
+def page_of_one_run(view: View, a: _OverlaidRun) -> Panel | None:
     """A view in which both are alike."""
-    drawn = tuple(replace(each, frame=_under(_A, each.frame)) for each in a.columns_of_view(view))
+    drawn = tuple(
+        replace(each, frame=entity_under_side(_A, each.frame)) for each in a.columns_of_view(view)
+    )
     return Panel(view.title, view.kind, drawn, axis_range(view, a.run)) if drawn else None
 
 
-def _differs(view: View, a: _Side, b: _Side) -> bool:
+def has_difference(view: View, a: _OverlaidRun, b: _OverlaidRun) -> bool:
     """Whether anything that a view draws is otherwise in B."""
     mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
     if [(each.frame, each.column) for each in mine] != [(o.frame, o.column) for o in theirs]:
@@ -136,12 +145,12 @@ def _differs(view: View, a: _Side, b: _Side) -> bool:
     )
 
 
-def _over(view: View, a: _Side, b: _Side) -> Panel | None:
+def page_of_both_runs(view: View, a: _OverlaidRun, b: _OverlaidRun) -> Panel | None:
     """Both over each other; lanes of states one below the other."""
     mine, theirs = a.columns_of_view(view), b.columns_of_view(view)
     if not (mine or theirs):
         return None
-    lone = max(select_named_lines(mine), select_named_lines(theirs)) == 1
+    lone = max(count_named_lines(mine), count_named_lines(theirs)) == 1
     alike = set() if view.kind is Kind.STATES else _shorten_shared_names(mine, theirs, lone=lone)
     drawn = [*_style_lines(mine, _A, alike, lone=lone), *_style_lines(theirs, _B, alike, lone=lone)]
     title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
@@ -160,7 +169,7 @@ def _shorten_shared_names(
     return {each.label for each in mine if not lone or each.column == "threshold"} & both
 
 
-def _difference(view: View, less: _Side, over: Panel | None) -> Panel | None:
+def difference_panel(view: View, less: _OverlaidRun, over: Panel | None) -> Panel | None:
     """B less A, below both over each other; None where no number differs, and of states."""
     if view.kind is Kind.STATES:
         return None
@@ -168,11 +177,13 @@ def _difference(view: View, less: _Side, over: Panel | None) -> Panel | None:
         view, series=tuple(replace(each, std=None) for each in view.series), threshold=None
     )
     drawn = [
-        each for each in less.columns_of_view(plain) if _moves(less.shown[each.frame][each.column])
+        each
+        for each in less.columns_of_view(plain)
+        if _has_change(less.shown[each.frame][each.column])
     ]
     if not drawn:
         return None
-    named = tuple(replace(each, frame=_under(_LESS, each.frame)) for each in drawn)
+    named = tuple(replace(each, frame=entity_under_side(_LESS, each.frame)) for each in drawn)
     above = set() if over is None else {each.label for each in over.drawn}
     return Panel(
         f"B − A: {view.title}",
@@ -183,11 +194,11 @@ def _difference(view: View, less: _Side, over: Panel | None) -> Panel | None:
     )
 
 
-def _moves(numbers: pl.Series) -> bool:
+def _has_change(numbers: pl.Series) -> bool:
     return bool((numbers.fill_null(0.0) != 0.0).any())
 
 
-def select_named_lines(drawn: Sequence[DisplayColumn]) -> int:
+def count_named_lines(drawn: Sequence[DisplayColumn]) -> int:
     """Lines with a name of their own: neither extremes nor thresholds."""
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 
@@ -201,11 +212,11 @@ def _style_lines(
         colour = each.colour
         if side == _B and colour:
             other = lone and each.column != "threshold"
-            colour = colours.line(1) if other else colours.lighten(colour)
+            colour = colours.line_colour(1) if other else colours.lighten(colour)
         found.append(
             replace(
                 each,
-                frame=_under(side, each.frame),
+                frame=entity_under_side(side, each.frame),
                 label=each.label if each.label in alike else f"{side} {each.label}".strip(),
                 colour=colour,
                 wide=side == _A and not each.faint,
@@ -214,7 +225,7 @@ def _style_lines(
     return found
 
 
-def _under(side: str, frame: str) -> str:
+def entity_under_side(side: str, frame: str) -> str:
     """`display/gate` as `A/gate`, and its lane `display/states/gate` as `A/states/gate`."""
     return f"{side}/{frame.removeprefix(f'{ROOT}/')}"
 
@@ -244,33 +255,35 @@ def comparison_text(found: Comparison, a: str, b: str) -> str:
         ("Manoeuvres that moved most", found.manoeuvres),
     ):
         if moved:
-            parts.append(f"## {title}\n\n{_estimates(moved)}")
+            parts.append(f"## {title}\n\n{_estimates_table(moved)}")
     if found.stages:
         rows = [(stage.name, ", ".join(c.name for c in stage.columns)) for stage in found.stages]
-        parts.append(f"## Columns that differ\n\n{table(('stage', 'columns'), rows)}")
+        parts.append(f"## Columns that differ\n\n{markdown_table(('stage', 'columns'), rows)}")
     return "\n\n".join(parts)
 
 
 def _values_table(changes: Iterable[ValueChange]) -> str:
-    return table(
+    return markdown_table(
         ("", "A", "B"), [(c.name, _format_value(c.a), _format_value(c.b)) for c in changes]
     )
 
 
 def _format_value(value: object) -> str:
-    return number(value if value is None or isinstance(value, bool | int | float) else str(value))
+    return number_text(
+        value if value is None or isinstance(value, bool | int | float) else str(value)
+    )
 
 
-def _estimates(changes: tuple[EstimateChange, ...]) -> str:
+def _estimates_table(changes: tuple[EstimateChange, ...]) -> str:
     rows = [
         (
             each.about,
             each.quantity,
             plus_minus(each.a, each.a_std),
             plus_minus(each.b, each.b_std),
-            number(each.change),
-            number(each.stds),
+            number_text(each.change),
+            number_text(each.change_in_stds),
         )
         for each in changes[:_MOST]
     ]
-    return table(("", "quantity", "A", "B", "B − A", "in deviations"), rows)
+    return markdown_table(("", "quantity", "A", "B", "B − A", "in deviations"), rows)

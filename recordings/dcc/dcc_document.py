@@ -72,14 +72,14 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
     try:
         root = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, ValueError) as fault:
-        raise EvidenceError(f"{what}: is no XML ({str(fault)[:120]})") from None
+        raise EvidenceError(f"{what}: is not XML ({str(fault)[:120]})") from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise EvidenceError(
             f"{what}: has a DTD; ask for a copy without, as XML entities are refused"
         )
     if root.tag != f"{{{DCC}}}digitalCalibrationCertificate":
         raise EvidenceError(
-            f"{what}: is no digital calibration certificate: its root is {str(root.tag)[:80]}"
+            f"{what}: is not a digital calibration certificate: its root is {str(root.tag)[:80]}"
         )
     version = root.get("schemaVersion", "none")
     if version != VERSION:
@@ -87,13 +87,13 @@ def parse_dcc(data: bytes, what: str) -> "_Element":
             f"{what}: is of DCC version {version[:20]}, and only {VERSION} is read; ask the "
             f"laboratory for one of {VERSION}, or state the masses by value_kg and u_kg"
         )
-    fault = next(_faults(root), None)
+    fault = next(schema_faults(root), None)
     if fault is not None:
         raise EvidenceError(f"{what}: {fault}")
     return root
 
 
-def _faults(root: "_Element") -> Iterator[str]:
+def schema_faults(root: "_Element") -> Iterator[str]:
     """What keeps the frame from being a certificate's."""
     seen: set[str] = set()
     for count, element in enumerate(root.iter()):

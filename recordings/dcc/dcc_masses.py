@@ -62,7 +62,7 @@ def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMa
     admin = root.find(f"{{{DCC}}}administrativeData")
     assert admin is not None
     items = admin.findall(f"{{{DCC}}}items/{{{DCC}}}item")
-    named = [(each, _names(each)) for each in items]
+    named = [(each, _item_names(each)) for each in items]
     wanted = [(each, names) for each, names in named if not item or item in names]
     if not wanted or any(not names for _, names in wanted):
         choices = ", ".join(names[0] for _, names in named if names)[:400] or "none with an id"
@@ -84,7 +84,7 @@ def certified_masses(root: "_Element", item: str, what: str) -> list[CertifiedMa
     return found
 
 
-def _names(item: "_Element") -> list[str]:
+def _item_names(item: "_Element") -> list[str]:
     """What an item may be called by."""
     values = item.findall(f"{{{DCC}}}identifications/{{{DCC}}}identification/{{{DCC}}}value")
     names = [item.get("id"), *(leaf_text(value) for value in values)]
@@ -106,7 +106,7 @@ class _CertificateMasses:
             chosen = [
                 (quantity, place)
                 for quantity, refers in self._quantities
-                if kind in _kinds(quantity) and self._may_be_of(item, quantity, refers)
+                if kind in quantity_kinds(quantity) and self._may_be_of(item, quantity, refers)
                 for place in self._places(item, quantity, refers)
             ]
             if len(chosen) > 1:
@@ -118,7 +118,7 @@ class _CertificateMasses:
                 kind
                 for quantity, refers in self._quantities
                 if self._may_be_of(item, quantity, refers)
-                for kind in _kinds(quantity)
+                for kind in quantity_kinds(quantity)
             }
         )[:_MOST_NAMED]
         raise EvidenceError(
@@ -148,7 +148,7 @@ class _CertificateMasses:
         return [place for place, weight in enumerate(weights) if weight is item]
 
 
-def _kinds(quantity: "_Element") -> list[str]:
+def quantity_kinds(quantity: "_Element") -> list[str]:
     """What a quantity calls itself: its refTypes without what they are prefixed with."""
     return [name.rpartition("_")[2] for name in quantity.get("refType", "").split()]
 

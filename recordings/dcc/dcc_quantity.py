@@ -58,7 +58,7 @@ class DsiValue:
             EvidenceError: none, or another number than that.
         """
         if not self.count:
-            return [one_text(inside, name, what)]
+            return [required_text(inside, name, what)]
         texts = list_texts(inside, self.element_name(name), what)
         if len(texts) not in (1, self.count):
             raise EvidenceError(
@@ -139,14 +139,16 @@ def _standard_u(value: DsiValue, what: str, *, several_units: bool) -> float:
         return value.number(inside, name, what)
     k = value.number(inside, "coverageFactor", what)
     if not 1.0 <= k <= _MOST_K:
-        raise EvidenceError(f"{what}: {k:g} is no coverage factor")
+        raise EvidenceError(f"{what}: {k:g} is not a coverage factor")
     p = value.number(inside, "coverageProbability", what)
     if not 0.5 <= p < 1.0:
-        raise EvidenceError(f"{what}: {p:g} is no coverage probability of an expanded uncertainty")
+        raise EvidenceError(
+            f"{what}: {p:g} is not a coverage probability of an expanded uncertainty"
+        )
     return value.number(inside, name, what) / k
 
 
-def one_text(inside: "_Element", name: str, what: str) -> str:
+def required_text(inside: "_Element", name: str, what: str) -> str:
     """The text of the one child of a name.
 
     Raises:
@@ -165,12 +167,12 @@ def list_texts(inside: "_Element", name: str, what: str) -> list[str]:
     Raises:
         EvidenceError: there is no such child, or several.
     """
-    return one_text(inside, name, what).split()
+    return required_text(inside, name, what).split()
 
 
 def _parse_number(text: str, name: str, what: str) -> float:
     if len(text) > _MOST_DIGITS or not _NUMBER.fullmatch(text):
-        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is no decimal number")
+        raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not a decimal number")
     value = float(text)
     if not math.isfinite(value):
         raise EvidenceError(f"{what}: its si:{name} '{text[:40]}' is not finite")

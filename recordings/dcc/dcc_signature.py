@@ -197,7 +197,7 @@ def dcc_key(path: Path, certificate: Path | None = None) -> DccKey:
         raise EvidenceError(f"{error.filename}: cannot be read ({error.strerror})") from None
     except (ValueError, TypeError):
         raise EvidenceError(
-            f"{path}: is no private key in PEM without a password, or its certificate is none"
+            f"{path}: is not a private key in PEM without a password, or its certificate is none"
         ) from None
     if not isinstance(key, ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey):
         raise EvidenceError(

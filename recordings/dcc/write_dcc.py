@@ -3,7 +3,8 @@
 import math
 from typing import TYPE_CHECKING, Final
 
-from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, Organisation
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
+from analysis.calibration.campaign.campaign_subjects import Organisation
 from analysis.calibration.use.error_limits import OUTSIDE, WITHIN
 from estimators.errors import EvidenceError
 from recordings.calibration.calibration_text import ESTIMATORS
@@ -40,8 +41,8 @@ def refuse_incomplete(campaign: CalibrationCampaign, source: object) -> None:
         EvidenceError: names every key that is not stated.
     """
     refuse_without_libraries()
-    if campaign.not_stated:
-        keys = ", ".join(campaign.not_stated)
+    if campaign.missing_statements:
+        keys = ", ".join(campaign.missing_statements)
         raise EvidenceError(f"{source}: a DCC needs {keys}; state them in the campaign")
 
 

@@ -65,7 +65,7 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     draw_force_acceleration(scatter, run if explained.at_s is None else near, explained.at_s)
     left.suptitle("Force against acceleration", x=0.01, ha="left", fontsize=9)
     settles = right.subplots()
-    settling = run if explained.at_s is None else _load_at(run, explained.at_s)
+    settling = run if explained.at_s is None else _run_of_load_at(run, explained.at_s)
     draw_convergence(settles, settling, explained.at_s)
     right.suptitle("How the mass settles", x=0.01, ha="left", fontsize=9)
     if at_s is not None:
@@ -96,20 +96,20 @@ def _cut_around(run: Run, at_s: float) -> Run:
     """The samples around a moment; frames without samples whole."""
     begin, end = (round((at_s + way * _AROUND_S) * NS_PER_S) for way in (-1, 1))
     frames = {
-        name: _between(frame, begin, end) if "t_ns" in frame.columns else frame
+        name: _rows_between(frame, begin, end) if "t_ns" in frame.columns else frame
         for name, frame in run.frames.items()
     }
     return Run(frames, run.provenance)
 
 
-def _between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
+def _rows_between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
     """The samples of a stretch: they are in order, and a shift has millions."""
     t = frame["t_ns"].to_numpy()
     first, last = np.searchsorted(t, begin, "left"), np.searchsorted(t, end, "right")
     return frame.slice(int(first), int(last - first))
 
 
-def _load_at(run: Run, at_s: float | None) -> Run:
+def _run_of_load_at(run: Run, at_s: float | None) -> Run:
     """The rows of the load at a moment; the whole run where there is none."""
     loads = run.frames.get("loads")
     if at_s is None or loads is None:
@@ -125,5 +125,5 @@ def _load_at(run: Run, at_s: float | None) -> Run:
         frames["manoeuvres"] = frames["manoeuvres"].filter(pl.col("load_id") == load_id)
     for name, frame in run.frames.items():
         if name.startswith("estimates/"):
-            frames[name] = _between(frame, begin, end)
+            frames[name] = _rows_between(frame, begin, end)
     return Run(frames, run.provenance)

@@ -8,14 +8,14 @@ from analysis.explain.worst_manoeuvres import GateStretch, ManoeuvreReport
 from estimators.errors import counted
 from recordings.report.finding_text import (
     LEADS_TO,
-    affects_mass,
     change_of,
     indistinguishable_causes,
+    may_change_mass,
     name_of,
     proposal_of,
     span_of,
 )
-from recordings.report.number_text import number, plus_minus
+from recordings.report.number_text import number_text, plus_minus
 from recordings.rrd.recording_texts import headline
 
 _DECIDES: Final = {
@@ -36,44 +36,43 @@ _APART: Final = 3.0
 def verdict_sentence(explained: Explanation) -> str:
     """The verdict in one sentence: the answer, and the likeliest cause of an error."""
     said = headline(explained.said).removesuffix(".")
-    here = "" if explained.at_s is None else f"; at {explained.at_s:g} s {_moment(explained)}"
+    here = "" if explained.at_s is None else f"; at {explained.at_s:g} s {_moment_text(explained)}"
     found = explained.findings
     if found is None:
         return f"{said}{here}; this recording has no findings: replay the log."
     if not found:
         return f"{said}{here}; none of the known causes of an error was detected."
-    if not any(map(affects_mass, found)):
+    if not any(map(may_change_mass, found)):
         names = ", ".join(name_of(each.cause) for each in found)
         return f"{said}{here}; none of the findings is known to affect the mass: {names}."
     # the list's own order: a sentence that skips would be another order of likelihood
     first, others = found[0], len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
-    change = change_of(first) or ("" if affects_mass(first) else "not known to affect the mass")
+    change = change_of(first) or ("" if may_change_mass(first) else "not known to affect the mass")
     return (
         f"{said}{here}; likeliest cause of an error: {name_of(first.cause)}"
         f"{f' ({change})' if change else ''}{more}."
     )
 
 
-def _moment(explained: Explanation) -> str:
+def _moment_text(explained: Explanation) -> str:
     stretch = next(
         (e for e in explained.gate if e.start_s <= (explained.at_s or 0.0) <= e.end_s), None
     )
     if stretch is None:
         return "there is no window"
-    decided = _deciding_value(stretch)
+    decided = _decision_text(stretch)
     if stretch.reason == "accepted":
         return f"the window is accepted{decided}"
     return f"the gate refuses the window for '{stretch.reason.replace('_', ' ')}'{decided}"
 
 
-def _deciding_value(stretch: GateStretch) -> str:
+def _decision_text(stretch: GateStretch) -> str:
     if stretch.column is None or stretch.value is None:
         return ""
     name, unit = _DECIDES[stretch.column]
-    return (
-        f" ({name} {number(round(stretch.value, 3))}, {stretch.limit}{f' {unit}' if unit else ''})"
-    )
+    value = number_text(round(stretch.value, 3))
+    return f" ({name} {value}, {stretch.limit}{f' {unit}' if unit else ''})"
 
 
 def finding_lines(explained: Explanation) -> Iterator[str]:
@@ -97,14 +96,14 @@ def gate_lines(explained: Explanation) -> Iterator[str]:
     if explained.at_s is not None:
         for each in explained.gate:
             reason = each.reason.replace("_", " ")
-            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_deciding_value(each)}"
+            yield f"{each.start_s:,.2f} to {each.end_s:,.2f} s: {reason}{_decision_text(each)}"
         return
     shares = [(name, share) for name, share in explained.shares.items() if share >= 0.005]
     if shares:
         yield ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in shares)
 
 
-def determined_lines(found: DeterminedParameters | None) -> Iterator[str]:
+def determined_parameter_lines(found: DeterminedParameters | None) -> Iterator[str]:
     """What the motion determines, and what it leaves open."""
     if found is None:
         return
@@ -136,4 +135,4 @@ def manoeuvre_line(seen: ManoeuvreReport) -> str:
         return mass
     apart = f"{seen.deviations:+.1f} standard deviations from load {seen.load_id}"
     note = ", worth a look" if abs(seen.deviations) > _APART else ""
-    return f"{mass}, {apart} ({number(seen.load_kg)} kg){note}"
+    return f"{mass}, {apart} ({number_text(seen.load_kg)} kg){note}"

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.fleet.calibration_steps import FleetCalibration, LineChange
-from analysis.fleet.daily_figures import sum_machines, sums
+from analysis.fleet.daily_figures import sum_machines, sum_results
 from analysis.fleet.machine_drifts import SIGNALS, MachineChart
 from estimators.errors import counted
 from recordings.report.number_text import SCALE_NOT_KNOWN
@@ -51,7 +51,7 @@ class FleetPage:
         charts: of `machine_charts`.
         calibrations: of all machines.
         changes: between them.
-        looks: of `needs_a_look`, with column `command`.
+        looks: of `rank_concerns`, with column `command`.
         failed: recordings without a result, and why.
         today: the last day of the fleet, by which calibrations are due.
         friction: when each machine's friction reaches a limit, in sentences, where it was asked.
@@ -72,26 +72,26 @@ class FleetPage:
 
 def fleet_html(page: FleetPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
-    machines = sums(page.results, ["machine"])
+    machines = sum_results(page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
         (chart for chart in page.charts if chart.chart.flagged is not None), key=_by_size
     )
     by_week = _fleet_weeks(page.weeks)
-    drawn = [tonnes(by_week)] if by_week.height else []
+    drawn = [tonnes_picture(by_week)] if by_week.height else []
     return page_html(
         "recordings.fleet",
         _TEMPLATE,
         title=f"Fleet {page.name}",
-        period=_period(page.days),
+        period=_period_text(page.days),
         headline=headline(total, machines.height),
-        facts=_facts(page, total, len(flagged)),
+        facts=_fact_rows(page, total, len(flagged)),
         warnings=_warnings(page),
-        machines=[_machine(row, page) for row in machines.iter_rows(named=True)],
+        machines=[_machine_row(row, page) for row in machines.iter_rows(named=True)],
         machine_heads=_MACHINE_HEADS,
         pictures=[picture for picture in drawn if picture is not None],
-        drifts=[_drift(chart) for chart in flagged],
-        drift_pictures=[drift(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
+        drifts=[_drift_cells(chart) for chart in flagged],
+        drift_pictures=[drift_picture(n, chart) for n, chart in enumerate(flagged[:_MOST_FIGURES])],
         friction=list(page.friction),
         undrawn=max(len(flagged) - _MOST_FIGURES, 0),
         looks=[
@@ -99,7 +99,7 @@ def fleet_html(page: FleetPage) -> str:
             for n, row in enumerate(page.looks.head(MOST_LOOKS).to_dicts(), start=1)
         ],
         more_looks=max(page.looks.height - MOST_LOOKS, 0),
-        calibrations=_calibrations(page),
+        calibrations=_calibration_rows(page),
         changes=[_line_change(each) for each in page.changes],
         weeks=_week_table(page.weeks),
         failed=list(page.failed.items())[:_MOST_FAILED],
@@ -113,7 +113,7 @@ def headline(total: Mapping[str, float], machines: int) -> str:
     if not total["loads"]:
         return f"No tonnes: no cycle of {counted(machines, 'machine')} has a mass"
     return (
-        f"{_tonnes(total['payload_kg'], K * total['payload_u_kg'])} in "
+        f"{_tonnes_text(total['payload_kg'], K * total['payload_u_kg'])} in "
         f"{counted(int(total['loads']), 'load')} by {counted(machines, 'machine')}"
         + (f", {SCALE_NOT_KNOWN}" if total["without_scale"] else "")
     )
@@ -126,18 +126,18 @@ _MACHINE_HEADS: Final = (
 )
 
 
-def _tonnes(kg: float, u_kg: float) -> str:
+def _tonnes_text(kg: float, u_kg: float) -> str:
     digits = 0 if u_kg >= 1e4 else 1 if u_kg >= 1e3 else 2
     return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
-def _period(days: pl.DataFrame) -> str:
+def _period_text(days: pl.DataFrame) -> str:
     if days.is_empty():
         return "no recording has a date"
     return f"{days['day'].min()} to {days['day'].max()}"
 
 
-def _facts(page: FleetPage, total: Mapping[str, float], flagged: int) -> list[tuple[str, str]]:
+def _fact_rows(page: FleetPage, total: Mapping[str, float], flagged: int) -> list[tuple[str, str]]:
     status = page.results["status"]
     refused = int((status == "refused").sum())
     cannot = page.results.filter(~pl.col("can_weigh")).height
@@ -168,7 +168,7 @@ def _warnings(page: FleetPage) -> list[str]:
     undated = page.results.filter(pl.col("day") == "undated").height
     if undated:
         found.append(f"{counted(undated, 'recording')} without a date: in no week and no chart.")
-    scale = int(sums(page.results, ["machine"])["without_scale"].sum())
+    scale = int(sum_results(page.results, ["machine"])["without_scale"].sum())
     if scale:
         found.append(
             f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's stated "
@@ -181,30 +181,30 @@ def _warnings(page: FleetPage) -> list[str]:
     return found
 
 
-def _machine(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, Any]:
+def _machine_row(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, Any]:
     name = row["machine"]
     mine = page.days.filter(pl.col("machine") == name)
     latest = {c.signal.name: c for c in page.charts if c.machine == name}
     ends = max((c.expires for c in page.calibrations if c.machine == name), default=None)
     looks = page.looks.filter(pl.col("machine") == name).height
     cells = [
-        cell(row["recordings"], ",.0f"),
-        cell(row["loads"], ",.0f"),
-        cell(row["payload_kg"] / 1e3, ",.1f"),
-        cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
+        cell_text(row["recordings"], ",.0f"),
+        cell_text(row["loads"], ",.0f"),
+        cell_text(row["payload_kg"] / 1e3, ",.1f"),
+        cell_text(K * row["payload_u_kg"] / 1e3, ",.1f"),
         ("not known", "1") if row["without_scale"] else ("known", "0"),
-        cell(float(mine["hours"].sum()), ",.0f"),
+        cell_text(float(mine["hours"].sum()), ",.0f"),
     ]
     for signal in SIGNALS:
         chart = latest.get(signal.name)
         flagged = chart is not None and chart.chart.flagged is not None
-        cells.append(cell(chart.change if chart is not None and flagged else None, "+,.1f"))
+        cells.append(cell_text(chart.change if chart is not None and flagged else None, "+,.1f"))
     cells.append(("–", "") if ends is None else (str(ends), str(ends)))
-    cells.append(cell(looks, ",.0f"))
+    cells.append(cell_text(looks, ",.0f"))
     return {"name": name, "cells": cells}
 
 
-def cell(value: float | None, form: str) -> tuple[str, str]:
+def cell_text(value: float | None, form: str) -> tuple[str, str]:
     """As shown, and as sorted."""
     if value is None or not math.isfinite(value):
         return "–", ""
@@ -218,7 +218,7 @@ def _by_size(chart: MachineChart) -> tuple[float, str, str]:
     return -(change / std if known else 0.0), chart.machine, chart.signal.name
 
 
-def _drift(chart: MachineChart) -> tuple[str, ...]:
+def _drift_cells(chart: MachineChart) -> tuple[str, ...]:
     found = chart.chart
     assert found.flagged is not None
     assert found.since is not None
@@ -234,7 +234,7 @@ def _drift(chart: MachineChart) -> tuple[str, ...]:
     )
 
 
-def _calibrations(page: FleetPage) -> list[tuple[str, ...]]:
+def _calibration_rows(page: FleetPage) -> list[tuple[str, ...]]:
     """The latest of every machine, the one that ends first above."""
     latest: dict[str, FleetCalibration] = {}
     for each in sorted(page.calibrations, key=lambda c: c.first):
@@ -254,7 +254,7 @@ def _line_change(each: LineChange) -> tuple[str, ...]:
         str(each.after.first),
         f"{each.zero_kg:+,.1f} (± {each.zero_limit_kg:,.1f})",
         f"{each.scale_1:+.2%} (± {each.scale_limit_1:.2%})",
-        "beyond its limit" if each.moved else "within",
+        "beyond its limit" if each.has_moved else "within",
     )
 
 
@@ -273,13 +273,16 @@ def _week_table(weeks: pl.DataFrame) -> Mapping[str, Any]:
     table = weeks.sort("week", "machine").pivot("week", index="machine", values="payload_kg")
     names = sorted(table.columns[1:])
     rows = [
-        (row["machine"], [cell(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names])
+        (
+            row["machine"],
+            [cell_text(None if row[n] is None else row[n] / 1e3, ",.1f") for n in names],
+        )
         for row in table.sort("machine").iter_rows(named=True)
     ]
     return {"heads": names, "rows": rows}
 
 
-def tonnes(weeks: pl.DataFrame) -> Drawing | None:
+def tonnes_picture(weeks: pl.DataFrame) -> Drawing | None:
     """Tonnes of all machines by week; None where there are none.
 
     Args:
@@ -310,7 +313,7 @@ def tonnes(weeks: pl.DataFrame) -> Drawing | None:
     return picture
 
 
-def drift(number: int, shown: MachineChart) -> Drawing:
+def drift_picture(number: int, shown: MachineChart) -> Drawing:
     """A machine's signal by week, against the limits of its baseline."""
     flagged, since = shown.chart.flagged, shown.chart.since
     assert flagged is not None
@@ -350,7 +353,7 @@ def drift(number: int, shown: MachineChart) -> Drawing:
 
 
 def _weeks(days: Sequence[dt.date], values: np.ndarray) -> list[tuple[float, float, int]]:
-    """Of every week with values: its number since the first day, their mean and count."""
+    """The number since the first day, the mean and the count of each week that has values."""
     number = np.array([(day - days[0]).days // _WEEK for day in days])
     return [
         (float(n), float(values[number == n].mean()), int((number == n).sum()))

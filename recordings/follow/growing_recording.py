@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
-from analysis.model.methods import METHODS, Feed
+from analysis.model.methods import METHODS, FeedKind
 from analysis.model.run_record import Provenance, Run
 from analysis.model.settings import Settings
 from analysis.online.follower import FollowedRow
@@ -23,10 +23,11 @@ from analysis.online.online_report import LARGEST_U_1
 from estimators.errors import RecordingError
 from recordings.follow.growing_file import HEAD_BYTES, append_part, find_messages
 from recordings.report.atomic_output import AppendedFile
-from recordings.rrd.blueprint import Page, laid_out, tab_panels, text_entity
+from recordings.rrd.blueprint import Page, lay_out_tabs, tab_panels, text_entity
 from recordings.rrd.display_frames import LANES, ROOT, display_frames
-from recordings.rrd.drawn_rows import drawn_rows
-from recordings.rrd.recording_table import SINCE_START, STATE, TABS, TIME
+from recordings.rrd.drawn_rows import drawn_batches
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.stored_names import SINCE_START, STATE, TIME
 from recordings.rrd.writer import APPLICATION
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class FollowedLog:
 
 
 @dataclass(slots=True)
-class _NewRows:
+class _RowsToSend:
     """What was not sent yet, by frame: rows of `t_ns` and numbers."""
 
     excitation: list[dict[str, Any]] = field(default_factory=list)
@@ -114,7 +115,7 @@ class GrowingRecording:
 
         self._about, self._file = about, file
         self._period_ns = 1e9 / settings.align.rate_hz
-        self._new = _NewRows()
+        self._new = _RowsToSend()
         self._state: dict[str, str | None] = {}
         #: the last `t_ns` of each method
         self._last: dict[str, int] = {}
@@ -138,7 +139,7 @@ class GrowingRecording:
                 "recording_id": about.recording_id,
             }
             stream.send_property(PROPERTY, rr.AnyValues(**described))
-            stream.flush()  # before the layout, where `read_end` looks for it
+            stream.flush()  # before the layout, where `read_recording_end` looks for it
             stream.send_blueprint(layout, make_active=True, make_default=True)
             stream.send_recording_name(name)
             stream.send_recording_start_time_nanos(about.t0_unix_ns)
@@ -179,7 +180,7 @@ class GrowingRecording:
         Raises:
             OSError: it does not fit on the disc; the file ends with what was written before.
         """
-        new, self._new = self._new, _NewRows()
+        new, self._new = self._new, _RowsToSend()
         if not new.excitation:
             return
         for stream in self._streams:
@@ -197,7 +198,7 @@ class GrowingRecording:
         if self._file is not None and (part := self._bytes.read(flush=True)):
             append_part(self._file, part)
 
-    def _send(self, stream: "RecordingStream", new: _NewRows, text: str) -> None:
+    def _send(self, stream: "RecordingStream", new: _RowsToSend, text: str) -> None:
         import numpy as np
         import rerun as rr
 
@@ -209,8 +210,8 @@ class GrowingRecording:
         for name, level in self._thresholds.items():
             frames[name] = pl.DataFrame({"t_ns": [t_ns], "threshold": [level]})
         for method, rows in new.estimates.items():
-            frames[f"display/estimates/{method}"] = _numbers(rows, ESTIMATES)
-        frames["display/gate"] = _numbers(new.gate, GATE)
+            frames[f"display/estimates/{method}"] = _numeric_rows(rows, ESTIMATES)
+        frames["display/gate"] = _numeric_rows(new.gate, GATE)
         now = np.array([t_ns])
         stream.send_columns(
             text_entity(ANSWER),
@@ -221,9 +222,9 @@ class GrowingRecording:
             columns=rr.TextDocument.columns(text=[text], media_type=[rr.MediaType.MARKDOWN]),
         )
         # the excitation last: see above
-        frames["display/excitation"] = _numbers(new.excitation, EXCITATION)
+        frames["display/excitation"] = _numeric_rows(new.excitation, EXCITATION)
         for name, frame in frames.items():
-            for batch in drawn_rows(name, frame, self._about.t0_unix_ns):
+            for batch in drawn_batches(name, frame, self._about.t0_unix_ns):
                 stream.send_record_batch(batch, index=[TIME, SINCE_START])
 
     def close(self) -> None:
@@ -234,7 +235,7 @@ class GrowingRecording:
             self._file.close()
 
 
-def _numbers(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
+def _numeric_rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> pl.DataFrame:
     return pl.DataFrame(rows, {"t_ns": pl.Int64, **dict.fromkeys(columns, pl.Float64)})
 
 
@@ -247,7 +248,7 @@ def growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
     Returns:
         The levels of thresholds, by the frame that draws them; and the blueprint.
     """
-    run = _rows_to_come(settings)
+    run = empty_columns(settings)
     shown = display_frames(run)
     pages = [
         Page(tab.name, tab_panels(tab, run, shown), (ANSWER,) if ANSWER in tab.texts else ())
@@ -259,10 +260,10 @@ def growing_layout(settings: Settings) -> tuple[dict[str, float], "Blueprint"]:
         for name, frame in shown.items()
         if name.startswith(f"{ROOT}/threshold/")
     }
-    return levels, laid_out(pages, None, grows=True)
+    return levels, lay_out_tabs(pages, None, grows=True)
 
 
-def _rows_to_come(settings: Settings) -> Run:
+def empty_columns(settings: Settings) -> Run:
     """A run of a few rows without numbers, which tells the views what they will draw."""
     period_ns = round(1e9 / settings.align.rate_hz)
     frames = {
@@ -270,7 +271,7 @@ def _rows_to_come(settings: Settings) -> Run:
         "gate": _empty_rows(GATE, period_ns).with_columns(reason_x=pl.lit("accepted")),
     }
     for name in settings.trace.methods:
-        alone = METHODS[name].feed is Feed.SEGMENTS
+        alone = METHODS[name].feed is FeedKind.SEGMENTS
         columns = [each.removesuffix("_squared") for each in ESTIMATES]
         frames[f"estimates/{name}"] = _empty_rows(columns, _APART_NS if alone else period_ns)
     return Run(frames, Provenance(settings=settings))
@@ -296,7 +297,7 @@ class RecordingEnd:
     size: int
 
 
-def read_end(path: Path) -> RecordingEnd | None:
+def read_recording_end(path: Path) -> RecordingEnd | None:
     """Read how far a recording came; None where it has not come to its first row.
 
     Raises:

@@ -68,7 +68,7 @@ class CheckedList:
         """The key that its head names."""
         return None if self.head is None else PublicKey.of_text(self.head.public_key)
 
-    def forged(self, what: str, counter: int = 0) -> None:
+    def add_forgery(self, what: str, counter: int = 0) -> None:
         """Add what no honest notary writes."""
         self.faults.append(ListFault(True, counter, what))
 
@@ -83,7 +83,7 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
     """
     checked = CheckedList()
     if len(data) > MOST_LIST_BYTES:
-        checked.forged(f"is larger than the {MOST_LIST_BYTES} bytes allowed")
+        checked.add_forgery(f"is larger than the {MOST_LIST_BYTES} bytes allowed")
         return checked
     whole, tail = split_lines(data)
     if tail:
@@ -95,7 +95,7 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
         try:
             lines.append(parse_line(line, f"line {number}"))
         except EvidenceError as fault:
-            checked.forged(str(fault))
+            checked.add_forgery(str(fault))
             if len(checked.faults) >= _MOST_FAULTS:
                 return checked
     _check_head(checked, lines)
@@ -104,29 +104,29 @@ def check_list(data: bytes, now: dt.datetime, first: int = 1) -> CheckedList:
     checked.lines = lines[1:]
     _check_chain(checked, lines, first)
     checked.faults += _time_faults(checked.entries, now)
-    checked.notes += _notes(checked.entries)
+    checked.notes += list_notes(checked.entries)
     return checked
 
 
 def _check_head(checked: CheckedList, lines: Sequence[NotaryLine]) -> None:
-    """The first line, by the key that it names itself."""
+    """Check the signature of the first line by the key that the line names."""
     if not lines or not isinstance(lines[0].content, NotaryHead):
-        checked.forged("does not begin with the head of a list")
+        checked.add_forgery("does not begin with the head of a list")
         return
     try:
         key = PublicKey.of_text(lines[0].content.public_key)
     except EvidenceError as fault:
-        checked.forged(f"its head names no key: {fault}")
+        checked.add_forgery(f"its head names no key: {fault}")
         return
     checked.head = lines[0].content
     for line in lines[1:]:
         if isinstance(line.content, NotaryHead):
-            checked.forged("has a second head: two lists were put together")
+            checked.add_forgery("has a second head: two lists were put together")
             return
     for line in lines:
         if not line.by(key):
             counter = line.content.counter
-            checked.forged(f"number {counter} is not signed by the key of its head", counter)
+            checked.add_forgery(f"number {counter} is not signed by the key of its head", counter)
 
 
 def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) -> None:
@@ -135,7 +135,7 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
     for line in checked.lines:
         entry = line.content
         if isinstance(entry, NotaryEntry) and entry.head != head:
-            checked.forged(f"number {entry.counter} is of another list", entry.counter)
+            checked.add_forgery(f"number {entry.counter} is of another list", entry.counter)
     for before, line in pairwise(lines):
         entry, last = line.content, before.content
         if not isinstance(entry, NotaryEntry):
@@ -144,16 +144,16 @@ def _check_chain(checked: CheckedList, lines: Sequence[NotaryLine], first: int) 
         if before_it and isinstance(last, NotaryHead) and entry.counter == first:
             continue  # a stretch: what it follows is not there
         if entry.counter <= before_it:
-            checked.forged(
+            checked.add_forgery(
                 f"number {entry.counter} comes after number {before_it}: out of order, or twice",
                 entry.counter,
             )
         elif entry.counter > before_it + 1:
             begin, end = before_it + 1, entry.counter - 1
             span = f"number {begin} is" if begin == end else f"numbers {begin} to {end} are"
-            checked.forged(f"{span} missing", end)
+            checked.add_forgery(f"{span} missing", end)
         elif entry.previous != before.digest:
-            checked.forged(
+            checked.add_forgery(
                 f"number {entry.counter} does not follow number {last.counter} as it stands here",
                 entry.counter,
             )
@@ -208,7 +208,7 @@ def _time_faults(entries: Sequence[NotaryEntry], now: dt.datetime) -> Iterator[L
             )
 
 
-def _notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
+def list_notes(entries: Sequence[NotaryEntry]) -> Iterator[str]:
     """What is no fault, and yet is to be known."""
     seen: dict[tuple[str, ...], NotaryEntry] = {}
     late: dict[int, float] = {}

@@ -13,10 +13,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import BaseModel, Field, StringConstraints, ValidationError
 
+from analysis.model.strict_config import STRICT
 from estimators.errors import EvidenceError
-from recordings.signatures.canonical_json import canonical, parse
+from recordings.signatures.canonical_json import canonical_bytes, parse
 from recordings.signatures.signing import PublicKey, SigningKey
 
 FORMAT: Final = "payscope-notary/1"
@@ -25,7 +26,6 @@ _DOMAIN: Final = b"payscope-notary/1\n"
 #: Bytes of a line and of a list that are read; a rosbag2 directory may have many files.
 MOST_LINE_BYTES: Final = 1 << 20
 MOST_LIST_BYTES: Final = 256 << 20
-_FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Stamp = Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
@@ -37,7 +37,7 @@ Counter = Annotated[int, Field(ge=0, lt=2**53)]
 class NotaryHead(BaseModel):
     """The first line."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     format: Literal["payscope-notary/1"]
     counter: Literal[0]
@@ -51,7 +51,7 @@ class NotaryHead(BaseModel):
 class NotaryFile(BaseModel):
     """A file of a log."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     name: Name
     sha256: Sha256
@@ -75,7 +75,7 @@ class NotaryEntry(BaseModel):
             now; None where it is new.
     """
 
-    model_config = _FORBID
+    model_config = STRICT
 
     counter: Annotated[int, Field(ge=1, lt=2**53)]
     head: Sha256
@@ -114,14 +114,14 @@ class NotaryLine:
 
 
 def _message(content: NotaryHead | NotaryEntry) -> bytes:
-    return _DOMAIN + canonical(content.model_dump(mode="json"))
+    return _DOMAIN + canonical_bytes(content.model_dump(mode="json"))
 
 
 def signed_line(content: NotaryHead | NotaryEntry, key: SigningKey) -> NotaryLine:
     """A line with its signature."""
     signature = key.sign(_message(content))
     text = base64.b64encode(signature).decode()
-    data = canonical({**content.model_dump(mode="json"), "signature": text})
+    data = canonical_bytes({**content.model_dump(mode="json"), "signature": text})
     return NotaryLine(data, content, signature)
 
 
@@ -139,22 +139,22 @@ def parse_line(data: bytes, what: str) -> NotaryLine:
         raise EvidenceError(f"{what}: is longer than the {MOST_LINE_BYTES} bytes allowed")
     values: Any = parse(data, what)
     if not isinstance(values, dict) or not isinstance(values.get("signature"), str):
-        raise EvidenceError(f"{what}: is no signed line of a notary")
+        raise EvidenceError(f"{what}: is not a signed line of a notary")
     text = values.pop("signature")
     model = NotaryHead if values.get("counter") == 0 else NotaryEntry
     try:
         signature = base64.b64decode(text, validate=True)
-        content = model.model_validate_json(canonical(values))
+        content = model.model_validate_json(canonical_bytes(values))
     except (binascii.Error, ValueError) as fault:
-        raise EvidenceError(f"{what}: {_first_fault(fault)}") from None
-    if canonical({**content.model_dump(mode="json"), "signature": text}) != data:
+        raise EvidenceError(f"{what}: {_validation_fault_text(fault)}") from None
+    if canonical_bytes({**content.model_dump(mode="json"), "signature": text}) != data:
         raise EvidenceError(f"{what}: holds a value in a form that a notary does not write")
     if len(signature) != 64 or base64.b64encode(signature).decode() != text:
         raise EvidenceError(f"{what}: its signature is not base64 of 64 bytes")
     return NotaryLine(data, content, signature)
 
 
-def _first_fault(fault: Exception) -> str:
+def _validation_fault_text(fault: Exception) -> str:
     if isinstance(fault, ValidationError):
         first = fault.errors(include_url=False)[0]
         return f"{'.'.join(map(str, first['loc']))}: {first['msg']}"

@@ -35,7 +35,7 @@ def label_claims(found: Claims) -> pl.DataFrame:
     words = pl.DataFrame(
         {
             "claim": [_CLAIMS[row["claim"]] for row in rows],
-            "case": [_case(row) for row in rows],
+            "case": [_case_text(row) for row in rows],
             "paper": [_format_printed_number(row) for row in rows],
         }
     )
@@ -44,7 +44,7 @@ def label_claims(found: Claims) -> pl.DataFrame:
     return pl.concat([words, found.frame.select(*numbers, *shares)], how="horizontal")
 
 
-def _case(row: Mapping[str, Any]) -> str:
+def _case_text(row: Mapping[str, Any]) -> str:
     if row["of"] == "constant":
         return "a constant that ignores the data"
     name = NAMES[row["method"]]
@@ -93,16 +93,16 @@ def word_claims(found: Claims) -> ItemSentences:
             f"claim's constant speed is a cruise of {CRUISE_S:g} s after a start of 3 s.",
         ),
         (
-            _buffer(found),
+            _buffer_sentence(found),
             _rms_sentence(found),
-            _simulation(found),
-            _experiment(found),
-            _reduction(found),
+            _simulation_sentence(found),
+            _experiment_sentence(found),
+            _reduction_sentence(found),
         ),
     )
 
 
-def _buffer(found: Claims) -> str:
+def _buffer_sentence(found: Claims) -> str:
     buffer, of_ls, of_rls = found.buffer, found.buffer.ls_kg, found.buffer.rls_kg
     windows = len(buffer.windows)
     sentence = (
@@ -138,7 +138,7 @@ def _rms_sentence(found: Claims) -> str:
     )
 
 
-def _simulation(found: Claims) -> str:
+def _simulation_sentence(found: Claims) -> str:
     mean, spread = printed_numbers.SIMULATION_ERROR
     return (
         f"{percent(mean, 4)} ± {percent(spread, 2)} in simulation: a single window of "
@@ -154,7 +154,7 @@ def _simulation(found: Claims) -> str:
     )
 
 
-def _experiment(found: Claims) -> str:
+def _experiment_sentence(found: Claims) -> str:
     mean, spread = printed_numbers.EXPERIMENT_ERROR
     of_mass, of_range = found.experiment_mass_percent, found.experiment_range_percent
     return (
@@ -167,10 +167,10 @@ def _experiment(found: Claims) -> str:
     )
 
 
-def _reduction(found: Claims) -> str:
+def _reduction_sentence(found: Claims) -> str:
     rows = found.frame.filter(pl.col("claim") == "reduction").iter_rows(named=True)
     each = [
-        f"{_case(row)}, {row['found_kg']:,.1f} kg{_than_ungated(row['smaller_percent'])}"
+        f"{_case_text(row)}, {row['found_kg']:,.1f} kg{_gain_text(row['smaller_percent'])}"
         for row in rows
     ]
     held = found.reduced
@@ -184,7 +184,7 @@ def _reduction(found: Claims) -> str:
     )
 
 
-def _than_ungated(smaller_percent: float | None) -> str:
+def _gain_text(smaller_percent: float | None) -> str:
     if smaller_percent is None:
         return ""
     word = "smaller" if smaller_percent >= 0.0 else "larger"

@@ -44,16 +44,16 @@ def table_1(found: Table1) -> ItemSentences:
     return ItemSentences(
         _TABLE_1_CHOICES,
         (
-            _one_trial(found),
-            _best_length(found),
-            _near_the_bound(found),
-            _recursive(found),
-            _raw_units(found),
+            _one_trial_sentence(found),
+            _best_length_sentence(found),
+            _bound_sentence(found),
+            _recursive_sentence(found),
+            _raw_units_sentence(found),
         ),
     )
 
 
-def _one_trial(found: Table1) -> str:
+def _one_trial_sentence(found: Table1) -> str:
     return (
         f"Each printed number is one trial, ours are {found.frame['trials'].max()}: of the "
         f"{found.beside} printed numbers {found.below_bound} lie below the bound, which only luck "
@@ -63,7 +63,7 @@ def _one_trial(found: Table1) -> str:
     )
 
 
-def _best_length(found: Table1) -> str:
+def _best_length_sentence(found: Table1) -> str:
     printed, ours = found.best_printed_s, found.best_s
     theirs = join_words(f"{NAMES[m]} at {at:g} s" for m, at in printed.items())
     mine = join_words(f"{NAMES[m]} at {ours[m]:g} s" for m in printed if m in ours)
@@ -74,7 +74,7 @@ def _best_length(found: Table1) -> str:
     )
 
 
-def _near_the_bound(found: Table1) -> str:
+def _bound_sentence(found: Table1) -> str:
     (low, high), (rms, *ends) = found.long_over_bound_1, found.long_rms_1
     errors = f"errors are {low:.2f} to {high:.2f} times it"
     if found.long_reached:
@@ -92,7 +92,7 @@ def _near_the_bound(found: Table1) -> str:
     )
 
 
-def _recursive(found: Table1) -> str:
+def _recursive_sentence(found: Table1) -> str:
     last = found.longest
     return (
         f"RLS forgets (λ = {found.forgetting_1:g}: half in {found.half_s:.1f} s), so a longer "
@@ -101,7 +101,7 @@ def _recursive(found: Table1) -> str:
     )
 
 
-def _raw_units(found: Table1) -> str:
+def _raw_units_sentence(found: Table1) -> str:
     raw, scaled = found.raw, found.scaled
     return (
         "TLS on raw units takes the noise of N, m/s² and m/s to be alike. With 150 N and "
@@ -157,11 +157,11 @@ def table_3(found: SweptTable) -> ItemSentences:
         (
             "The text says that most methods have their smallest error at 0.7 nat. Its table has "
             f"it at {_best_settings(found.best_printed, 'nat')}.",
-            _extremes(found.extremes, "nat"),
+            _extremes_sentence(found.extremes, "nat"),
             _nearest_bound(found.nearest_bound_1),
             "The printed columns jump by a factor of eight between neighbours (RLS 42.6 kg at 0.7, "
             "10.4 kg at 0.9); 54 runs of one campaign cannot tell neighbours apart.",
-            _constant(found.best_kg),
+            _constant_sentence(found.best_kg),
         ),
     )
 
@@ -179,10 +179,10 @@ def table_4(found: SweptTable) -> ItemSentences:
         (
             "The text says that 400 samples are best. Its table has the smallest error at "
             f"{_best_settings(found.best_printed, 'samples')}.",
-            _extremes(found.extremes, "samples"),
+            _extremes_sentence(found.extremes, "samples"),
             "The printed FGLS errors of 67.1 and 63.7 kg beside 17.5 and 15.1 kg of LS look like "
             "(16) without a guard, 1/r² at r near 0; with bounded weights FGLS follows LS.",
-            _constant(found.best_kg),
+            _constant_sentence(found.best_kg),
         ),
     )
 
@@ -194,7 +194,7 @@ def _best_settings(best: Mapping[str, Sequence[float]], unit: str) -> str:
     )
 
 
-def _extremes(methods: Sequence[Extremes], unit: str) -> str:
+def _extremes_sentence(methods: Sequence[Extremes], unit: str) -> str:
     """Where ours is smallest, and whether that is more than chance."""
     sentences: list[str] = []
     for each in methods:
@@ -219,7 +219,7 @@ def _nearest_bound(nearest: Mapping[str, float]) -> str:
     )
 
 
-def _constant(best_kg: float) -> str:
+def _constant_sentence(best_kg: float) -> str:
     return (
         "For scale: a prediction that ignores every measurement is wrong by "
         f"{printed_numbers.CONSTANT_KG:.0f} kg "
@@ -252,8 +252,8 @@ def figure_3(found: Figure3) -> ItemSentences:
     return ItemSentences(
         (_NO_GATE,),
         (
-            _about_the_truth(found.rms_kg, found.true_mass_kg, "kg"),
-            _converging(found),
+            _truth_sentence(found.rms_kg, found.true_mass_kg, "kg"),
+            _convergence_sentence(found),
             NO_NUMBERS,
         ),
     )
@@ -273,7 +273,7 @@ def figure_4(found: Figure4) -> ItemSentences:
             "only.",
         ),
         (
-            _about_the_truth(found.rms_kg_m2, found.true_inertia_z_kg_m2, "kg·m²"),
+            _truth_sentence(found.rms_kg_m2, found.true_inertia_z_kg_m2, "kg·m²"),
             f"The noise of a differentiated gyroscope biases LS by {bias['ls']:+.0f} kg·m², and "
             f"FGLS with it; TLS, which knows that noise, by {bias['tls']:+.0f} kg·m².",
             NO_NUMBERS,
@@ -281,12 +281,12 @@ def figure_4(found: Figure4) -> ItemSentences:
     )
 
 
-def _about_the_truth(rms: Mapping[str, float], true: float, unit: str) -> str:
+def _truth_sentence(rms: Mapping[str, float], true: float, unit: str) -> str:
     each = join_words(f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.items())
     return f"R.m.s. over the figure about the true {true:g} {unit}: {each}."
 
 
-def _converging(found: Figure3) -> str:
+def _convergence_sentence(found: Figure3) -> str:
     ls, rls = found.converging["ls"], found.converging["rls"]
     low, high = _ALIKE
     later = rls.later_kg / ls.later_kg

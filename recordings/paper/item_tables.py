@@ -25,7 +25,7 @@ class RenderedItem:
 
 def table_1(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by window length, and the same over the bound."""
-    errors = _beside_the_paper(
+    errors = rows_beside_printed(
         frame, "window_s", "window, s", lambda row: interval_text(row, "rmse_kg"), "bound_kg"
     )
     ratios = rows_by_method(
@@ -70,17 +70,17 @@ def table_2(frame: pl.DataFrame) -> list[RenderedItem]:
 
 def table_3(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by threshold, own load in the fit and left out."""
-    return _swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
+    return _render_swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
 
 
 def table_4(frame: pl.DataFrame) -> list[RenderedItem]:
     """Errors by window length, own load in the fit and left out."""
-    return _swept(frame, campaign_tables.WINDOW, "samples")
+    return _render_swept(frame, campaign_tables.WINDOW, "samples")
 
 
-def _swept(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedItem]:
+def _render_swept(frame: pl.DataFrame, setting: str, title: str) -> list[RenderedItem]:
     campaigns = frame["trials"].max()
-    within = _beside_the_paper(
+    within = rows_beside_printed(
         frame, setting, title, lambda row: interval_text(row, "run_kg"), "bound_kg"
     )
     without = rows_by_method(
@@ -133,12 +133,12 @@ def rows_by_method(
     methods = list(frame["method"].unique(maintain_order=True))
     rows = [
         [_parameter_text(at), *(cell(by[m]) if m in by else "–" for m in methods)]
-        for at, by in _groups(frame, key)
+        for at, by in _group_rows(frame, key)
     ]
     return [title, *(NAMES[m] for m in methods)], rows
 
 
-def _beside_the_paper(
+def rows_beside_printed(
     frame: pl.DataFrame, key: str, title: str, cell: Callable[[_Row], str], bound: str
 ) -> tuple[list[str], list[list[str]]]:
     """The same, each method's number followed by the paper's; the bound in front."""
@@ -147,7 +147,7 @@ def _beside_the_paper(
     for method in methods:
         header += [NAMES[method], *(["paper"] if method in printed_numbers.METHODS else [])]
     rows: list[list[str]] = []
-    for at, by in _groups(frame, key):
+    for at, by in _group_rows(frame, key):
         cells = [_parameter_text(at), _number_text(next(iter(by.values()))[bound])]
         for method in methods:
             cells.append(cell(by[method]))
@@ -157,7 +157,7 @@ def _beside_the_paper(
     return header, rows
 
 
-def _groups(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]]:
+def _group_rows(frame: pl.DataFrame, key: str) -> list[tuple[float, dict[str, _Row]]]:
     groups: dict[float, dict[str, _Row]] = {}
     for row in frame.iter_rows(named=True):
         groups.setdefault(row[key], {})[row["method"]] = row

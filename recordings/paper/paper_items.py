@@ -69,7 +69,7 @@ class Item(Generic[N]):
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ItemResult:
     """An item with its numbers and sentences."""
 
     item: Item[Any]
@@ -77,15 +77,15 @@ class Found:
     said: ItemSentences
 
 
-def find(item: Item[N], extracts: Extracts) -> Found:
+def find(item: Item[N], extracts: Extracts) -> ItemResult:
     """Make an item of the extracts that it needs."""
     numbers = item.numbers(extracts)
-    return Found(item, item.frame(numbers), item.said(numbers))
+    return ItemResult(item, item.frame(numbers), item.said(numbers))
 
 
-def _of(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
+def _take_extract(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
     """An item that is the extract of a single simulation."""
-    return lambda extracts: extracts.one(extract)
+    return lambda extracts: extracts.single_result(extract)
 
 
 #: In the paper's order.
@@ -126,7 +126,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "fig2",
         "Figure 2: force, acceleration and speed under the triangular force",
         (excitation_figures.FIGURE_2,),
-        _of(excitation_figures.FIGURE_2),
+        _take_extract(excitation_figures.FIGURE_2),
         item_sentences.figure_2,
         picture=paper_pictures.FIGURE_2,
     ),
@@ -134,7 +134,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "fig3",
         "Figure 3: mass and friction in a linear motion, window of 10 s",
         (excitation_figures.FIGURE_3,),
-        _of(excitation_figures.FIGURE_3),
+        _take_extract(excitation_figures.FIGURE_3),
         item_sentences.figure_3,
         picture=paper_pictures.FIGURE_3,
     ),
@@ -142,7 +142,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "fig4",
         "Figure 4: yaw inertia and friction in a rotational motion, window of 10 s",
         (excitation_figures.FIGURE_4,),
-        _of(excitation_figures.FIGURE_4),
+        _take_extract(excitation_figures.FIGURE_4),
         item_sentences.figure_4,
         picture=paper_pictures.FIGURE_4,
     ),
@@ -150,7 +150,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "fig5",
         "Figure 5: force, acceleration, speed and index of a start and stop",
         (campaign_figures.FIGURE_5,),
-        _of(campaign_figures.FIGURE_5),
+        _take_extract(campaign_figures.FIGURE_5),
         item_sentences.figure_5,
         picture=paper_pictures.FIGURE_5,
     ),

@@ -8,7 +8,7 @@ from typing import Any, Final
 import polars as pl
 
 from estimators.errors import OutputError
-from recordings.paper.paper_items import Found, Item
+from recordings.paper.paper_items import Item, ItemResult
 from recordings.paper.paper_pictures import draw
 from recordings.report.atomic_output import atomic_files, check_output
 
@@ -35,7 +35,7 @@ def check_reproduction(
 
 
 def write_reproduction(
-    found: Sequence[Found], folder: Path, output_format: str, about: str, *, force: bool
+    found: Sequence[ItemResult], folder: Path, output_format: str, about: str, *, force: bool
 ) -> list[Path]:
     """Write what was found.
 
@@ -57,7 +57,7 @@ def write_reproduction(
     with atomic_files(targets, force=force) as stage:
         for each in found:
             if each.item.picture:
-                draw(each.item.picture, each.frame, stage / _picture(each.item))
+                draw(each.item.picture, each.frame, stage / _picture_name(each.item))
         if output_format == "md":
             (stage / PAGE).write_text(_page(found, about), encoding="utf-8")
         else:
@@ -70,14 +70,14 @@ def write_reproduction(
 def _targets(items: Sequence[Item[Any]], folder: Path, output_format: str) -> list[Path]:
     tables = [f"{item.name}.csv" for item in items]
     written = [PAGE] if output_format == "md" else [*tables, SENTENCES]
-    return [folder / name for name in (*written, *(_picture(i) for i in items if i.picture))]
+    return [folder / name for name in (*written, *(_picture_name(i) for i in items if i.picture))]
 
 
-def _picture(item: Item[Any]) -> str:
+def _picture_name(item: Item[Any]) -> str:
     return f"{item.name}.png"
 
 
-def _page(found: Sequence[Found], about: str) -> str:
+def _page(found: Sequence[ItemResult], about: str) -> str:
     from jinja2 import Environment, StrictUndefined
 
     # Markdown for a reader, not HTML for a browser: nothing to escape
@@ -86,7 +86,7 @@ def _page(found: Sequence[Found], about: str) -> str:
     sections = [
         {
             "title": each.item.title,
-            "picture": _picture(each.item) if each.item.picture else None,
+            "picture": _picture_name(each.item) if each.item.picture else None,
             "tables": each.item.tables(each.frame),
             "findings": each.said.findings,
             "choices": each.said.choices,
@@ -96,7 +96,7 @@ def _page(found: Sequence[Found], about: str) -> str:
     return environment.from_string(source).render(about=about, sections=sections)
 
 
-def _sentence_rows(found: Sequence[Found], about: str) -> pl.DataFrame:
+def _sentence_rows(found: Sequence[ItemResult], about: str) -> pl.DataFrame:
     rows = [("", "about", about)]
     for each in found:
         rows += [(each.item.name, "finding", sentence) for sentence in each.said.findings]

@@ -53,7 +53,7 @@ def _figure_2(figure: "Figure", series: pl.DataFrame) -> None:
 
 
 def _figure_3(figure: "Figure", series: pl.DataFrame) -> None:
-    _traces(
+    draw_traces(
         figure,
         series,
         ("mass_kg", "mass_std_kg", "true_mass_kg", "mass (kg)"),
@@ -62,7 +62,7 @@ def _figure_3(figure: "Figure", series: pl.DataFrame) -> None:
 
 
 def _figure_4(figure: "Figure", series: pl.DataFrame) -> None:
-    _traces(
+    draw_traces(
         figure,
         series,
         ("inertia_z_kg_m2", "inertia_z_std_kg_m2", "true_inertia_z_kg_m2", "inertia (kg·m²)"),
@@ -73,7 +73,7 @@ def _figure_4(figure: "Figure", series: pl.DataFrame) -> None:
 def _figure_5(figure: "Figure", series: pl.DataFrame) -> None:
     rows = _draw_panels(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
     for axes in rows:
-        _shade(axes, series, "phase", ("accelerating", "braking"))
+        shade_phases(axes, series, "phase", ("accelerating", "braking"))
     rows[-1].axhline(THRESHOLD_NAT, color="black", lw=0.6, ls=":")
     rows[0].legend(fontsize=7, loc="upper right")
 
@@ -85,36 +85,36 @@ def _draw_panels(figure: "Figure", series: pl.DataFrame, panels: dict[str, str])
     for number, (axes, (column, label)) in enumerate(zip(rows, panels.items(), strict=True)):
         scale = 1e-3 if column.endswith("_N") else 1.0
         values = series[column].fill_null(float("nan")).to_numpy() * scale
-        axes.plot(t_s, values, color=colours.line(number), lw=1.0)
-        _panel(axes, label)
+        axes.plot(t_s, values, color=colours.line_colour(number), lw=1.0)
+        _format_panel(axes, label)
     rows[-1].set_xlabel("time (s)", fontsize=8)
     return rows
 
 
-def _traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str, str]) -> None:
+def draw_traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str, str]) -> None:
     """Estimates over time with bands of one standard deviation, and the truth."""
     rows = figure.subplots(len(panels), 1, sharex=True)
     for axes, (column, std_column, true, label) in zip(rows, panels, strict=True):
         for (method,), part in series.group_by("method", maintain_order=True):
             t_s, value, std = (part[c].to_numpy() for c in ("t_s", column, std_column))
-            colour = colours.method(str(method))
+            colour = colours.method_colour(str(method))
             axes.plot(t_s, value, color=colour, lw=1.0, label=NAMES[str(method)])
             axes.fill_between(t_s, value - std, value + std, color=colour, alpha=0.15, lw=0)
         axes.axhline(series[true][0], color="black", lw=0.7, ls=":", label="truth")
-        _panel(axes, label)
+        _format_panel(axes, label)
     rows[0].legend(fontsize=7, ncols=5, loc="lower right")
     rows[-1].set_xlabel("time (s)", fontsize=8)
 
 
 def _figure_6(figure: "Figure", table: pl.DataFrame) -> None:
-    _masses(figure, table, "estimate_kg", "estimate_std_kg", "estimate before calibration (kg)")
+    draw_masses(figure, table, "estimate_kg", "estimate_std_kg", "estimate before calibration (kg)")
 
 
 def _figure_7(figure: "Figure", table: pl.DataFrame) -> None:
-    _masses(figure, table, "calibrated_kg", "calibrated_std_kg", "mass after (19) (kg)")
+    draw_masses(figure, table, "calibrated_kg", "calibrated_std_kg", "mass after (19) (kg)")
 
 
-def _masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: str) -> None:
+def draw_masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: str) -> None:
     """A panel a method: means of nine runs ± the deviation of one, and the truth."""
     methods = list(table["method"].unique(maintain_order=True))
     panels = figure.subplots(1, len(methods), sharex=True, sharey=True)
@@ -131,11 +131,11 @@ def _masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: s
             ms=3,
             lw=1.0,
             capsize=2,
-            color=colours.method(method),
+            color=colours.method_colour(method),
             label="mean ± one run",
         )
         axes.set_title(NAMES[method], fontsize=9)
-        _panel(axes, label if axes is panels[0] else "")
+        _format_panel(axes, label if axes is panels[0] else "")
         axes.set_xticks([3614, 3714, 3814])
         if "paper_implied_kg" in part.columns:
             implied = part["paper_implied_kg"].fill_null(float("nan")).to_numpy()
@@ -161,7 +161,7 @@ def _figure_8(figure: "Figure", table: pl.DataFrame) -> None:
                 value,
                 width,
                 yerr=None if np.isnan(low).any() else value - low,
-                color=colours.method(method),
+                color=colours.method_colour(method),
                 alpha=1.0 if half == 0 else 0.55,
                 hatch=hatch,
                 edgecolor="white",
@@ -171,20 +171,20 @@ def _figure_8(figure: "Figure", table: pl.DataFrame) -> None:
             )
     axes.set_xticks(np.arange(loads.size), [f"{load:g}" for load in loads])
     axes.set_xlabel("load (kg)", fontsize=8)
-    _panel(axes, "RMS error of a run (kg)")
+    _format_panel(axes, "RMS error of a run (kg)")
     # few campaigns make intervals that reach below zero, where no error is
     axes.set_ylim(0.0, 1.3 * axes.get_ylim()[1])
     axes.legend(fontsize=7, ncols=len(methods), loc="upper center")
 
 
-def _panel(axes: "Axes", label: str) -> None:
+def _format_panel(axes: "Axes", label: str) -> None:
     axes.set_ylabel(label, fontsize=8)
     axes.tick_params(labelsize=7)
     axes.grid(lw=0.3, alpha=0.6)
     axes.set_axisbelow(True)
 
 
-def _shade(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[str, ...]) -> None:
+def shade_phases(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[str, ...]) -> None:
     """Shade where the phase is one of `wanted`."""
     state = series[column].cast(pl.String)
     t_s = series["t_s"].to_numpy()

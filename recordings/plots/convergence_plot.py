@@ -98,7 +98,7 @@ def _draw_recursion(
     begins = np.union1d(np.searchsorted(t, starts[1:]), gaps)
     mass = np.insert(mass, begins, np.nan)
     std, t_s = np.insert(std, begins, np.nan), np.insert(t / NS_PER_S, begins, np.nan)
-    colour = colours.method(method)
+    colour = colours.method_colour(method)
     axes.plot(t_s, mass, color=colour, lw=1.0, label=f"{method} ± 2σ")
     axes.fill_between(t_s, mass - 2 * std, mass + 2 * std, color=colour, alpha=0.2, lw=0)
     return [*mass, *(mass - 2 * std)[mass.size // 4 :], *(mass + 2 * std)[mass.size // 4 :]]

@@ -14,9 +14,9 @@ from recordings.plots.force_acceleration_plot import draw_force_acceleration
 from recordings.plots.time_panels import draw_over_time, draw_reasons, panel_height
 from recordings.report import colours
 from recordings.report.picture import check_picture, write_picture
-from recordings.rrd.display_frames import display_frames, drawn_of
+from recordings.rrd.display_frames import display_frames, drawn_columns_of_view
 from recordings.rrd.recording_table import PAGE, TABS
-from recordings.rrd.recording_texts import summary
+from recordings.rrd.recording_texts import summary_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -65,9 +65,11 @@ def draw_run(run: Run, at_s: float | None = None) -> "Figure":
     """Draw the page of `plot_run` without writing it."""
     from matplotlib.figure import Figure
 
-    lines = [part for line in summary(run).splitlines() for part in wrap(line, _CHARACTERS) or [""]]
+    lines = [
+        part for line in summary_text(run).splitlines() for part in wrap(line, _CHARACTERS) or [""]
+    ]
     shown = display_frames(run, decimate=False)
-    views = [(view, drawn) for view in PAGE if (drawn := drawn_of(view, run, shown))]
+    views = [(view, drawn) for view in PAGE if (drawn := drawn_columns_of_view(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())
     panels = sum(panel_height(view, drawn) for view, drawn in views)
     heights = [_LINE_IN * (len(lines) + 2), _PANEL_IN * max(panels, 1.0), 2.5 * _PANEL_IN]
@@ -147,7 +149,7 @@ def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:
     reference = points["reference_kg"]
     fits.axline((reference[0], reference[0]), slope=1, color="black", lw=0.5, ls=":")
     for (method,), group in points.group_by("method", maintain_order=True):
-        name, colour = str(method), colours.method(str(method))
+        name, colour = str(method), colours.method_colour(str(method))
         estimate, known = group["estimate_kg"].to_numpy(), group["reference_kg"].to_numpy()
         std = group["estimate_std_kg"].fill_null(float("nan")).to_numpy()
         fits.errorbar(estimate, known, xerr=std, fmt="o", ms=3, color=colour, label=name)

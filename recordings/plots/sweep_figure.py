@@ -76,7 +76,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     count = 2 + len(titles) + loads
     figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * count + 0.6), layout="constrained")
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
-    at = _place_rows(rows, panels[-1])
+    at = place_combinations(rows, panels[-1])
     for axes in panels:
         axes.grid(alpha=0.25, lw=0.5)
     mass = panels.pop(0)
@@ -96,7 +96,7 @@ def draw_sweep(rows: Sequence[SweptRow], reference_kg: float | None = None) -> "
     return figure
 
 
-def _place_rows(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
+def place_combinations(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
     """Where each combination stands, with the axis labelled for it."""
     names = list(rows[0].over)
     if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
@@ -133,7 +133,7 @@ def _order_methods(parts: Sequence[Mapping[str, float | None]]) -> list[str]:
 def _line_style(method: str) -> dict[str, Any]:
     if method == _JOINT:
         return {"color": "black", "lw": 1.8, "zorder": 5}
-    return {"color": colours.method(method), "lw": 1.0}
+    return {"color": colours.method_colour(method), "lw": 1.0}
 
 
 def _method_values(parts: Sequence[Mapping[str, float | None]], method: str) -> NDArray[np.float64]:

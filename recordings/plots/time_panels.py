@@ -21,12 +21,13 @@ from recordings.rrd.display_frames import (
     DisplayColumn,
     axis_range,
     bin_rows,
-    drawn_of,
+    drawn_columns_of_view,
+    draws_as_points,
     span_ns,
-    stands_alone,
 )
-from recordings.rrd.recording_table import STATE, Kind, View
-from recordings.rrd.recording_texts import local_time
+from recordings.rrd.provenance_texts import local_time
+from recordings.rrd.recording_views import Kind, View
+from recordings.rrd.stored_names import STATE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,7 +64,7 @@ def draw_over_time(
         at_s: the moment that is meant.
     """
     span = span_ns(run)
-    found = [(view, drawn) for view in views if (drawn := drawn_of(view, run, shown))]
+    found = [(view, drawn) for view in views if (drawn := drawn_columns_of_view(view, run, shown))]
     if not found or span is None:
         part.suptitle("nothing in this run can be drawn over time")
         return
@@ -122,7 +123,7 @@ def _draw(axes: "Axes", drawn: DisplayColumn, frame: pl.DataFrame, span: tuple[i
             axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.3, lw=0)
     t_s = frame["t_ns"].to_numpy() / NS_PER_S
     numbers = series_numbers(frame[drawn.column])
-    dots = "." if stands_alone(frame[drawn.column]) else ""
+    dots = "." if draws_as_points(frame[drawn.column]) else ""
     axes.plot(t_s, numbers, dots + "-", color=drawn.colour, lw=0.8, ms=3, label=drawn.label)
     if drawn.variance:
         std = np.sqrt(series_numbers(frame[drawn.variance]))
@@ -134,7 +135,7 @@ def series_numbers(series: pl.Series) -> Floats:
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()
 
 
-def _state_spans(states: pl.DataFrame) -> pl.DataFrame:
+def state_spans(states: pl.DataFrame) -> pl.DataFrame:
     """Stretches of one state: t_ns, until, the state."""
     return states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
 
@@ -148,7 +149,7 @@ def _draw_lanes(
     """A lane a series, from top to bottom; of many changes the share of time of each state."""
     seconds: dict[str, float] = {}
     for number, each in enumerate(drawn):
-        spans = _state_spans(shown[each.frame])
+        spans = state_spans(shown[each.frame])
         bottom = float(len(drawn) - 1 - number)
         totals = spans.group_by(STATE).agg((pl.col("until") - pl.col("t_ns")).sum())
         for state, total in totals.rows():
@@ -213,7 +214,7 @@ def _shade_states(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, 
     """Shade where a state holds, full height behind the lines; of many changes nothing."""
     if states is None or states.height > _SPANS:
         return
-    for (state,), group in _state_spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
+    for (state,), group in state_spans(states).filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
         start_s = group["t_ns"].to_numpy() / NS_PER_S
         length_s = (group["until"] - group["t_ns"]).to_numpy() / NS_PER_S
         axes.broken_barh(

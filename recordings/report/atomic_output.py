@@ -79,7 +79,7 @@ def atomic_files(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
     Raises:
         OutputError: a target is there already, or their folder cannot be written to.
     """
-    with _staging(targets, force=force) as stage:
+    with staging_folder(targets, force=force) as stage:
         try:
             yield stage
             for target in targets:
@@ -103,7 +103,7 @@ def check_folder(target: Path, *, force: bool) -> None:
     Raises:
         OutputError: it is there already, or its parent cannot be written to.
     """
-    with _staging([target], force=force):
+    with staging_folder([target], force=force):
         pass
 
 
@@ -114,7 +114,7 @@ def check_output(target: Path, *, force: bool) -> None:
         OutputError: the target is there already, or its folder cannot be written to.
     """
     _refuse_folder(target)
-    with _staging([target], force=force):
+    with staging_folder([target], force=force):
         pass
 
 
@@ -134,7 +134,7 @@ def _refuse_folder(target: Path) -> None:
 
 
 @contextmanager
-def _staging(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
+def staging_folder(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
     """A hidden folder beside the targets, which goes whatever happens."""
     folder = targets[0].parent
     if not folder.is_dir():

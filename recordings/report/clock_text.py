@@ -43,14 +43,16 @@ class ShiftClock:
         """What the ticks of an axis are."""
         if not self.is_dated:
             return "h:min since the start"
-        return f"local time (UTC{self._offset(0.0)})" if self._one_offset else "local time, UTC±h"
+        return (
+            f"local time (UTC{self._offset(0.0)})" if self._has_one_offset else "local time, UTC±h"
+        )
 
     def at(self, s: float) -> str:
         """A time in s since the first sample, with date where the shift has two, and offset."""
         if not self.is_dated:
             return _format_elapsed(s)
         local = self.local(s)
-        day = "" if self._one_day else f"{local:%Y-%m-%d} "
+        day = "" if self._is_of_one_day else f"{local:%Y-%m-%d} "
         return f"{day}{local:%H:%M:%S} {self._offset(s)}"
 
     def hour(self, s: float) -> str:
@@ -58,7 +60,7 @@ class ShiftClock:
         if not self.is_dated:
             return f"{int(s // _HOUR_S)}:00"
         local = self.local(s)
-        day = "" if self._one_day else f"{local:%Y-%m-%d} "
+        day = "" if self._is_of_one_day else f"{local:%Y-%m-%d} "
         return f"{day}{local:%H}:00 {self._offset(s)}"
 
     def next_hour(self, s: float) -> float:
@@ -97,24 +99,24 @@ class ShiftClock:
         begin = int(-(-(low_s + shift_s) // step_s))
         end = int((high_s + shift_s) // step_s)
         places = [k * step_s - shift_s for k in range(begin, end + 1)]
-        return [(place, self._tick(place)) for place in places]
+        return [(place, self._tick_label(place)) for place in places]
 
-    def _tick(self, s: float) -> str:
+    def _tick_label(self, s: float) -> str:
         if not self.is_dated:
             return _format_elapsed(s).removesuffix(":00")
         # a tick that float rounding puts a hair before its minute is that minute
         local = self.local(s + 0.5)
-        return f"{local:%H:%M}{'' if self._one_offset else self._offset(s + 0.5)[:3]}"
+        return f"{local:%H:%M}{'' if self._has_one_offset else self._offset(s + 0.5)[:3]}"
 
     def _offset(self, s: float) -> str:
         return _offset_text(self.local(s))
 
     @property
-    def _one_offset(self) -> bool:
+    def _has_one_offset(self) -> bool:
         return self._offset(0.0) == self._offset(self.duration_s)
 
     @property
-    def _one_day(self) -> bool:
+    def _is_of_one_day(self) -> bool:
         return self.local(0.0).date() == self.local(self.duration_s).date()
 
 

@@ -57,14 +57,14 @@ def state_colours() -> Mapping[str, str]:
     return {**STATES, **{each.key: _BAD if each.withholds else _WARM for each in CAUSES}}
 
 
-def line(number: int) -> str:
+def line_colour(number: int) -> str:
     """The colour of the n-th line of a plot."""
     return _PALETTE[number % len(_PALETTE)]
 
 
-def method(name: str) -> str:
+def method_colour(name: str) -> str:
     """The colour of an estimator."""
-    return line(_METHODS.index(name)) if name in _METHODS else _QUIET
+    return line_colour(_METHODS.index(name)) if name in _METHODS else _QUIET
 
 
 def lighten(colour: str) -> str:

@@ -6,7 +6,7 @@ from typing import Any, Final
 from analysis.explain import Finding
 from analysis.model.run_record import Run
 from recordings.report.clock_text import ShiftClock
-from recordings.report.number_text import number, plus_minus
+from recordings.report.number_text import number_text, plus_minus
 
 #: What a severity leads to.
 LEADS_TO: Final = {
@@ -32,7 +32,7 @@ def name_of(cause: str) -> str:
     return cause.replace("_", " ")
 
 
-def affects_mass(finding: Finding) -> bool:
+def may_change_mass(finding: Finding) -> bool:
     """Whether a finding changes the mass, or may; one without kilograms does not."""
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
@@ -102,6 +102,6 @@ def findings_text(run: Run) -> str:
         ]
         where = ", ".join(filter(None, (each.channel, span_of(each))))
         parts.append(f"## {each.rank}. {name_of(each.cause)}{f' ({where})' if where else ''}")
-        strength = f"{number(each.strength_1)} × the detection threshold"
+        strength = f"{number_text(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
     return "\n\n".join(parts)

@@ -5,7 +5,7 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from analysis.model.run_record import Run
-from analysis.model.windows import samples_of
+from analysis.model.windows import samples_in_windows
 from recordings.report import colours
 from recordings.report.number_text import plus_minus
 
@@ -122,14 +122,14 @@ def _select_points(run: Run) -> pl.DataFrame | None:
     if gate is None or gate.height != excitation.height or "accepted_x" not in gate.columns:
         points = points.with_columns(used=pl.lit(value=False), reason=pl.lit("not judged"))
     else:
-        used = samples_of(
-            gate["accepted_x"].fill_null(value=False).to_numpy(), _window_rows(run, gate)
+        used = samples_in_windows(
+            gate["accepted_x"].fill_null(value=False).to_numpy(), window_row_count(run, gate)
         )
         points = points.with_columns(pl.Series("used", used), gate["reason_x"].alias("reason"))
     return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
 
 
-def _window_rows(run: Run, gate: pl.DataFrame) -> int:
+def window_row_count(run: Run, gate: pl.DataFrame) -> int:
     """Rows of a window: a review keeps one row of many."""
     settings = run.provenance.settings
     step_ns = gate["t_ns"].diff().median()

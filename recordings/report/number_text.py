@@ -11,7 +11,7 @@ from analysis.model.verdict import Check
 REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
 
 
-def outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
+def outcome_text(check: Check, *, passed: str, failed: str, absent: str) -> str:
     """A check's outcome in a word: a failed one that withholds nothing is named by its consequence.
 
     Args:
@@ -25,7 +25,7 @@ def outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
     return passed if check.passed else REMARKED.get(check.consequence, failed)
 
 
-def number(value: object) -> str:
+def number_text(value: object) -> str:
     """A cell of a table: five significant digits, thousands apart, a dash for nothing."""
     if value is None:
         return "–"
@@ -40,7 +40,7 @@ def number(value: object) -> str:
 def plus_minus(value: float | None, std: float | None) -> str:
     """A value with its standard deviation to two digits, both to the same place."""
     if value is None or std is None or not (std > 0 and isfinite(std)):
-        return number(value)
+        return number_text(value)
     places = max(0, 1 - floor(log10(std)))
     return f"{value:.{places}f} ± {std:.{places}f}"
 
@@ -68,10 +68,11 @@ _UNCERTAINTY_KEYS: Final = {
 }
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A Markdown table, or "none"."""
     body = [
-        "| " + " | ".join(number(cell).replace("|", "\\|") for cell in row) + " |" for row in rows
+        "| " + " | ".join(number_text(cell).replace("|", "\\|") for cell in row) + " |"
+        for row in rows
     ]
     if not body:
         return "none"

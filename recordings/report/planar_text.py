@@ -5,7 +5,12 @@ from typing import Any
 
 from analysis.model.run_record import Run
 from estimators.errors import counted
-from recordings.report.number_text import number, plus_minus, scale_unknown_line, table
+from recordings.report.number_text import (
+    markdown_table,
+    number_text,
+    plus_minus,
+    scale_unknown_line,
+)
 
 #: Of the variance.
 _SMALL = 0.005
@@ -25,7 +30,7 @@ _SAID = {
 }
 
 
-def planar_lines(
+def planar_fit_lines(
     rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
 ) -> list[str]:
     """A line for each fit over more than one arc, or for the arc where there is only one.
@@ -33,10 +38,10 @@ def planar_lines(
     And what their uncertainty is made of, and lacks.
     """
     whole = [row for row in rows if row["kind"] in _OF] or list(rows)
-    return [_line(row) for row in whole] + _largest(budget) + _unknown(whole)
+    return [_fit_line(row) for row in whole] + largest_parts(budget) + missing_values(whole)
 
 
-def _largest(budget: Sequence[Mapping[str, Any]]) -> list[str]:
+def largest_parts(budget: Sequence[Mapping[str, Any]]) -> list[str]:
     """The largest part of what is known of each uncertainty."""
     lines: list[str] = []
     for quantity, (words, factor, unit) in _SAID.items():
@@ -51,7 +56,7 @@ def _largest(budget: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def _unknown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def missing_values(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """What the machine file should state; a recording of an earlier version does not say."""
     lines: list[str] = []
     for column, of in (
@@ -64,7 +69,7 @@ def _unknown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def planar(run: Run) -> str:
+def planar_markdown(run: Run) -> str:
     """Every arc and joint fit; nothing where the machine did not turn."""
     rows = planar_rows(run)
     if not rows:
@@ -82,9 +87,9 @@ def planar(run: Run) -> str:
         for row in rows
     ]
     head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
-    parts = ["# Centre of mass", table(head, cells)]
+    parts = ["# Centre of mass", markdown_table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
-    parts += [f"- {line}" for line in _unknown(rows)]
+    parts += [f"- {line}" for line in missing_values(rows)]
     parts += [f"**{_OF[row['kind']].capitalize()}**: {list_determined(row)}" for row in whole]
     if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
         sources = run.frames["planar_budget"].to_dicts()
@@ -93,7 +98,7 @@ def planar(run: Run) -> str:
             # smaller shares of the variance are not listed
             if row["share_1"] is not None and row["share_1"] < _SMALL:
                 continue
-            u = "not known" if row["u"] is None else f"{number(row['u'])} {row['unit']}"
+            u = "not known" if row["u"] is None else f"{number_text(row['u'])} {row['unit']}"
             # a list, not a table: the viewer wraps it
             line = f"- **{row['cause']}** ({row['kind']}): {u}; shrinks with {row['shrinks']}"
             lines.setdefault(row["quantity"], []).append(line)
@@ -108,20 +113,22 @@ def planar_rows(run: Run) -> list[dict[str, Any]]:
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
 
-def _line(row: Mapping[str, Any]) -> str:
+def _fit_line(row: Mapping[str, Any]) -> str:
     of = _OF.get(row["kind"], "one arc")
     if row["withheld"]:
         return f"centre of mass from {of}: withheld"
     if row["com_x_m"] is None:
         return f"centre of mass from {of}: none; {list_determined(row)}"
-    along = f"{_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+    along = (
+        f"{_distance_text(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+    )
     if row["com_y_m"] is None:
         return f"centre of mass from {of}: {along}"
-    across = f"{_distance(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
+    across = f"{_distance_text(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
     return f"centre of mass from {of}: {along}, {across}"
 
 
-def _distance(row: Mapping[str, Any], axis: str) -> str:
+def _distance_text(row: Mapping[str, Any], axis: str) -> str:
     return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 

@@ -19,7 +19,7 @@ def shift_sentence(shift: Mapping[str, Any]) -> str:
     loads = counted(shift["cycles_counted"], "load")
     answer = f"{tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
     scale = f", {SCALE_NOT_KNOWN}" if shift["scale_unknown"] else ""
-    if not _is_priced(shift):
+    if not includes_uncounted(shift):
         return answer + scale
     whole = tonnes(shift["total_kg"], K * shift["total_u_kg"])
     return f"{whole} in the shift: {answer} counted{scale}"
@@ -31,7 +31,7 @@ def tonnes(kg: float, u_kg: float) -> str:
     return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
-def _is_priced(shift: Mapping[str, Any]) -> bool:
+def includes_uncounted(shift: Mapping[str, Any]) -> bool:
     """Whether the shift's total has more in it than the counted loads."""
     parts = ("uncounted_kg", "uncounted_u_kg", "lost_kg", "lost_u_kg")
     return any((shift[name] or 0.0) > 0.0 for name in parts)

@@ -7,7 +7,12 @@ from typing import Any, Final
 from analysis.model.answer import Answer
 from analysis.model.physical_units import NS_PER_S
 from estimators.errors import counted
-from recordings.report.number_text import SCALE_NOT_KNOWN, number, plus_minus, scale_unknown_line
+from recordings.report.number_text import (
+    SCALE_NOT_KNOWN,
+    number_text,
+    plus_minus,
+    scale_unknown_line,
+)
 
 #: Characters of the longest bar.
 _BAR: Final = 24
@@ -43,9 +48,9 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
             _seconds_text(load["end_t_ns"]),
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
-            _payload(load),
+            _payload_text(load),
             *(calibrated_interval(load) if _is_calibrated(said) else ()),
-            _remark(load),
+            _load_remark(load),
         )
         for load in said.loads
     ]
@@ -64,7 +69,7 @@ def load_sentences(said: Answer, most: int) -> list[str]:
     return lines
 
 
-def worth_lines(said: Answer, *, brief: bool = False) -> list[str]:
+def answer_lines(said: Answer, *, brief: bool = False) -> list[str]:
     """Masses, payloads and what bears on them; or the reason why there is none."""
     if len(said.loads) == 1:
         return load_lines(said.loads[0], brief=brief)
@@ -83,7 +88,7 @@ def worth_lines(said: Answer, *, brief: bool = False) -> list[str]:
             "--empty FROM:TO says when it was"
         )
     known = [load for load in said.loads if load["mass_kg"] is not None]
-    return lines + (_notes(known[0]) if known else [])
+    return lines + (_load_notes(known[0]) if known else [])
 
 
 def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
@@ -94,26 +99,26 @@ def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
     low, high = mass - COVERAGE * u, mass + COVERAGE * u
     lines = [
         f"mass {plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
-        f"{number(low)} to {number(high)} kg, from {load['manoeuvres']} "
+        f"{number_text(low)} to {number_text(high)} kg, from {load['manoeuvres']} "
         f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
     lines += filter(None, [calibrated_line(load)])
     if load["payload_kg"] is not None:
-        lines.append(f"payload {_payload(load)} kg")
+        lines.append(f"payload {_payload_text(load)} kg")
     if not brief:
         lines.append(prior_line(load))
-    return lines + _notes(load)
+    return lines + _load_notes(load)
 
 
 def prior_line(load: Mapping[str, Any]) -> str:
     """The mass under priors half and twice as wide."""
     return (
-        f"prior sensitivity: {number(load['mass_halved_priors_kg'])} kg (×½) … "
-        f"{number(load['mass_doubled_priors_kg'])} kg (×2)"
+        f"prior sensitivity: {number_text(load['mass_halved_priors_kg'])} kg (×½) … "
+        f"{number_text(load['mass_doubled_priors_kg'])} kg (×2)"
     )
 
 
-def _notes(load: Mapping[str, Any]) -> list[str]:
+def _load_notes(load: Mapping[str, Any]) -> list[str]:
     """What holds for every load of the log."""
     lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
@@ -167,7 +172,7 @@ def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, st
 
     Of the load that is known from most manoeuvres.
     """
-    shown = main_load(said)
+    shown = best_known_load(said)
     rows: list[tuple[str, str, str, str, str]] = []
     for source in said.budget:
         if source.get("load_id", 0) != shown:
@@ -182,7 +187,7 @@ def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, st
     return rows
 
 
-def main_load(said: Answer) -> int:
+def best_known_load(said: Answer) -> int:
     """The load that is known from most manoeuvres, the first of several."""
     known = [load for load in said.loads if load["mass_kg"] is not None]
     return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
@@ -192,9 +197,9 @@ def main_load(said: Answer) -> int:
 _SCATTER_UNKNOWN: Final = "an assumed disagreement of manoeuvres of one load"
 
 
-def advice(said: Answer) -> str | None:
+def uncertainty_advice(said: Answer) -> str | None:
     """What would shrink the uncertainty most; None without an answer."""
-    shown = main_load(said)
+    shown = best_known_load(said)
     known = [s for s in said.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in said.loads):
         return None
@@ -207,7 +212,7 @@ def advice(said: Answer) -> str | None:
     return f"largest contribution: {meaning} ({most['cause']}{part}); to reduce: {most['shrinks']}"
 
 
-def _payload(load: Mapping[str, Any]) -> str:
+def _payload_text(load: Mapping[str, Any]) -> str:
     if load["payload_kg"] is None:
         return "–"
     if load.get("empty"):
@@ -239,7 +244,7 @@ def calibrated_line(load: Mapping[str, Any]) -> str:
     return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
-def _remark(load: Mapping[str, Any]) -> str:
+def _load_remark(load: Mapping[str, Any]) -> str:
     if load["mass_kg"] is None:
         return load["withheld_for"]
     if load.get("scatter_known") is False:

@@ -41,7 +41,7 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     by_cycle: dict[int, dict[str, EnergyAmount]] = {}
     for row in state.energy.rows:
         if row.cycle is not None:
-            by_cycle.setdefault(row.cycle, {}).update(_amounts(row))
+            by_cycle.setdefault(row.cycle, {}).update(amounts_by_name(row))
     found: list[dict[str, EnergyAmount]] = []
     for ledger_row in rows.iter_rows(named=True):
         amounts = by_cycle.get(ledger_row["cycle"], {})
@@ -61,7 +61,7 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     return rows.with_columns(columns)
 
 
-def _amounts(row: EnergyRow) -> dict[str, EnergyAmount]:
+def amounts_by_name(row: EnergyRow) -> dict[str, EnergyAmount]:
     """What a row of the energy says, by the ledger's names."""
     if row.phase != WHOLE:
         return {row.phase: row.work}
@@ -101,7 +101,7 @@ def amount_text(amount: EnergyAmount) -> str:
     return plus_minus(amount.kWh, K * amount.u_kWh)
 
 
-def energy_fact(
+def energy_facts(
     ledger: pl.DataFrame, shift: Mapping[str, Any], state: ReviewState
 ) -> list[tuple[str, str]]:
     """The shift's energy in a line, name and value; nothing where it is not known."""
@@ -150,22 +150,22 @@ def energy_table(state: ReviewState) -> list[tuple[str, Sequence[str]]]:
     # all cells to the place that the whole work is worth
     digits = min(max(1 - floor(log10(max(K * rows[0].work.u_kWh, 1e-9))), 0), _MOST_DIGITS)
     found: list[tuple[str, Sequence[str]]]
-    found = [(part, [_cell(getattr(row, part), digits) for row in rows]) for part in PARTS]
+    found = [(part, [energy_cell(getattr(row, part), digits) for row in rows]) for part in PARTS]
     if any(row.fuel_L is not None for row in rows):
         u_1 = state.energy.fuel_u_1
         head = "fuel in L" if u_1 is not None else "fuel in L, ± not known"
-        found.append((head, [_litres(row.fuel_L, u_1) for row in rows]))
+        found.append((head, [litres_cell(row.fuel_L, u_1) for row in rows]))
     return found
 
 
-def _litres(fuel_L: float | None, u_1: float | None) -> str:
+def litres_cell(fuel_L: float | None, u_1: float | None) -> str:
     """The fuel of a phase in the table, with its interval where that is known."""
     if fuel_L is None:
         return "–"
     return f"{fuel_L:.2f}" if u_1 is None else f"{fuel_L:.2f} ± {K * u_1 * fuel_L:.2f}"
 
 
-def _cell(amount: EnergyAmount, digits: int) -> str:
+def energy_cell(amount: EnergyAmount, digits: int) -> str:
     """An energy in the table; a dash where it is nothing."""
     least = 0.5 * 10.0**-digits
     if abs(amount.kWh) < least and K * amount.u_kWh < least:

@@ -41,9 +41,9 @@ def find_cycle(when: str, rows: pl.DataFrame, clock: ShiftClock) -> int:
         found = [ids.index(text)]
     elif match := _TIME.fullmatch(text):
         try:
-            found = _at(match, rows, clock)
+            found = rows_at_time(match, rows, clock)
         except ValueError as error:  # 30 February, an offset of 25 h
-            raise ReviewError(f"'{when}' is no time ({error})") from None
+            raise ReviewError(f"'{when}' is not a time ({error})") from None
     else:
         raise ReviewError(
             f"'{when}' names no cycle; give its number (14), its id, or a local time (14:32:10)"
@@ -65,11 +65,11 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
     """
     match = _TIME.fullmatch(text.strip())
     try:
-        found = [] if match is None else _instants(match, clock)
+        found = [] if match is None else match_instants(match, clock)
     except ValueError as error:
-        raise ReviewError(f"'{text}' is no time ({error})") from None
+        raise ReviewError(f"'{text}' is not a time ({error})") from None
     if match is None:
-        raise ReviewError(f"'{text}' is no time; write it like 14:32 or 2023-11-14 14:32:10")
+        raise ReviewError(f"'{text}' is not a time; write it like 14:32 or 2023-11-14 14:32:10")
     begin_s = clock.t0_unix_ns / NS
     within_shift = [each for each in found if 0.0 <= each - begin_s <= clock.duration_s]
     # of a shift over midnight the other day's hour is hours before it begins
@@ -80,12 +80,12 @@ def find_instant(text: str, clock: ShiftClock) -> dt.datetime:
     return dt.datetime.fromtimestamp(found[0], dt.UTC)
 
 
-def _at(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int]:
+def rows_at_time(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int]:
     """Rows that a time may mean."""
     starts, ends = rows["start_unix_ns"].to_list(), rows["end_unix_ns"].to_list()
     room_s = 60.0 if match["s"] is None else 0.0
     found: set[int] = set()
-    for unix_s in _instants(match, clock):
+    for unix_s in match_instants(match, clock):
         dumped = {
             k: abs(end / NS - unix_s)
             for k, end in enumerate(ends)
@@ -99,7 +99,7 @@ def _at(match: re.Match[str], rows: pl.DataFrame, clock: ShiftClock) -> list[int
     return sorted(found)
 
 
-def _instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
+def match_instants(match: re.Match[str], clock: ShiftClock) -> list[float]:
     """The unix times at which the clock at the machine shows this, in s."""
     hour, minute, second = (int(match[name] or 0) for name in ("h", "m", "s"))
     if not clock.is_dated:

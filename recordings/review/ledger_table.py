@@ -45,25 +45,25 @@ def _as_it_is(name: str) -> Callable[[Row, ShiftClock], Cell]:
     return lambda row, _: row[name]
 
 
-def _utc(row: Row, _: ShiftClock) -> Cell:
+def _utc_cell(row: Row, _: ShiftClock) -> Cell:
     if row["end_unix_ns"] < FIRST_DATE_NS:
         return None
     return dt.datetime.fromtimestamp(row["end_unix_ns"] // NS, dt.UTC).replace(tzinfo=None)
 
 
-def _local(row: Row, clock: ShiftClock) -> dt.datetime | None:
+def _local_time_cell(row: Row, clock: ShiftClock) -> dt.datetime | None:
     if not clock.is_dated:
         return None
     return clock.local((row["end_unix_ns"] - clock.t0_unix_ns) / NS)
 
 
-def _wall(row: Row, clock: ShiftClock) -> Cell:
-    local = _local(row, clock)
+def _wall_clock_cell(row: Row, clock: ShiftClock) -> Cell:
+    local = _local_time_cell(row, clock)
     return None if local is None else local.replace(tzinfo=None)
 
 
 def _offset_h(row: Row, clock: ShiftClock) -> Cell:
-    local = _local(row, clock)
+    local = _local_time_cell(row, clock)
     offset = None if local is None else local.utcoffset()
     return None if offset is None else offset / dt.timedelta(hours=1)
 
@@ -72,7 +72,7 @@ def _describe_counted(row: Row, _: ShiftClock) -> Cell:
     return "yes" if row["counted"] else "no"
 
 
-def _remark(row: Row, _: ShiftClock) -> Cell:
+def _remark_cell(row: Row, _: ShiftClock) -> Cell:
     return remark(row)
 
 
@@ -90,14 +90,14 @@ def _energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
 #: Times are those of the dump; the offset tells two 02:30 of one night apart.
 COLUMNS: Final = (
     TableColumn("cycle", "1", _as_it_is("cycle"), 0),
-    TableColumn("local time", "date", _wall),
+    TableColumn("local time", "date", _wall_clock_cell),
     TableColumn("offset from UTC", "h", _offset_h, 2),
-    TableColumn("UTC", "date", _utc),
+    TableColumn("UTC", "date", _utc_cell),
     TableColumn("payload", "kg", _scale_column("payload_kg"), 0),
     TableColumn("± (95 %, k = 2)", "kg", _scale_column("payload_u_kg", K), 0),
     TableColumn("counted", "yes or no", _describe_counted),
     TableColumn("quality", "", _as_it_is("quality")),
-    TableColumn("remark", "", _remark),
+    TableColumn("remark", "", _remark_cell),
     *(TableColumn(name, "", _as_it_is(name)) for name in LABELS),
     TableColumn("note", "", _as_it_is("note")),
     TableColumn("author", "", _as_it_is("author")),
@@ -162,10 +162,10 @@ def write_table_csv(
         writer.writerow([column.unit for column in COLUMNS])
         for row in table_rows(ledger, clock):
             cells = zip(row, COLUMNS, strict=True)
-            writer.writerow([_text(cell, c.digits, comma=decimal_comma) for cell, c in cells])
+            writer.writerow([_cell_text(cell, c.digits, comma=decimal_comma) for cell, c in cells])
 
 
-def _text(cell: Cell, digits: int | None, *, comma: bool) -> str:
+def _cell_text(cell: Cell, digits: int | None, *, comma: bool) -> str:
     if cell is None:
         return ""
     if isinstance(cell, dt.datetime):

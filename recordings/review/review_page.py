@@ -1,25 +1,25 @@
 """The page of a review: one file that a person reads on a phone, at a desk or on paper."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 import polars as pl
 
 from analysis.cycles.payload_target import TargetCheck
-from analysis.cycles.shift_totals import LabelTotal
-from analysis.model.physical_units import NS_PER_S
+from analysis.cycles.shift_totals import LabelTotal, sum_cycles
+from analysis.model.physical_units import NS, NS_PER_S
 from estimators.errors import counted
-from recordings.report.clock_text import duration_text
+from recordings.report.clock_text import ShiftClock, duration_text
 from recordings.report.number_text import REMARKED, plus_minus
 from recordings.report.render_page import page_html
 from recordings.report.shift_text import K, tonnes
-from recordings.review.cycle_rows import DETAILS, PAYLOAD, cycle_rows
 from recordings.review.energy_columns import energy_table
-from recordings.review.hour_rows import HEADS, hour_rows
-from recordings.review.review_plots import more_pictures, pictures
+from recordings.review.review_plots import load_pictures, shift_pictures
 from recordings.review.review_state import RECORDING, ReviewState
 from recordings.review.reviewer_verdicts import (
+    LABELS,
     VERDICTS,
     CycleVerdict,
     verdict_lines,
@@ -29,13 +29,22 @@ from recordings.review.shift_facts import (
     headline,
     long_holes,
     missing_loads,
-    no_tonnes,
+    no_tonnes_reason,
     other_losses,
-    scale_of,
+    scale_text,
     torn_sentences,
     two_machines,
 )
+from recordings.review.shift_ledger import cycles_of, remark
 
+_KM_H: Final = 3.6
+Row = Mapping[str, Any]
+#: Seconds of an hour.
+_HOUR_S: Final = 3600.0
+#: A rate of less recorded time than this, in s, says nothing.
+_SHORTEST_RATE_S: Final = 300.0
+#: Heads of the table, behind the hour.
+HOUR_HEADS: Final = ("loads", "t ± U", "t/h", "recorded", "not counted", "look again", "kWh")
 PAGE: Final = "review.html"
 _PACKAGE: Final = "recordings.review"
 _TEMPLATE: Final = "review.html.j2"
@@ -43,6 +52,134 @@ _SCRIPTS: Final = ("find_rows.js", "verdict_buttons.js")
 #: A page is no list of all that may be wrong.
 _MOST_FINDINGS: Final = 3
 NOT_CALIBRATED: Final = "Payloads are not calibrated"
+
+
+class CycleColumn(NamedTuple):
+    """A column of numbers: its head, where its value comes from, and digits after the point."""
+
+    head: str
+    value: Callable[[Row], float | None]
+    digits: int = 0
+
+
+def _scale_column(factor: float, name: str) -> Callable[[Row], float | None]:
+    """A column of the ledger in another unit."""
+
+    def value(row: Row) -> float | None:
+        return None if row[name] is None else factor * row[name]
+
+    return value
+
+
+#: The answer, beside which quality and verdict stand.
+PAYLOAD: Final = (
+    CycleColumn("payload kg", _scale_column(1.0, "payload_kg")),
+    CycleColumn("± kg", _scale_column(K, "payload_u_kg")),
+)
+#: What else is known of a cycle.
+DETAILS: Final = (
+    CycleColumn("carried back kg", _scale_column(1.0, "carry_back_kg")),
+    CycleColumn("haul m", _scale_column(1.0, "haul_m")),
+    CycleColumn("top km/h", _scale_column(_KM_H, "top_speed_m_s"), 1),
+    CycleColumn("moving s", _scale_column(1.0, "moving_s")),
+    CycleColumn("standing s", _scale_column(1.0, "standing_s")),
+    CycleColumn("return s", _scale_column(1.0, "return_s")),
+    CycleColumn("load s", _scale_column(1.0, "load_s")),
+    CycleColumn("haul s", _scale_column(1.0, "haul_s")),
+    CycleColumn("dump s", _scale_column(1.0, "dump_s")),
+    CycleColumn("kWh", _scale_column(1.0, "energy_kWh"), 4),
+    CycleColumn("± kWh", _scale_column(K, "energy_u_kWh"), 4),
+    CycleColumn("kWh/t", _scale_column(1.0, "energy_per_t_kWh"), 3),
+)
+
+
+def number_cells(row: Row, columns: Sequence[CycleColumn]) -> list[str]:
+    """Numbers as texts; a dash where there is none."""
+    values = [(column, column.value(row)) for column in columns]
+    return ["–" if value is None else f"{value:,.{column.digits}f}" for column, value in values]
+
+
+def cycle_rows(
+    rows: pl.DataFrame, verdicts: Mapping[int, CycleVerdict], clock: ShiftClock
+) -> list[Row]:
+    """What the page's table shows of each cycle.
+
+    Args:
+        rows: the ledger.
+        verdicts: on cycles, by row.
+        clock: of the shift.
+    """
+    return [
+        _cycle_row(row, verdicts.get(k), clock) for k, row in enumerate(rows.iter_rows(named=True))
+    ]
+
+
+def _cycle_row(row: Row, verdict: CycleVerdict | None, clock: ShiftClock) -> Row:
+    labels = [row[name] for name in LABELS if row[name]]
+    by = "" if verdict is None else f"{verdict.author}, {clock.day_and_time(verdict.time)}"
+    own = None if verdict is None else verdict.model_dump(include={"reject", "note", *LABELS})
+    return {
+        "number": row["cycle"],
+        "id": row["id"],
+        "time": row["local_time"],
+        "ends_s": round(row["end_unix_ns"] / NS_PER_S),
+        "payload": number_cells(row, PAYLOAD),
+        "details": number_cells(row, DETAILS),
+        "quality": "rejected" if row["rejected"] else row["quality"],
+        "remark": remark(row),
+        "labels": ", ".join(labels),
+        "note": ": ".join(filter(None, (by, row["note"]))),
+        "said": "" if own is None else json.dumps(own),
+        "out": not row["counted"],
+        "command": f"payscope view {RECORDING} --at {max(row['at_s'], 0.0):.1f}",
+    }
+
+
+def hour_rows(ledger: pl.DataFrame, state: ReviewState) -> list[tuple[str, ...]]:
+    """A row an hour of the shift: recorded time, loads, tonnes, what does not count, energy.
+
+    A load is of the hour in which it is dumped. What is common to all loads is in the ± of each
+    hour: they do not add up in squares.
+
+    Args:
+        ledger: with energy.
+        state: of the review.
+    """
+    clock, t0_ns = state.clock, state.t0_unix_ns
+    hours = [clock.hour((ends_ns - t0_ns) / NS) for ends_ns in ledger["end_unix_ns"]]
+    named = ledger.with_columns(pl.Series("hour", hours, dtype=pl.String))
+    recorded = dict(recorded_hours(clock, state.gaps_s))
+    return [
+        (hour, *_hour_cells(named.filter(hour=hour), t0_ns, recorded.get(hour, 0.0)))
+        for hour in dict.fromkeys([*recorded, *hours])
+    ]
+
+
+def _hour_cells(rows: pl.DataFrame, t0_ns: int, recorded_s: float) -> Iterator[str]:
+    """The cells of an hour, by `HOUR_HEADS`."""
+    rejected = rows.filter("rejected")["cycle"].to_list()
+    sums = sum_cycles(cycles_of(rows, t0_ns), rejected)
+    energies = rows["energy_kWh"].drop_nulls()
+    rate = sums["payload_kg"] / 1e3 / (recorded_s / _HOUR_S) if recorded_s else 0.0
+    yield f"{sums['cycles_counted']}"
+    yield tonnes(sums["payload_kg"], K * sums["payload_u_kg"])
+    yield f"{rate:.1f}" if recorded_s >= _SHORTEST_RATE_S else "–"
+    yield f"{recorded_s / 60.0:.0f} min"
+    yield f"{rows.height - sums['cycles_counted']}"
+    yield f"{rows.filter('counted', pl.col('doubt') != '').height}"
+    yield f"{energies.sum():.2f}" if energies.len() else "–"
+
+
+def recorded_hours(
+    clock: ShiftClock, gaps_s: tuple[tuple[float, float], ...]
+) -> Iterator[tuple[str, float]]:
+    """Each hour of the clock that the shift touches, and how much of it was recorded, in s."""
+    begin_s = 0.0
+    while begin_s < clock.duration_s:
+        end_s = min(clock.next_hour(begin_s), clock.duration_s)
+        hidden_s = sum(max(min(e, end_s) - max(s, begin_s), 0.0) for s, e in gaps_s)
+        yield clock.hour(begin_s), end_s - begin_s - hidden_s
+        begin_s = end_s
 
 
 class UsedCalibration(NamedTuple):
@@ -96,7 +233,7 @@ class ReviewPage:
 def review_html(page: ReviewPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
     state, shift = page.state, page.shift
-    why_not = no_tonnes(state, page.ledger)
+    why_not = no_tonnes_reason(state, page.ledger)
     said = page.ledger.filter(pl.col("author") != "").height
     return page_html(
         _PACKAGE,
@@ -118,9 +255,9 @@ def review_html(page: ReviewPage) -> str:
         t0_s=round(state.t0_unix_ns / NS_PER_S),
         doubted=page.ledger.filter("counted", pl.col("doubt") != "").height,
         hours=hour_rows(page.ledger, state),
-        hour_heads=list(HEADS),
-        load_pictures=pictures(page.ledger, state, page.target),
-        pictures=more_pictures(state, page.track),
+        hour_heads=list(HOUR_HEADS),
+        load_pictures=load_pictures(page.ledger, state, page.target),
+        pictures=shift_pictures(state, page.track),
         losses=[*(each.loss for each in state.torn), *other_losses(state)],
         totals={name: _total_rows(rows) for name, rows in page.totals.items()},
         changes=page.changes,
@@ -128,7 +265,7 @@ def review_html(page: ReviewPage) -> str:
         verdict_lines=verdict_lines(page.verdicts),
         verdict_file=VERDICTS,
         calibration=page.calibration.says or "none: masses are by the machine file alone",
-        friction=_friction(state),
+        friction=_friction_text(state),
         energy=energy_table(state),
         energy_phases=[row.phase for row in state.energy.rows if row.cycle is None],
     )
@@ -156,10 +293,10 @@ def _warnings(page: ReviewPage) -> list[str]:
         for finding in state.findings[:_MOST_FINDINGS]
     ]
     if page.shift["scale_unknown"]:
-        found.append(f"Scale {scale_of(page.shift)}.")
+        found.append(f"Scale {scale_text(page.shift)}.")
     return found
 
 
-def _friction(state: ReviewState) -> str:
+def _friction_text(state: ReviewState) -> str:
     value, std = state.friction
     return "–" if value is None else f"{plus_minus(value, std)} N·s/m (standard uncertainty)"

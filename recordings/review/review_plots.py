@@ -19,7 +19,9 @@ _MOST_REASONS: Final = 9
 _FEWEST_LOADS: Final = 5
 
 
-def pictures(ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None) -> list[Drawing]:
+def load_pictures(
+    ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | None
+) -> list[Drawing]:
     """The figures of the loads: none where no load counts, no distribution of one.
 
     Args:
@@ -30,11 +32,11 @@ def pictures(ledger: pl.DataFrame, state: ReviewState, target: TargetCheck | Non
     counted = ledger.filter("counted")
     if not counted.height:
         return []
-    found = [_timeline(ledger, state)]
-    return [*found, _distribution(counted, target)] if counted.height > 1 else found
+    found = [_draw_timeline(ledger, state)]
+    return [*found, _draw_distribution(counted, target)] if counted.height > 1 else found
 
 
-def more_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
+def shift_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawing]:
     """The figures of friction, gate and track that there is something to draw for.
 
     Args:
@@ -43,15 +45,15 @@ def more_pictures(state: ReviewState, track: pl.DataFrame | None) -> list[Drawin
     """
     found: list[Drawing] = []
     if len(state.friction_parts) > 1:
-        found.append(_friction(state))
+        found.append(_draw_friction(state))
     if state.gate_shares:
-        found.append(_reasons(state))
+        found.append(_draw_reasons(state))
     if track is not None and track.height > 1:
-        found.append(_track(track))
+        found.append(draw_track(track))
     return found
 
 
-def _timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
+def _draw_timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     shown = ledger.filter(pl.col("payload_kg").is_not_null())
     clock = state.clock
     seconds = ((shown["end_unix_ns"] - state.t0_unix_ns) / 1e9).to_list()
@@ -81,7 +83,7 @@ def _timeline(ledger: pl.DataFrame, state: ReviewState) -> Drawing:
     return picture
 
 
-def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
+def _draw_distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
     payload = counted["payload_kg"].to_numpy()
     marks = [] if target is None else [target.target_kg * share for share in (1.0, 1.1, 1.2)]
     low, high = float(min(payload.min(), *marks, payload.max())), float(payload.max())
@@ -112,7 +114,7 @@ def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
     return picture
 
 
-def _friction(state: ReviewState) -> Drawing:
+def _draw_friction(state: ReviewState) -> Drawing:
     parts = state.friction_parts
     value = [part.friction_N_s_m for part in parts]
     std = [part.std_N_s_m for part in parts]
@@ -146,7 +148,7 @@ def _friction(state: ReviewState) -> Drawing:
     return picture
 
 
-def _reasons(state: ReviewState) -> Drawing:
+def _draw_reasons(state: ReviewState) -> Drawing:
     rows = sorted(state.gate_shares.items(), key=lambda row: -row[1])[:_MOST_REASONS]
     words = ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in rows)
     picture = Drawing(
@@ -166,7 +168,7 @@ def _reasons(state: ReviewState) -> Drawing:
     return picture
 
 
-def _track(track: pl.DataFrame) -> Drawing:
+def draw_track(track: pl.DataFrame) -> Drawing:
     """The way on a plane that touches the earth at its middle, in m."""
     latitude, longitude = (track[n].to_numpy() for n in ("latitude_deg", "longitude_deg"))
     middle = float(np.median(latitude))

@@ -24,7 +24,8 @@ from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of
 from recordings.review.torn_logs import TornLog
-from recordings.rrd.recording_texts import local_time, machine_body, machine_name
+from recordings.rrd.provenance_texts import local_time, machine_body
+from recordings.rrd.recording_texts import machine_name
 
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
@@ -178,7 +179,7 @@ def state_of(
         gate_shares={name: share for name, share in shares.iter_rows() if name is not None},
         gaps_s=tuple((start / NS, end / NS) for start, end in gaps),
         sampling=tuple(
-            _sampling(name.removeprefix("raw/"), frame)
+            _topic_sampling(name.removeprefix("raw/"), frame)
             for name, frame in frames.items()
             if name.startswith("raw/")
         ),
@@ -188,7 +189,7 @@ def state_of(
         ),
         digs=frames["digging"].height,
         findings=tuple(finding_line(e, clock) for e in findings_of(run) if e.severity != "tell"),
-        no_cycle=_no_cycle(frames["cycles"], frames["loads"]),
+        no_cycle=no_cycle_reason(frames["cycles"], frames["loads"]),
         mixed_machines=mixed_machines,
         timezone=timezone,
         serial=str(body.get("id") or ""),
@@ -202,7 +203,7 @@ def state_of(
 
 
 def read_state(folder: Path) -> ReviewState | None:
-    """The state of an earlier review, None where there is none that this payscope understands."""
+    """Read the state of an earlier review; None where there is none in a format of this version."""
     try:
         state = ReviewState.model_validate_json((folder / STATE).read_bytes())
     except (OSError, ValidationError):
@@ -210,7 +211,9 @@ def read_state(folder: Path) -> ReviewState | None:
     return state if state.format == FORMAT else None
 
 
-def changed(before: ReviewState | None, resolved: dict[str, Any]) -> list[tuple[str, str, str]]:
+def changed_values(
+    before: ReviewState | None, resolved: dict[str, Any]
+) -> list[tuple[str, str, str]]:
     """What differs from the review before: name, was, is.
 
     Args:
@@ -219,7 +222,7 @@ def changed(before: ReviewState | None, resolved: dict[str, Any]) -> list[tuple[
     """
     if before is None:
         return []
-    old, new = flat(before.resolved), flat(resolved)
+    old, new = flatten_texts(before.resolved), flatten_texts(resolved)
     return [
         (name, old.get(name, "–"), new.get(name, "–"))
         for name in sorted(old.keys() | new.keys())
@@ -227,17 +230,17 @@ def changed(before: ReviewState | None, resolved: dict[str, Any]) -> list[tuple[
     ]
 
 
-def flat(values: Any, name: str = "") -> dict[str, str]:
+def flatten_texts(values: Any, name: str = "") -> dict[str, str]:
     """Nested values by dotted names, as texts."""
     if isinstance(values, dict):
         found: dict[str, str] = {}
         for key, value in values.items():  # pyright: ignore[reportUnknownVariableType]
-            found |= flat(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
+            found |= flatten_texts(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
         return found
     return {name: str(values)}
 
 
-def _no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
+def no_cycle_reason(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     """Why there is no cycle; nothing where there is one."""
     if cycles.height:
         return ""
@@ -248,7 +251,7 @@ def _no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
     return f"of {loads.height} load states none can be told to be loaded or empty"
 
 
-def _sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
+def _topic_sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
     steps = np.diff(frame["log_time_ns"].to_numpy()) / NS
     middle = float(np.median(steps)) if steps.size else 0.0
     known = middle > 0.0

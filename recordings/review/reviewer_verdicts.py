@@ -81,7 +81,7 @@ class ShiftVerdict(Labels):
     author: _Author | None = None
     time: dt.datetime | None = None
 
-    def holds_at(self, unix_s: float) -> bool:
+    def applies_at(self, unix_s: float) -> bool:
         """Whether it is said of a cycle that is dumped then."""
         first, last = (
             limit if each is None else each.timestamp()
@@ -105,7 +105,7 @@ class VerdictFile(BaseModel):
 
     def labels_at(self, unix_s: float) -> Labels:
         """What is said of cycles that are dumped at a time."""
-        return merge_labels(each for each in self.shift if each.holds_at(unix_s))
+        return merge_labels(each for each in self.shift if each.applies_at(unix_s))
 
 
 def merge_labels(verdicts: Iterable[ShiftVerdict]) -> Labels:
@@ -154,7 +154,7 @@ def parse_verdicts(text: str, folder: Path) -> VerdictFile:
     try:
         return VerdictFile.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
-        raise ReviewError(f"{path}: is no TOML ({error})") from None
+        raise ReviewError(f"{path}: is not TOML ({error})") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
@@ -179,10 +179,13 @@ def verdict_toml(verdicts: Iterable[CycleVerdict | ShiftVerdict]) -> str:
 
 def verdict_lines(text: str) -> list[str]:
     """The file's own lines, comments too, for a page; what no screen shows is by its number."""
-    return ["".join(_visible(c) for c in line.replace("\t", " ")) for line in text.splitlines()]
+    return [
+        "".join(_escape_unprintable(c) for c in line.replace("\t", " "))
+        for line in text.splitlines()
+    ]
 
 
-def matched(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
+def match_verdicts(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, CycleVerdict]:
     """The verdict of each row that has one; of two about one cycle the later counts.
 
     Args:
@@ -193,10 +196,10 @@ def matched(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, Cycl
     Raises:
         ReviewError: an id that no cycle has.
     """
-    times = [_seconds(each) for each in ids]
+    times = [seconds_of_id(each) for each in ids]
     found: dict[int, CycleVerdict] = {}
     for verdict in sorted(verdicts.cycle, key=lambda v: v.time.astimezone(dt.UTC)):
-        at = _seconds(verdict.id)
+        at = seconds_of_id(verdict.id)
         away = {} if at is None else {k: abs(t - at) for k, t in enumerate(times) if t is not None}
         best = min(away, key=away.__getitem__, default=None)
         if best is None or away[best] > _SAME_S:
@@ -208,7 +211,7 @@ def matched(verdicts: VerdictFile, ids: pl.Series, path: Path) -> dict[int, Cycl
     return found
 
 
-def _seconds(identity: str) -> float | None:
+def seconds_of_id(identity: str) -> float | None:
     """An id as seconds, None where it is none."""
     try:
         if identity.endswith("s"):
@@ -228,8 +231,8 @@ def _toml_value(value: object) -> str:
 
 def _toml_character(c: str) -> str:
     """A character of a basic string; what no screen shows is written by its number."""
-    return f"\\{c}" if c in '\\"' else _visible(c)
+    return f"\\{c}" if c in '\\"' else _escape_unprintable(c)
 
 
-def _visible(c: str) -> str:
+def _escape_unprintable(c: str) -> str:
     return c if c.isprintable() else f"\\U{ord(c):08x}"

@@ -11,10 +11,10 @@ from estimators.errors import counted
 from recordings.report.clock_text import duration_text
 from recordings.report.number_text import plus_minus
 from recordings.report.shift_text import K, shift_sentence, tonnes
-from recordings.review.energy_columns import energy_fact
+from recordings.review.energy_columns import energy_facts
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_ledger import HOLE_S
-from recordings.review.torn_logs import open_end
+from recordings.review.torn_logs import torn_last_log
 
 #: A headline is no list of all that may be wrong; the table has all.
 _MOST_CHECKS: Final = 3
@@ -31,17 +31,17 @@ def headline(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
 
     Args:
         shift: frame `shift`, as reviewed.
-        why_not: see `no_tonnes`.
+        why_not: see `no_tonnes_reason`.
         state: of the review: a torn last log leaves the end open.
     """
     answer = f"No tonnes: {why_not}" if why_not else shift_sentence(shift)
-    end = open_end(state.torn)
+    end = torn_last_log(state.torn)
     if end is None or why_not:
         return answer
     return f"{answer}; until {state.clock.at(end.ends_s)}, the rest is unknown"
 
 
-def no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
+def no_tonnes_reason(state: ReviewState, ledger: pl.DataFrame) -> str:
     """Why no cycle counts; nothing where one does."""
     if ledger["counted"].any():
         return ""
@@ -86,7 +86,7 @@ def long_holes(shift: Mapping[str, Any], state: ReviewState) -> str:
     if shift["lost_cycles"] > 0.0:
         price = (
             f"estimated for all that was not recorded: "
-            f"{_number(shift['lost_cycles'], shift['lost_cycles_u'])} loads, "
+            f"{_count_text(shift['lost_cycles'], shift['lost_cycles_u'])} loads, "
             f"{tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}"
         )
     return f"Nothing was recorded {spans}; {price}."
@@ -120,16 +120,16 @@ def facts(
     target: TargetCheck | None,
 ) -> list[tuple[str, str]]:
     """What a reader looks for, name and value: the work first, then what the tonnes are worth."""
-    found = [*_work(shift, ledger), *_times(shift, ledger, state)]
-    found += energy_fact(ledger, shift, state)
+    found = [*_work_facts(shift, ledger), *_time_facts(shift, ledger, state)]
+    found += energy_facts(ledger, shift, state)
     if target is not None:
         found.append(("10/10/20", target_sentence(target)))
     if shift["cycles_counted"]:
-        found += _worth(shift, state)
+        found += _payload_facts(shift, state)
     return found
 
 
-def _work(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str]]:
+def _work_facts(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     recorded_h = (shift["duration_s"] - shift["gap_s"]) / _HOUR_S
     if recorded_h > 0.0 and shift["cycles"]:
@@ -141,7 +141,7 @@ def _work(shift: Mapping[str, Any], ledger: pl.DataFrame) -> list[tuple[str, str
     found.append(
         (
             "cycles",
-            f"{shift['cycles']} seen ({_seen_by(shift)}), {shift['cycles_counted']} counted, "
+            f"{shift['cycles']} seen ({_seen_text(shift)}), {shift['cycles_counted']} counted, "
             f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
         )
     )
@@ -165,10 +165,10 @@ def _mean_load(shift: Mapping[str, Any]) -> str:
     return f"{mean} on average, standard deviation {shift['payload_std_kg'] or 0.0:,.0f} kg"
 
 
-def _times(
+def _time_facts(
     shift: Mapping[str, Any], ledger: pl.DataFrame, state: ReviewState
 ) -> list[tuple[str, str]]:
-    found = cycle_times(ledger)
+    found = cycle_time_facts(ledger)
     motion = state.motion
     if motion.distance_m is not None and motion.top_speed_m_s is not None:
         haul_m = ledger["haul_m"].mean()
@@ -195,17 +195,17 @@ def _times(
     return found
 
 
-def _worth(shift: Mapping[str, Any], state: ReviewState) -> list[tuple[str, str]]:
+def _payload_facts(shift: Mapping[str, Any], state: ReviewState) -> list[tuple[str, str]]:
     return [
-        ("payload", _delivered(shift)),
+        ("payload", payload_place_text(shift)),
         ("interval", "95 % (k = 2)"),
         ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
         ("systematic", f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)"),
-        ("scale", scale_of(shift)),
-        ("estimated where nothing was recorded", _lost(shift, state)),
+        ("scale", scale_text(shift)),
+        ("estimated where nothing was recorded", _lost_text(shift, state)),
         (
             "estimated for cycles without a mass",
-            _priced(
+            cycles_and_mass_text(
                 (shift["uncounted_cycles"], shift["uncounted_cycles_u"]),
                 (shift["uncounted_kg"], shift["uncounted_u_kg"]),
             ),
@@ -213,7 +213,7 @@ def _worth(shift: Mapping[str, Any], state: ReviewState) -> list[tuple[str, str]
     ]
 
 
-def _delivered(shift: Mapping[str, Any]) -> str:
+def payload_place_text(shift: Mapping[str, Any]) -> str:
     """Whether payloads are those at the start of a haul or at its end."""
     arriving_1 = shift.get("arriving_1")
     if arriving_1 is None:
@@ -228,11 +228,11 @@ def _delivered(shift: Mapping[str, Any]) -> str:
     )
 
 
-def _lost(shift: Mapping[str, Any], state: ReviewState) -> str:
-    lost = _priced(
+def _lost_text(shift: Mapping[str, Any], state: ReviewState) -> str:
+    lost = cycles_and_mass_text(
         (shift["lost_cycles"], shift["lost_cycles_u"]), (shift["lost_kg"], shift["lost_u_kg"])
     )
-    end = open_end(state.torn)
+    end = torn_last_log(state.torn)
     if end is None:
         return lost
     unknown = f"unknown after {state.clock.at(end.ends_s)}"
@@ -242,14 +242,14 @@ def _lost(shift: Mapping[str, Any], state: ReviewState) -> str:
 _NOTHING: Final = "nothing"
 
 
-def _priced(cycles: tuple[float, float], kg: tuple[float, float]) -> str:
+def cycles_and_mass_text(cycles: tuple[float, float], kg: tuple[float, float]) -> str:
     """A number of cycles and what they carried, each with its standard uncertainty."""
     if not any((*cycles, *kg)):
         return _NOTHING
-    return f"{_number(*cycles)} cycles, {tonnes(kg[0], K * kg[1])}"
+    return f"{_count_text(*cycles)} cycles, {tonnes(kg[0], K * kg[1])}"
 
 
-def scale_of(shift: Mapping[str, Any]) -> str:
+def scale_text(shift: Mapping[str, Any]) -> str:
     """What tells the scale of the tonnes, or what does not."""
     gain = ""
     if shift["gain_1"] is not None:
@@ -265,7 +265,7 @@ def scale_of(shift: Mapping[str, Any]) -> str:
     )
 
 
-def cycle_times(ledger: pl.DataFrame) -> list[tuple[str, str]]:
+def cycle_time_facts(ledger: pl.DataFrame) -> list[tuple[str, str]]:
     """What a cycle's time goes into, on average; nothing where no cycle was seen whole.
 
     A cycle with a hole in it, or with a reviewer's verdict against it, is in no mean.
@@ -301,10 +301,10 @@ def two_machines(state: ReviewState) -> str:
     return f"{said[:1].upper()}{said[1:]}." if said else ""
 
 
-def _number(cycles: float, u: float) -> str:
+def _count_text(cycles: float, u: float) -> str:
     return f"{cycles:.1f} ± {K * u:.1f}"
 
 
-def _seen_by(shift: Mapping[str, Any]) -> str:
+def _seen_text(shift: Mapping[str, Any]) -> str:
     boom = "no boom" if shift["boom_dumps"] is None else f"{shift['boom_dumps']} dumps of the boom"
     return f"{shift['digs']} with digging, {boom}"

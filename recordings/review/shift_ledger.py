@@ -29,10 +29,10 @@ _QUALITY: Final = ("quality", "withheld_for", "counted")
 FORMULA: Final = r"^[=+\-@\t\r]"
 
 
-def identities(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
+def cycle_ids(cycles: pl.DataFrame, t0_unix_ns: int) -> pl.Series:
     """An id a cycle: when it ends, in UTC, or by the log's own clock where that has no date."""
     return pl.Series(
-        "id", [_identity(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]], dtype=pl.String
+        "id", [_cycle_id(t0_unix_ns + t_ns) for t_ns in cycles["end_t_ns"]], dtype=pl.String
     )
 
 
@@ -71,7 +71,7 @@ def ledger(
     when = ["" if each is None else _iso(each.time) for each in rows]
     return cycles.select(
         "cycle",
-        identities(cycles, t0_unix_ns),
+        cycle_ids(cycles, t0_unix_ns),
         *times,
         (pl.col("start_t_ns") / NS).alias("at_s"),
         pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", *_QUALITY),
@@ -160,7 +160,7 @@ def write_ledger(frame: pl.DataFrame, folder: Path) -> None:
     frame.with_columns(safe).write_csv(folder / CSV, float_precision=3)
 
 
-def _identity(unix_ns: int) -> str:
+def _cycle_id(unix_ns: int) -> str:
     if unix_ns < FIRST_DATE_NS:
         return f"{unix_ns / NS:.0f}s"
     return _iso(dt.datetime.fromtimestamp(unix_ns // NS, dt.UTC))

@@ -51,6 +51,6 @@ class TornLog(BaseModel):
         return f"at most the last {last} of log {self.number} ({self.name})"
 
 
-def open_end(torn: Iterable[TornLog]) -> TornLog | None:
+def torn_last_log(torn: Iterable[TornLog]) -> TornLog | None:
     """The last log of the shift where that is torn: then nobody knows when the shift ended."""
     return next((each for each in torn if each.next_s is None), None)

@@ -54,7 +54,9 @@ def write_week_page(
     if path.suffix != ".html":
         raise OutputError(f"{path}: the page of a week is one file; name it like week.html")
     if path.is_file() and _MARK not in path.read_text(encoding="utf-8", errors="replace")[:200]:
-        raise OutputError(f"{path}: is there already and is no page of a week; name another file")
+        raise OutputError(
+            f"{path}: is there already and is not a page of a week; name another file"
+        )
     with atomic_file(path, force=True) as stage:
         text = week_html(parts, shifts, limit_N_s_m, path.parent)
         stage.write_text(text.replace("<html", f"{_MARK}\n<html", 1), encoding="utf-8")
@@ -80,7 +82,7 @@ def week_html(
         headline=week_sentence(parts),
         verdicts=f"{whole.rejected} rejected, {whole.noted} with another verdict",
         heads=list(HEADS),
-        tables={by: [_cells(each) for each in sum_by(parts, by)] for by in GROUPS},
+        tables={by: [_total_cells(each) for each in sum_by(parts, by)] for by in GROUPS},
         shifts=[_shift_row(shift, by_review.get(str(shift.folder)), folder) for shift in shifts],
         missing=[(shift.begins, text) for shift in shifts for text in shift.missing],
         trends=trend_sentences(trends),
@@ -96,7 +98,7 @@ def week_sentence(parts: Sequence[WeekPart]) -> str:
     return f"{sum_text} in {counted(whole.loads, 'load')}{scale}"
 
 
-def _cells(total: WeekTotal) -> tuple[str, ...]:
+def _total_cells(total: WeekTotal) -> tuple[str, ...]:
     """A row of a table of totals."""
     per_t = "–"
     if total.kWh_per_t is not None and total.kWh_per_t_u is not None:
@@ -115,7 +117,7 @@ def _shift_row(
     shift: WeekShift, total: WeekTotal | None, folder: Path
 ) -> tuple[str, str, tuple[str, ...]]:
     """When it began, where its page is, and its sums."""
-    cells = ("0", "–", "0", "0", "–") if total is None else _cells(total)[1:]
+    cells = ("0", "–", "0", "0", "–") if total is None else _total_cells(total)[1:]
     page = os.path.relpath(shift.folder / PAGE, folder).replace(os.sep, "/")
     return shift.begins, page, (shift.machine, *cells)
 

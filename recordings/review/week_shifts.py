@@ -41,13 +41,17 @@ def read_shifts(folders: Sequence[Path]) -> list[WeekShift]:
     states.sort(key=lambda pair: pair[1].t0_unix_ns)
     return [
         WeekShift(
-            folder, state.begins, name_machine(state), tuple(_missing(state)), _friction(state)
+            folder,
+            state.begins,
+            name_machine(state),
+            tuple(_missing_parts(state)),
+            _friction_of_state(state),
         )
         for folder, state in states
     ]
 
 
-def _missing(state: ReviewState) -> Iterable[str]:
+def _missing_parts(state: ReviewState) -> Iterable[str]:
     if state.mixed_machines:
         yield two_machines(state)
     if gaps := long_gaps(state):
@@ -56,7 +60,7 @@ def _missing(state: ReviewState) -> Iterable[str]:
     yield from other_losses(state)
 
 
-def _friction(state: ReviewState) -> FrictionDay | None:
+def _friction_of_state(state: ReviewState) -> FrictionDay | None:
     value, std = state.friction
     if value is None or not std or not state.clock.is_dated:
         return None

@@ -12,7 +12,7 @@ from analysis.cycles.shift_totals import sum_cycles
 from analysis.model.physical_units import NS
 from estimators.errors import ReviewError
 from recordings.review.review_state import ReviewState, read_state
-from recordings.review.reviewer_verdicts import matched, read_verdicts
+from recordings.review.reviewer_verdicts import match_verdicts, read_verdicts
 from recordings.review.shift_ledger import PARQUET, cycles_of
 
 #: Of a second, in ns.
@@ -108,7 +108,7 @@ def read_week(folders: Sequence[Path]) -> list[WeekPart]:
             ) from None
         except pl.exceptions.PolarsError:
             raise ReviewError(
-                f"{folder / PARQUET}: is no ledger of this version; review its logs once more"
+                f"{folder / PARQUET}: is not a ledger of this version; review its logs once more"
             ) from None
         machine = name_machine(state)
         for ends_ns in rows["end_unix_ns"] if state.clock.is_dated else ():
@@ -129,7 +129,7 @@ def _sum_parts(
     rows: pl.DataFrame, cycles: pl.DataFrame, state: ReviewState, folder: Path
 ) -> list[WeekPart]:
     verdicts = read_verdicts(folder)
-    by_row = matched(verdicts, rows["id"], folder)
+    by_row = match_verdicts(verdicts, rows["id"], folder)
     rejected = [int(rows["cycle"][row]) for row, each in by_row.items() if each.reject]
     clock = state.clock
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
@@ -188,15 +188,15 @@ def sum_by(parts: Sequence[WeekPart], by: str) -> list[WeekTotal]:
     members: dict[str, list[WeekPart]] = defaultdict(list)
     for part in parts:
         members[getattr(part, by)].append(part)
-    return [_sum(name, members[name]) for name in sorted(members)]
+    return [_total_of_parts(name, members[name]) for name in sorted(members)]
 
 
 def sum_week(parts: Sequence[WeekPart]) -> WeekTotal:
     """The sum of all."""
-    return _sum("all", parts)
+    return _total_of_parts("all", parts)
 
 
-def _sum(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
+def _total_of_parts(name: str, parts: Sequence[WeekPart]) -> WeekTotal:
     common_kg: dict[str, float] = defaultdict(float)
     for part in parts:
         common_kg[part.machine] += part.common_u_kg

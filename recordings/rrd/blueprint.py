@@ -9,10 +9,18 @@ import polars as pl
 from analysis.model.run_record import Run
 from recordings.report import colours
 from recordings.report.finding_text import findings_of
-from recordings.rrd.display_frames import ROOT, DisplayColumn, axis_range, drawn_of, span_ns
+from recordings.rrd.display_frames import (
+    ROOT,
+    DisplayColumn,
+    axis_range,
+    drawn_columns_of_view,
+    span_ns,
+)
 from recordings.rrd.plane_pictures import BOUNDS, PlanePicture
-from recordings.rrd.recording_table import TABS, TIME, Kind, Methods, Tab, View, component_name
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.recording_views import Kind, Methods, Tab, View
 from recordings.rrd.stored_frames import entity_path
+from recordings.rrd.stored_names import TIME, component_name
 
 if TYPE_CHECKING:
     from rerun import blueprint as rrb
@@ -123,7 +131,7 @@ def blueprint(
         # what is not there needs no signals beside it
         if not tab.events or findings_of(run)
     ]
-    return laid_out(pages, unix_span_ns(run), under)
+    return lay_out_tabs(pages, unix_span_ns(run), under)
 
 
 def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Panel | Row, ...]:
@@ -145,7 +153,7 @@ def tab_panels(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[P
 
 
 def _panel(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> Panel | None:
-    drawn = drawn_of(view, run, shown)
+    drawn = drawn_columns_of_view(view, run, shown)
     return Panel(view.title, view.kind, drawn, axis_range(view, run)) if drawn else None
 
 
@@ -170,7 +178,7 @@ def unix_span_ns(run: Run) -> tuple[int, int] | None:
     return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
 
 
-def laid_out(
+def lay_out_tabs(
     pages: Sequence[Page],
     span: tuple[int, int] | None,
     under: str = "",
@@ -261,11 +269,11 @@ def _shares(page: Page) -> list[float]:
     least = [max(panel.plot_share for panel in row) for row in page.rows]
     least += [_AROUND_PLOT / _PAGE] * others
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
-    heights = iter(_share_room(plots, 1.0 - shrunk * sum(lanes)))
+    heights = iter(share_out_room(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]
 
 
-def _share_room(least: Sequence[float], room: float) -> list[float]:
+def share_out_room(least: Sequence[float], room: float) -> list[float]:
     """Share out room alike, but give each its least; where that is too much, less of it each."""
     if sum(least) >= room:
         return [room * each / sum(least) for each in least]
@@ -299,7 +307,7 @@ def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
     for each in panel.drawn:
         overrides.setdefault(entity_path(each.frame, under), []).extend(
-            _visualizers(panel.kind, each)
+            _view_visualizers(panel.kind, each)
         )
     contents = [str(entity) for entity in overrides]
     if panel.kind is Kind.STATES:
@@ -316,7 +324,7 @@ def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     )
 
 
-def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
+def _view_visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
     import rerun as rr
 
     if kind is Kind.STATES:
@@ -325,14 +333,14 @@ def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
             labels=[state.replace("_", " ") for state in colours.state_colours()],
             colors=[colours.rgba(colour) for colour in colours.state_colours().values()],
         )
-        yield looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
+        yield looks.visualizer(mappings=[_column_mapping("StateChange:state", drawn.column)])
         return
     colour = colours.rgba(drawn.colour, "60" if drawn.faint else "ff")
-    scalars = _mapping("Scalars:scalars", drawn.column)
+    scalars = _column_mapping("Scalars:scalars", drawn.column)
     if drawn.variance is not None:
         band = rr.Measurements.from_fields(names=drawn.label, colors=colour)
-        values = _mapping("Measurements:values", drawn.column)
-        variances = _mapping("Measurements:variances", drawn.variance)
+        values = _column_mapping("Measurements:values", drawn.column)
+        variances = _column_mapping("Measurements:variances", drawn.variance)
         yield band.visualizer(mappings=[values, variances])
     else:
         width = 0.7 if drawn.faint else 3.5 if drawn.wide else 1.5
@@ -348,7 +356,7 @@ def _visualizers(kind: Kind, drawn: DisplayColumn) -> "Iterator[Visualizer]":
         yield dots.visualizer(mappings=[scalars])
 
 
-def _mapping(target: str, column: str) -> "VisualizerComponentMapping":
+def _column_mapping(target: str, column: str) -> "VisualizerComponentMapping":
     from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
     return VisualizerComponentMapping(

@@ -15,7 +15,9 @@ import polars as pl
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.rrd.recording_table import STATE, TABS, Kind, Series, View, entity_parts, frames_of
+from recordings.rrd.recording_table import TABS, frames_of
+from recordings.rrd.recording_views import Kind, Series, View
+from recordings.rrd.stored_names import STATE, entity_parts
 
 ROOT: Final = "display"
 LANES: Final = f"{ROOT}/states"
@@ -65,7 +67,7 @@ def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
     """The series of a view that this run has numbers for, each with the name of its frame."""
     for series in view.series:
         for name in frames_of(series, run.frames):
-            if _has_numbers(series, _one_at_a_time(run.frames[name])):
+            if _has_numbers(series, arcs_in_turn(run.frames[name])):
                 yield series, name
 
 
@@ -82,7 +84,9 @@ def _has_numbers(series: Series, frame: pl.DataFrame) -> bool:
     return bool(column.is_not_null().any())
 
 
-def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[DisplayColumn, ...]:
+def drawn_columns_of_view(
+    view: View, run: Run, shown: Mapping[str, pl.DataFrame]
+) -> tuple[DisplayColumn, ...]:
     """What a view draws of this run.
 
     Args:
@@ -93,25 +97,26 @@ def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[D
     drawn: list[DisplayColumn] = []
     for number, (series, name) in enumerate(series_of(view, run)):
         if view.kind is Kind.STATES:
-            drawn.append(DisplayColumn(_lane(series), STATE, series.label))
+            drawn.append(DisplayColumn(_lane_entity(series), STATE, series.label))
             continue
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
-        colour = colours.method(method) if method else colours.line(number)
-        frame = _is_displayed(name)
-        variance = _variance(series.std) if series.std else None
-        dotted = series.frame in _SHORT or stands_alone(shown[frame][series.column])
+        colour = colours.method_colour(method) if method else colours.line_colour(number)
+        frame = _display_column(name)
+        variance = _variance_column(series.std) if series.std else None
+        dotted = series.frame in _SHORT or draws_as_points(shown[frame][series.column])
         extremes = (
-            view.kind is Kind.LINES and _extreme(series.column, "min") in shown[frame].columns
+            view.kind is Kind.LINES
+            and _extreme_column(series.column, "min") in shown[frame].columns
         )
         # lines of one name have one entry in a legend, in the colour of the first
         label += ", binned" if extremes else ""
         drawn.append(DisplayColumn(frame, series.column, label, colour, variance, dotted=dotted))
-        ends = [_extreme(series.column, end) for end in _ENDS if extremes]
+        ends = [_extreme_column(series.column, end) for end in _ENDS if extremes]
         drawn += [DisplayColumn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
-        label = f"threshold {_threshold(run, view):g}{unit}"
+        label = f"threshold {_threshold_value(run, view):g}{unit}"
         drawn.append(DisplayColumn(_threshold_frame(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 
@@ -127,27 +132,29 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
     asked: dict[str, dict[str, pl.Expr]] = {}
     for view in dict.fromkeys(view for tab in TABS for view in tab.views):
         for series, name in series_of(view, run):
-            frame = _one_at_a_time(run.frames[name])
+            frame = arcs_in_turn(run.frames[name])
             if series.frame == "findings":
-                frame = _foremost(frame, span_ns(run))
+                frame = shortest_findings_first(frame, span_ns(run))
             if view.kind is Kind.STATES:
-                frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
+                frames[_lane_entity(series)] = state_changes(series, frame, _period_ns(run))
             elif series.frame in _HELD:
-                frames[_is_displayed(name)] = _hold_rows(
+                frames[_display_column(name)] = _hold_rows(
                     drawn_numbers(name, frame), frame["end_t_ns"]
                 )
             else:
-                asked.setdefault(name, {}).update(_of_bin(view.kind, series))
+                asked.setdefault(name, {}).update(bin_expressions(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
-                level = [_threshold(run, view)] * 2
+                level = [_threshold_value(run, view)] * 2
                 frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
     for name, wanted in asked.items():
         if decimate and is_long(run):
-            frames[_is_displayed(name)] = _decimate(run, name, list(wanted.values()))
+            frames[_display_column(name)] = _decimate_frame(run, name, list(wanted.values()))
         else:
             numbers = drawn_numbers(name, run.frames[name])
             sparse = entity_parts(name)[0] == "estimates"
-            frames[_is_displayed(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
+            frames[_display_column(name)] = (
+                break_at_gaps(numbers, _period_ns(run)) if sparse else numbers
+            )
     return frames
 
 
@@ -172,11 +179,11 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     return low - margin, high + margin
 
 
-def _is_displayed(name: str) -> str:
+def _display_column(name: str) -> str:
     return f"{ROOT}/{name}"
 
 
-def _lane(series: Series) -> str:
+def _lane_entity(series: Series) -> str:
     return f"{LANES}/{series.label}"
 
 
@@ -184,15 +191,15 @@ def _threshold_frame(view: View) -> str:
     return f"{ROOT}/threshold/{view.threshold}"
 
 
-def _variance(std: str) -> str:
+def _variance_column(std: str) -> str:
     return f"{std}_squared"
 
 
-def _extreme(column: str, end: str) -> str:
+def _extreme_column(column: str, end: str) -> str:
     return f"{column}_{end}"
 
 
-def _threshold(run: Run, view: View) -> float:
+def _threshold_value(run: Run, view: View) -> float:
     return float(run.provenance.settings.value(str(view.threshold)))
 
 
@@ -201,7 +208,7 @@ _MANY_LINES: Final = 12
 _SHORT_LINE: Final = 3
 
 
-def stands_alone(numbers: pl.Series) -> bool:
+def draws_as_points(numbers: pl.Series) -> bool:
     """Whether most numbers have no neighbour to draw a line to, or few, in many short lines."""
     there = numbers.is_not_null()
     begins = (there & ~there.shift(1, fill_value=False)).sum()
@@ -226,18 +233,18 @@ def drawn_numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     return frame.select(
         pl.col(time).alias("t_ns"),
         *numeric,
-        *((pl.col(std) ** 2).alias(_variance(std)) for std in stds),
+        *((pl.col(std) ** 2).alias(_variance_column(std)) for std in stds),
     )
 
 
-def _broken(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+def break_at_gaps(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     """An empty row after each stretch of rows that follow each other at the grid's period."""
     step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
     ends = numbers.filter((step > 1.5 * period_ns).fill_null(True)).select(pl.col("t_ns") + 1)
     return pl.concat([numbers, ends], how="diagonal").sort("t_ns")
 
 
-def _one_at_a_time(frame: pl.DataFrame) -> pl.DataFrame:
+def arcs_in_turn(frame: pl.DataFrame) -> pl.DataFrame:
     """Of planar fits the arcs, which follow each other; without an arc, the fit of all motion."""
     if "kind" not in frame.columns:
         return frame
@@ -252,7 +259,7 @@ def _hold_rows(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
     return pl.concat([numbers, ends, breaks], how="diagonal").sort("t_ns", maintain_order=True)
 
 
-def _foremost(findings: pl.DataFrame, span: tuple[int, int] | None) -> pl.DataFrame:
+def shortest_findings_first(findings: pl.DataFrame, span: tuple[int, int] | None) -> pl.DataFrame:
     """Findings one after the other: where several hold, the one of the shortest stretch.
 
     What is of the whole log is seen where nothing else is.
@@ -275,7 +282,7 @@ def _foremost(findings: pl.DataFrame, span: tuple[int, int] | None) -> pl.DataFr
     return pl.DataFrame(parts, schema=dict(zip(names, types, strict=True)), orient="row")
 
 
-def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+def state_changes(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     """The rows where a state begins; no state (null) in a hole and after the last one."""
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
@@ -296,7 +303,7 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
 
 
-def _decimate(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
+def _decimate_frame(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     span = span_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * NS)), 1), 10) * NS
@@ -305,17 +312,17 @@ def _decimate(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     return bin_rows(run.frames[name], wanted, span, width_ns)
 
 
-def _of_bin(kind: Kind, series: Series) -> dict[str, pl.Expr]:
+def bin_expressions(kind: Kind, series: Series) -> dict[str, pl.Expr]:
     """What a bin has of a series, by column."""
     numbers = pl.col(series.column)
     if kind is Kind.BANDS:
         mean = {series.column: numbers.mean()}
         if series.std is None:
             return mean
-        name = _variance(series.std)
+        name = _variance_column(series.std)
         return mean | {name: (pl.col(series.std) ** 2).mean().alias(name)}
     ends = {"min": numbers.min(), "max": numbers.max()}
-    named = {(name := _extreme(series.column, end)): ends[end].alias(name) for end in _ENDS}
+    named = {(name := _extreme_column(series.column, end)): ends[end].alias(name) for end in _ENDS}
     return {series.column: numbers.mean()} | named
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import polars as pl
 
-from recordings.rrd.recording_table import SINCE_START, TIME, component_name
 from recordings.rrd.stored_frames import entity_path
+from recordings.rrd.stored_names import SINCE_START, TIME, component_name
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _ROWS: Final = 16_384
 
 
-def drawn_rows(
+def drawn_batches(
     name: str,
     frame: pl.DataFrame,
     t0_unix_ns: int,

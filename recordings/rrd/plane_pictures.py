@@ -101,11 +101,11 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
     x, y = (np.concatenate([getattr(each, axis) for each in picture.series]) for axis in "xy")
     axes = Axes.around(x.tolist(), y.tolist(), _BOX)
     dot, width, thin = (rr.Radius.ui_points(size) for size in (_DOT, _WIDTH, _GRID_WIDTH))
-    grid = [[axes.place(a, b), axes.place(c, d)] for a, b, c, d in _grid(axes)]
+    grid = [[axes.place(a, b), axes.place(c, d)] for a, b, c, d in _grid_lines(axes)]
     ink = colours.rgba(_GRID)
     frame = rr.LineStrips2D(grid, colors=ink, radii=thin, draw_order=0.0)
     recording.log(f"{entity}/grid", frame, static=True)
-    places, texts, inks = zip(*_write(axes, picture), strict=True)
+    places, texts, inks = zip(*label_axes(axes, picture), strict=True)
     written = rr.Points2D(places, labels=texts, colors=inks, radii=0.0, show_labels=True)
     recording.log(f"{entity}/text", written, static=True)
     for number, each in enumerate(picture.series):
@@ -119,7 +119,7 @@ def send_picture(recording: "RecordingStream", entity: str, picture: PlanePictur
         recording.log(f"{entity}/series/{number}", shape, static=True)
 
 
-def _grid(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
+def _grid_lines(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
     """Ends of each line of the grid, in the units of the axes."""
     for value, _ in ticks(*axes.x):
         yield value, axes.y[0], value, axes.y[1]
@@ -127,7 +127,7 @@ def _grid(axes: Axes) -> Iterator[tuple[float, float, float, float]]:
         yield axes.x[0], value, axes.x[1], value
 
 
-def _write(axes: Axes, picture: PlanePicture) -> Iterator[tuple[tuple[float, float], str, int]]:
+def label_axes(axes: Axes, picture: PlanePicture) -> Iterator[tuple[tuple[float, float], str, int]]:
     """Numbers, labels and the legend: where, what and in which colour."""
     left, top, right, bottom = _BOX
     ink = colours.rgba(_INK)
@@ -200,7 +200,7 @@ def _draw_errors(run: Run) -> PlanePicture | None:
     ends = np.array([ends.min(), ends.max()])
     series += [
         PlaneSeries(label, _INK, ends, np.full(2, level_kg), joined=True)
-        for label, level_kg in _limits(run)
+        for label, level_kg in error_limit_lines(run)
     ]
     return PlanePicture(
         "Errors of the calibration (paler: of a load that the line has not seen)",
@@ -210,7 +210,7 @@ def _draw_errors(run: Run) -> PlanePicture | None:
     )
 
 
-def _limits(run: Run) -> list[tuple[str, float]]:
+def error_limit_lines(run: Run) -> list[tuple[str, float]]:
     """No error, and the interval of a later mass where there is evidence."""
     line = run.frames.get("line", pl.DataFrame())
     if line.is_empty():
@@ -227,11 +227,13 @@ def _calibrated_methods(run: Run) -> Iterator[tuple[str, str, pl.DataFrame]]:
         points = evidence.rename({"mean_kg": "estimate_kg"}).join(
             line.select("alpha_1", "beta_kg"), how="cross"
         )
-        groups = [("a run", colours.line(0), points)]
+        groups = [("a run", colours.line_colour(0), points)]
     else:
         points = run.frames.get("calibration", pl.DataFrame({"method": [], "estimate_kg": []}))
         by_method = points.group_by("method", maintain_order=True)
-        groups = [(str(name), colours.method(str(name)), group) for (name,), group in by_method]
+        groups = [
+            (str(name), colours.method_colour(str(name)), group) for (name,), group in by_method
+        ]
     for name, colour, group in groups:
         estimated = group.drop_nulls("estimate_kg")
         if estimated.height:

@@ -14,8 +14,8 @@ from pydantic import ValidationError
 from analysis.model.loss import Loss
 from analysis.model.run_record import Provenance, Run
 from estimators.errors import RecordingError, nearest
-from recordings.rrd.recording_table import component_name
 from recordings.rrd.stored_frames import Manifest, StoredColumn, StoredFrame
+from recordings.rrd.stored_names import component_name
 
 if TYPE_CHECKING:
     from rerun.chunk import LazyStore
@@ -37,14 +37,14 @@ def read_recording(path: str | Path) -> Run:
     Raises:
         RecordingError: no such file, not a recording of payscope, or a damaged one.
     """
-    with opened(path) as held:
+    with open_recording(path) as held:
         manifest, provenance = held.manifest, held.provenance
         frames = {frame.name: held.read(frame.name) for frame in manifest.frames}
     heights = {name: frame.height for name, frame in frames.items()}
-    return Run(frames, with_missing_rows(path, manifest, provenance, heights))
+    return Run(frames, note_missing_rows(path, manifest, provenance, heights))
 
 
-def with_missing_rows(
+def note_missing_rows(
     path: str | Path, manifest: Manifest, provenance: Provenance, heights: Mapping[str, int]
 ) -> Provenance:
     """The provenance with a loss for each frame of which the recording has not every row.
@@ -73,7 +73,7 @@ def read_frame(path: str | Path, name: str, columns: Sequence[str] | None = None
     Raises:
         RecordingError: as `read_recording`; and no such frame or column, with the choices.
     """
-    with opened(path) as held:
+    with open_recording(path) as held:
         return held.read(name, columns)
 
 
@@ -83,17 +83,17 @@ def read_provenance(path: str | Path) -> Provenance:
     Raises:
         RecordingError: as `read_recording`.
     """
-    with opened(path) as held:
+    with open_recording(path) as held:
         return held.provenance
 
 
-def stages(path: str | Path) -> dict[str, tuple[str, ...]]:
+def stage_columns(path: str | Path) -> dict[str, tuple[str, ...]]:
     """The names of a recording's frames, in pipeline order, with their columns.
 
     Raises:
         RecordingError: as `read_recording`.
     """
-    with opened(path) as held:
+    with open_recording(path) as held:
         return held.stages
 
 
@@ -144,7 +144,7 @@ class OpenRecording:
 
 
 @contextmanager
-def opened(path: str | Path) -> "Generator[OpenRecording]":
+def open_recording(path: str | Path) -> "Generator[OpenRecording]":
     """Open a recording; whatever Rerun says of a bad one becomes one line.
 
     Raises:

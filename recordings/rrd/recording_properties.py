@@ -39,9 +39,9 @@ def recording_properties(run: Run) -> dict[str, Value]:
     found: dict[str, Value | None] = {
         "machine": str(body.get("name", "")),
         "serial": str(body.get("id") or ""),
-        "day": _day(about),
+        "day": _recording_day(about),
         "logs": ", ".join(each.name for each in about.inputs),
-        "verdict": _verdict(said.verdict),
+        "verdict": _verdict_text(said.verdict),
         "can_weigh": said.verdict.can_weigh if said.verdict.checks else None,
         "loads": len(said.loads),
         "first_finding": finding_line(findings[0]) if findings else "",
@@ -51,15 +51,15 @@ def recording_properties(run: Run) -> dict[str, Value]:
     }
     if len(said.loads) == 1:
         load = said.loads[0]
-        found |= _quantity("mass", "kg", load["mass_kg"], load["u_kg"])
+        found |= _quantity_property("mass", "kg", load["mass_kg"], load["u_kg"])
     if said.shift:
         cycles, kg = said.shift["cycles_counted"], said.shift["payload_kg"]
         found["cycles"] = cycles
-        found |= _quantity("tonnes", "t", kg, said.shift["payload_u_kg"], per_unit=1e3)
+        found |= _quantity_property("tonnes", "t", kg, said.shift["payload_u_kg"], per_unit=1e3)
     return {name: value for name, value in found.items() if value is not None}
 
 
-def _quantity(
+def _quantity_property(
     name: str, unit: str, value: float | None, u: float | None, per_unit: float = 1.0
 ) -> dict[str, float | None]:
     """A quantity and its expanded uncertainty."""
@@ -69,14 +69,14 @@ def _quantity(
     }
 
 
-def _verdict(verdict: Verdict) -> str:
+def _verdict_text(verdict: Verdict) -> str:
     if not verdict.checks:
         return "not judged"
     failed = [check.check for check in verdict.failed("mass")]
     return f"cannot weigh: {', '.join(failed)}" if failed else "can weigh"
 
 
-def _day(about: Provenance) -> str:
+def _recording_day(about: Provenance) -> str:
     if about.t0_unix_ns < FIRST_DATE_NS:
         return ""
     zone = ZoneInfo(str(about.machine.get("machine", {}).get("timezone", "UTC")))

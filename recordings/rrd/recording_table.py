@@ -1,120 +1,26 @@
-"""Which column of which frame is kept where in a recording, and which view of which tab draws it.
+"""The one table that writer, reader, blueprint and plots loop over.
 
-The one table that the writer, the reader, the blueprint and the plots loop over. A frame `name` is
-one wide entity (`entity_parts`), a column one component of it (`component`). What a tab draws is
-listed in `TABS`; every other declared column is in `KEPT`: stored, readable, not drawn.
+Which view of which tab draws which column (`TABS`), and what is stored but not drawn (`KEPT`).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from enum import Enum
 from typing import Final
 
-from analysis.model.schema import frame_schema
+from recordings.rrd.recording_views import (
+    Kind,
+    Methods,
+    Series,
+    Tab,
+    View,
+    band_view,
+    line_view,
+    states_view,
+    wild_view,
+)
+from recordings.rrd.stored_names import entity_parts
 
-TIME: Final = "time"
-SINCE_START: Final = "t"
-ROW: Final = "row"
-COMPONENT_PREFIX: Final = "payscope:"
-#: The text of a lane of states: Rerun's own name, or the viewer adds ours to the lane's title.
-STATE: Final = "StateChange:state"
-
-
-class Kind(Enum):
-    """How a view draws its series."""
-
-    LINES = "lines"
-    BANDS = "a line with ±1σ around it"
-    STATES = "a lane a series, coloured by state"
-
-
-@dataclass(frozen=True, slots=True)
-class Series:
-    """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`.
-
-    The label of a lane of states is also the last part of its entity path, which the viewer shows.
-    """
-
-    frame: str
-    column: str
-    label: str
-    std: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """One plot: its series share a unit, which the title gets from the schema."""
-
-    name: str
-    kind: Kind
-    series: tuple[Series, ...]
-    threshold: str | None = None
-    """The setting that is drawn as a constant line."""
-    wild: bool = False
-    """Whether a few estimates may be off by orders of magnitude: the axis then shows the bulk."""
-
-    @property
-    def unit(self) -> str:
-        """The unit of all its series (1 for states)."""
-        first = self.series[0]
-        declared = frame_schema(first.frame).column(first.column)
-        return "1" if declared is None else declared.unit
-
-    @property
-    def title(self) -> str:
-        """Its name, with the unit where there is one."""
-        return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
-
-
-class Methods(Enum):
-    """How a tab draws the methods of a view: over each other they hide all but the last."""
-
-    ONE = "one of them, which stands for all"
-    ROWS = "a row a method, all with the same axis"
-
-
-@dataclass(frozen=True, slots=True)
-class Tab:
-    """One tab: its views from top to bottom, and the texts beside them.
-
-    Attributes:
-        name: of the tab.
-        views: from top to bottom.
-        texts: to the left of them.
-        events: whether it lists the findings as events in time.
-        context: those of the views that are not what the tab is about.
-        methods: how it draws estimates.
-        pictures: by name, below the views.
-    """
-
-    name: str
-    views: tuple[View, ...] = ()
-    texts: tuple[str, ...] = ()
-    events: bool = False
-    context: tuple[View, ...] = ()
-    methods: Methods = Methods.ONE
-    pictures: tuple[str, ...] = ()
-
-
-def _lines(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
-    drawn = tuple(Series(frame, column, label) for column, label in series.items())
-    return View(name, Kind.LINES, drawn, threshold)
-
-
-def _wild(name: str, frame: str, column: str, label: str = "") -> View:
-    return View(name, Kind.LINES, (Series(frame, column, label),), wild=True)
-
-
-def _band_view(name: str, frame: str, column: str, std: str, label: str = "") -> View:
-    return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
-
-
-def _states(name: str, *series: tuple[str, str, str]) -> View:
-    return View(name, Kind.STATES, tuple(Series(*each) for each in series))
-
-
-_FORCE = _lines("Force", "excitation", force_x_N="driving force")
-_ACCELERATION = _lines(
+_FORCE = line_view("Force", "excitation", force_x_N="driving force")
+_ACCELERATION = line_view(
     "Acceleration",
     "excitation",
     regressor_acc_x_m_s2="multiplies the mass",
@@ -122,9 +28,9 @@ _ACCELERATION = _lines(
     acc_x_m_s2="kinematic",
     speed_rate_x_m_s2="tells the phase",
 )
-_SPEED = _lines("Speed", "excitation", speed_x_m_s="speed")
-_YAW_TORQUE = _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque")
-_INDEX = _lines(
+_SPEED = line_view("Speed", "excitation", speed_x_m_s="speed")
+_YAW_TORQUE = line_view("Yaw torque", "excitation", torque_z_N_m="yaw torque")
+_INDEX = line_view(
     "Information index",
     "gate",
     "gate.threshold_nat",
@@ -142,10 +48,10 @@ _LOADS = View(
     ),
     wild=True,
 )
-_MASS = _band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
-_FRICTION = _band_view("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
-_INERTIA = _band_view("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
-_YAW_FRICTION = _band_view(
+_MASS = band_view("Mass", "estimates", "mass_kg", "mass_std_kg")
+_FRICTION = band_view("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
+_INERTIA = band_view("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
+_YAW_FRICTION = band_view(
     "Viscous friction of turning", "estimates", "friction_z_N_m_s", "friction_z_std_N_m_s"
 )
 _COM = View(
@@ -156,7 +62,7 @@ _COM = View(
         Series("planar", "com_y_m", "to the left", "com_y_std_m"),
     ),
 )
-_DECISIONS = _states(
+_DECISIONS = states_view(
     "Gate and phase",
     ("gate", "reason_x", "gate"),
     ("gate", "reason_z", "yaw_gate"),
@@ -167,7 +73,7 @@ TABS: Final = (
     Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _LOADS, _MASS, _INERTIA), ("answer",)),
     Tab(
         "Findings",
-        (_states("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
+        (states_view("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
         ("findings",),
         events=True,
         context=(_FORCE, _SPEED),
@@ -176,9 +82,7 @@ TABS: Final = (
         "Loads",
         (
             _LOADS,
-            _band_view(
-                "Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"
-            ),
+            band_view("Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"),
             _SPEED,
         ),
         context=(_SPEED,),
@@ -186,10 +90,10 @@ TABS: Final = (
     Tab(
         "Cycles",
         (
-            _band_view(
+            band_view(
                 "Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"
             ),
-            _states("Cycle", ("cycles", "quality", "cycle")),
+            states_view("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),
         context=(_SPEED,),
@@ -201,7 +105,9 @@ TABS: Final = (
             _ACCELERATION,
             _SPEED,
             _YAW_TORQUE,
-            _states("Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")),
+            states_view(
+                "Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")
+            ),
         ),
     ),
     Tab("Scatter", pictures=("scatter",)),
@@ -209,23 +115,23 @@ TABS: Final = (
         "Gate",
         (
             _INDEX,
-            _lines(
+            line_view(
                 "Correlation of acceleration and force",
                 "gate",
                 corr_x_1="along",
                 corr_z_1="yaw",
             ),
-            _lines(
+            line_view(
                 "Share of noise in what the acceleration explains",
                 "gate",
                 "gate.noise_share_max",
                 noise_share_x_1="along",
                 noise_share_z_1="yaw",
             ),
-            _wild(
+            wild_view(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
-            _wild(
+            wild_view(
                 "Predicted standard deviation of the inertia",
                 "gate",
                 "predicted_std_z",
@@ -239,7 +145,7 @@ TABS: Final = (
         (
             _MASS,
             _FRICTION,
-            _band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
+            band_view("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
         ),
         methods=Methods.ROWS,
     ),
@@ -247,39 +153,39 @@ TABS: Final = (
     Tab(
         "Residuals",
         (
-            _wild("Residual r.m.s.", "estimates", "residual_rms_N"),
-            _wild("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
-            _wild("Condition number", "estimates", "condition_1"),
+            wild_view("Residual r.m.s.", "estimates", "residual_rms_N"),
+            wild_view("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
+            wild_view("Condition number", "estimates", "condition_1"),
         ),
         methods=Methods.ROWS,
     ),
     Tab(
         "Manoeuvres",
         (
-            _band_view("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
-            _band_view(
+            band_view("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
+            band_view(
                 "Viscous friction a manoeuvre",
                 "segments",
                 "friction_x_N_s_m",
                 "friction_x_std_N_s_m",
                 "viscous friction",
             ),
-            _band_view(
+            band_view(
                 "Coulomb friction a manoeuvre",
                 "segments",
                 "coulomb_x_N",
                 "coulomb_x_std_N",
                 "Coulomb friction",
             ),
-            _lines("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
-            _band_view(
+            line_view("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
+            band_view(
                 "Yaw inertia a manoeuvre",
                 "segments",
                 "inertia_z_kg_m2",
                 "inertia_z_std_kg_m2",
                 "yaw inertia",
             ),
-            _states(
+            states_view(
                 "Phase and outcome",
                 ("segments", "phase", "manoeuvre_phase"),
                 ("segments", "reason", "manoeuvre_outcome"),
@@ -290,62 +196,64 @@ TABS: Final = (
         "Planar",
         (
             _YAW_TORQUE,
-            _lines("Yaw rate", "excitation", yaw_rate_rad_s="yaw rate"),
-            _lines("Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"),
-            _lines(
+            line_view("Yaw rate", "excitation", yaw_rate_rad_s="yaw rate"),
+            line_view(
+                "Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"
+            ),
+            line_view(
                 "Lateral force a mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
             ),
             _DECISIONS,
             _COM,
-            _states("Outcome of arcs", ("planar", "reason", "arcs")),
+            states_view("Outcome of arcs", ("planar", "reason", "arcs")),
         ),
         ("planar",),
     ),
     Tab(
         "Channels",
         (
-            _lines(
+            line_view(
                 "Wheel torque",
                 "aligned",
                 torque_left_N_m="left",
                 torque_right_N_m="right",
                 torque_z_N_m="yaw",
             ),
-            _lines("Force as aligned", "aligned", force_x_N="driving force"),
-            _lines(
+            line_view("Force as aligned", "aligned", force_x_N="driving force"),
+            line_view(
                 "Speed as aligned",
                 "aligned",
                 speed_x_m_s="machine",
                 speed_left_m_s="left wheels",
                 speed_right_m_s="right wheels",
             ),
-            _lines(
+            line_view(
                 "Acceleration as aligned",
                 "aligned",
                 acc_x_m_s2="kinematic",
                 specific_force_x_m_s2="accelerometer x",
                 specific_force_y_m_s2="accelerometer y",
             ),
-            _lines(
+            line_view(
                 "Vertical specific force as aligned",
                 "aligned",
                 specific_force_z_m_s2="accelerometer z",
             ),
-            _lines("Position", "aligned", position_x_m="travelled"),
+            line_view("Position", "aligned", position_x_m="travelled"),
         ),
     ),
     Tab(
         "Attitude",
         (
-            _lines(
+            line_view(
                 "Angular rate",
                 "aligned",
                 roll_rate_rad_s="roll",
                 pitch_rate_rad_s="pitch",
                 yaw_rate_rad_s="yaw",
             ),
-            _lines("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
-            _lines(
+            line_view("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
+            line_view(
                 "Angle",
                 "aligned",
                 pitch_rad="pitch, nose-up",
@@ -353,7 +261,7 @@ TABS: Final = (
                 boom_rad="boom",
                 bucket_rad="bucket",
             ),
-            _lines("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
+            line_view("Fuel", "aligned", fuel_rate_L_h="fuel rate"),
         ),
     ),
     Tab("Calibration", texts=("calibration",), pictures=("line", "errors")),
@@ -465,17 +373,6 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         "runs": "run_id log log_sha256 recording",
     }.items()
 }
-
-
-def entity_parts(frame: str) -> tuple[str, ...]:
-    """The parts of the entity path of a frame; a topic is one part, with its slashes."""
-    family, _, rest = frame.partition("/")
-    return (family, rest) if family == "raw" else tuple(frame.split("/"))
-
-
-def component_name(column: str) -> str:
-    """The component that holds a column."""
-    return column if column == STATE else COMPONENT_PREFIX + column
 
 
 def frames_of(series: Series, frames: Iterable[str]) -> tuple[str, ...]:

@@ -1,8 +1,7 @@
 """The texts of a recording, in Markdown: the answer first, then where it came from."""
 
-import json
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import polars as pl
 
@@ -13,18 +12,31 @@ from analysis.model.verdict import Verdict
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of, findings_text
-from recordings.report.number_text import SCALE_NOT_KNOWN, number, outcome, plus_minus, table
-from recordings.report.planar_text import planar, planar_lines
+from recordings.report.number_text import (
+    SCALE_NOT_KNOWN,
+    markdown_table,
+    number_text,
+    outcome_text,
+    plus_minus,
+)
+from recordings.report.planar_text import planar_fit_lines, planar_markdown
 from recordings.report.shift_text import shift_sentence
 from recordings.report.worth_text import (
+    answer_lines,
+    best_known_load,
     budget_rows,
     load_heads,
     load_rows,
     load_sentences,
-    main_load,
-    worth_lines,
 )
 from recordings.rrd.display_frames import span_ns
+from recordings.rrd.provenance_texts import (
+    local_time,
+    machine_body,
+    provenance_markdown,
+    settings_markdown,
+    timezone_text,
+)
 
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
 _MARK: Final = "="
@@ -42,15 +54,15 @@ _MASS_COLUMNS: Final = (
 )
 
 
-def texts(run: Run) -> dict[str, str]:
+def recording_markdown(run: Run) -> dict[str, str]:
     """Every text that this run has something to say in, by name."""
     written: dict[str, Callable[[Run], str]] = {
         "answer": answer_text,
         "findings": findings_text,
-        "planar": planar,
-        "calibration": calibration,
-        "settings": settings,
-        "provenance": provenance,
+        "planar": planar_markdown,
+        "calibration": calibration_markdown,
+        "settings": settings_markdown,
+        "provenance": provenance_markdown,
     }
     return {name: text for name, write in written.items() if (text := write(run))}
 
@@ -75,15 +87,6 @@ _ERRORS: Final = ("error kg", "load left out kg")
 _FOUND: Final = 3
 #: Of a page's loads.
 _MOST_LINES: Final = 12
-
-
-def local_time(about: Provenance, t_ns: int = 0) -> str:
-    """A time since the start as the people at the machine read it; no date where there is none."""
-    stamp_ns = about.t0_unix_ns + t_ns
-    if stamp_ns < FIRST_DATE_NS:
-        return f"{stamp_ns / NS:.3f} s of the log's own clock"
-    clock = ShiftClock(_timezone(about), stamp_ns, 0.0)
-    return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
 
 
 def headline(said: Answer) -> str:
@@ -123,11 +126,11 @@ def _several_loads_text(said: Answer) -> str:
     return f"{count}, payloads up to {plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
 
 
-def summary(run: Run) -> str:
+def summary_text(run: Run) -> str:
     """The answer in plain lines, the headline first."""
     about, said = run.provenance, answer(run)
     lines = [headline(said), f"{recording_name(about)} · {local_time(about)}"]
-    lines += worth_lines(said)[1:]
+    lines += answer_lines(said)[1:]
     if len(said.loads) > 1:
         lines += load_sentences(said, _MOST_LINES)
     lines += [""]
@@ -137,17 +140,17 @@ def summary(run: Run) -> str:
             inertia = row.value(_INERTIA[0], method)
             turns = f", yaw inertia {_value_text(row, method, *_INERTIA)} kg·m²" if inertia else ""
             lines.append(f"{method:<8} {mass}{turns}")
-    lines += planar_lines(said.planar, said.planar_budget)
+    lines += planar_fit_lines(said.planar, said.planar_budget)
     for each in findings_of(run)[:_FOUND]:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
-        came_out = outcome(check, passed="passed", failed="FAILED", absent="n/a")
+        came_out = outcome_text(check, passed="passed", failed="FAILED", absent="n/a")
         if came_out in quiet:
-            value = "" if check.value is None else f" {number(check.value)}"
+            value = "" if check.value is None else f" {number_text(check.value)}"
             quiet[came_out].append(f"{check.check}{value}")
         else:
-            lines.append(f"{came_out:<8} {check.check} {number(check.value)} ({check.limit})")
+            lines.append(f"{came_out:<8} {check.check} {number_text(check.value)} ({check.limit})")
     lines += [f"{name:<8} {', '.join(checks)}" for name, checks in quiet.items() if checks]
     return "\n".join(lines)
 
@@ -169,7 +172,7 @@ def answer_text(run: Run) -> str:
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(
-                f"- **{check.check}** is {number(check.value)}, must be {check.limit}: "
+                f"- **{check.check}** is {number_text(check.value)}, must be {check.limit}: "
                 f"{check.meaning}"
                 for check in failed
             )
@@ -184,7 +187,7 @@ def answer_text(run: Run) -> str:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
         parts += [each for row in said.rows for each in _mass_cells(row)]
-    if lines := planar_lines(said.planar, said.planar_budget):
+    if lines := planar_fit_lines(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
     parts += _verdict_lines(said.verdict) + _describe_acceptance(run)
     parts += [f"- {note}" for note in said.notes]
@@ -192,7 +195,7 @@ def answer_text(run: Run) -> str:
     return "\n\n".join(parts)
 
 
-def calibration(run: Run) -> str:
+def calibration_markdown(run: Run) -> str:
     """The points and the line of each method, and of evidence; nothing without a calibration."""
     parts = ["# Calibration", *_evidence_lines(run)]
     points = run.frames.get("calibration")
@@ -202,22 +205,22 @@ def calibration(run: Run) -> str:
         fit = group.row(0, named=True)
         if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
             parts.append(
-                f"**{method}**: reference = {number(fit['alpha_1'])} · estimate "
+                f"**{method}**: reference = {number_text(fit['alpha_1'])} · estimate "
                 f"{fit['beta_kg']:+.4g} kg"
             )
     rows = [
         (
             row["method"],
-            number(row["load_kg"]),
-            number(row["reference_kg"]),
+            number_text(row["load_kg"]),
+            number_text(row["reference_kg"]),
             f"{plus_minus(row['estimate_kg'], row['estimate_std_kg'])} ({row['runs']})",
-            number(row["error_kg"]),
-            number(row["error_left_out_kg"]),
+            number_text(row["error_kg"]),
+            number_text(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
     heads = ("method", "load kg", "reference kg", "estimate kg (runs)", *_ERRORS)
-    return "\n\n".join([*parts, table(heads, rows)])
+    return "\n\n".join([*parts, markdown_table(heads, rows)])
 
 
 def _evidence_lines(run: Run) -> list[str]:
@@ -229,18 +232,19 @@ def _evidence_lines(run: Run) -> list[str]:
         (
             row["run_id"],
             row["load"],
-            number(row["reference_kg"]),
+            number_text(row["reference_kg"]),
             f"{plus_minus(row['mean_kg'], row['std_kg'])} ({row['readings']})",
-            number(row["error_kg"]),
-            number(row["error_left_out_kg"]),
+            number_text(row["error_kg"]),
+            number_text(row["error_left_out_kg"]),
         )
         for row in points.iter_rows(named=True)
     ]
     heads = ("run", "load", "reference kg", "estimate kg (readings)", *_ERRORS)
     fitted = [
-        f"reference = {number(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
-        f"{number(row['valid_from_kg'])} to {number(row['valid_to_kg'])} kg; a later mass "
-        f"± {number(row['line_u_kg'])} kg (k = 1), interval with k = {number(row['coverage_k_1'])}"
+        f"reference = {number_text(row['alpha_1'])} · estimate {row['beta_kg']:+.4g} kg, from "
+        f"{number_text(row['valid_from_kg'])} to {number_text(row['valid_to_kg'])} kg; a later "
+        f"mass ± {number_text(row['line_u_kg'])} kg (k = 1), interval with "
+        f"k = {number_text(row['coverage_k_1'])}"
         for row in line.iter_rows(named=True)
     ]
     # a digest does not fit into a column
@@ -252,69 +256,9 @@ def _evidence_lines(run: Run) -> list[str]:
     return [
         "\n".join(f"- {note}" for note in run.provenance.notes),
         *("## Line", *fitted),
-        *("## Points", table(heads, rows)),
+        *("## Points", markdown_table(heads, rows)),
         *("## Logs of the runs", "\n".join(logs)),
     ]
-
-
-def settings(run: Run) -> str:
-    """Every setting, and the machine file as resolved."""
-    about = run.provenance
-    rows = [(name, json.dumps(value)) for name, value in sorted(about.settings.flat().items())]
-    machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
-    return "\n\n".join(
-        ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]
-    )
-
-
-def provenance(run: Run) -> str:
-    """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
-    about = run.provenance
-    inputs = [(each.name, number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs]
-    frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
-    return "\n\n".join(
-        [
-            "# Inputs",
-            table(("file", "bytes", "SHA-256"), inputs),
-            f"First aligned sample: {local_time(about)} "
-            f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
-            "# Fingerprint",
-            _fingerprint_text(about),
-            "# Stamps",
-            table(("topic", "placed by"), about.stamps.items()),
-            "# Losses",
-            table(
-                ("source", "topic", "what"),
-                [(each.source, each.topic, each.what) for each in about.losses],
-            ),
-            "# Notes",
-            "\n".join(f"- {note}" for note in about.notes) or "none",
-            "# Versions",
-            table(("what", "version"), about.versions.items()),
-            "# Stages",
-            "\n".join(frames),
-        ]
-    )
-
-
-def _fingerprint_text(about: Provenance) -> str:
-    """The digests in full, those of the frames as well."""
-    taken = about.fingerprint
-    if taken is None:
-        return "none"
-    whole = {"inputs": taken.inputs, "settings": taken.settings, "results": taken.results}
-    digests = [(name, f"`{digest}`") for name, digest in (whole | taken.frames).items()]
-    return table(("SHA-256 of", "digest"), digests)
-
-
-def machine_body(about: Provenance) -> dict[str, Any]:
-    """Table `machine` of the machine file."""
-    body = about.machine.get("machine", {})
-    return body if isinstance(body, dict) else {}
-
-
-def _timezone(about: Provenance) -> str:
-    return str(machine_body(about).get("timezone", "UTC"))
 
 
 def _value_text(row: AnswerRow, method: str, value: str, std: str | None) -> str:
@@ -337,7 +281,7 @@ def _mass_cells(row: AnswerRow) -> list[str]:
     return [
         "## By method over the whole log",
         "joint is the answer; the others are the paper's, and their ± is statistical only",
-        table(heads, rows),
+        markdown_table(heads, rows),
     ]
 
 
@@ -352,11 +296,11 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
     """
     if not any(load["mass_kg"] is not None for load in said.loads):
         return []
-    parts = ["\n".join(f"- {line}" for line in worth_lines(said))]
+    parts = ["\n".join(f"- {line}" for line in answer_lines(said))]
     which = ""
     if len(said.loads) > 1:
-        parts += cycles or ["## Loads", table(load_heads(said), load_rows(said))]
-        which = f" (mass of load {main_load(said)})"
+        parts += cycles or ["## Loads", markdown_table(load_heads(said), load_rows(said))]
+        which = f" (mass of load {best_known_load(said)})"
     parts += [
         f"## Where the uncertainty comes from{which}",
         "\n".join(
@@ -367,7 +311,8 @@ def _worth_lines(said: Answer, cycles: list[str]) -> list[str]:
         "\n".join(
             f"- **{row['term']}**, {row['meaning']}: "
             f"{plus_minus(row['posterior'], row['posterior_std'])} {row['unit']}, prior ± "
-            f"{number(row['prior_std'])} {row['unit']}; u of the mass {number(row['u_kg'])} kg"
+            f"{number_text(row['prior_std'])} {row['unit']}; u of the mass "
+            f"{number_text(row['u_kg'])} kg"
             for row in said.nuisances
         ),
     ]
@@ -378,7 +323,7 @@ def _cycle_lines(run: Run) -> list[str]:
     """The cycles of a shift with the local time of each dump."""
     about, span = run.provenance, span_ns(run)
     duration_s = 0.0 if span is None else (span[1] - span[0]) / NS
-    clock = ShiftClock(_timezone(about), about.t0_unix_ns, duration_s)
+    clock = ShiftClock(timezone_text(about), about.t0_unix_ns, duration_s)
     rows = [
         (
             str(row["cycle"]),
@@ -388,7 +333,7 @@ def _cycle_lines(run: Run) -> list[str]:
         )
         for row in run.frames["cycles"].iter_rows(named=True)
     ]
-    return ["## Cycles", table(("cycle", "dumped at", "payload kg", "quality"), rows)]
+    return ["## Cycles", markdown_table(("cycle", "dumped at", "payload kg", "quality"), rows)]
 
 
 def _verdict_lines(verdict: Verdict) -> list[str]:
@@ -396,12 +341,12 @@ def _verdict_lines(verdict: Verdict) -> list[str]:
         return []
     words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
     checks = [
-        f"- {outcome(check, **words)}: **{check.check}** {number(check.value)} "
+        f"- {outcome_text(check, **words)}: **{check.check}** {number_text(check.value)} "
         f"({check.limit}), {check.meaning}"
         for check in verdict.checks
     ]
     parts = ["## Can this log weigh?", "\n".join(checks)]
-    if verdict.judges_spins and not verdict.tells_inertia:
+    if verdict.has_spins and not verdict.can_tell_inertia:
         parts.append(
             "**The yaw inertia is withheld**: its spins, or the signs of the force, failed."
         )
@@ -416,5 +361,5 @@ def _describe_acceptance(run: Run) -> list[str]:
     if "reason_x" in gate.columns:
         counts = gate["reason_x"].cast(pl.String).value_counts(sort=True)
         shares = [(reason, f"{n / gate.height:.1%}") for reason, n in counts.rows()]
-        parts.append(table(("reason", "share of windows"), shares))
+        parts.append(markdown_table(("reason", "share of windows"), shares))
     return parts

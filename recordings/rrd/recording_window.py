@@ -9,7 +9,7 @@ import polars as pl
 from analysis.model.physical_units import NS
 from analysis.model.run_record import Run
 from estimators.errors import RecordingError
-from recordings.rrd.reader import opened, read_recording, with_missing_rows
+from recordings.rrd.reader import note_missing_rows, open_recording, read_recording
 
 #: Later than any recording, and still whole nanoseconds.
 LATEST_S: Final = 1e9
@@ -36,14 +36,14 @@ def read_window(
     if whole_run and raw:
         return read_recording(path)
     check_stretch(path, from_s, to_s)
-    stretch = _words(from_s, to_s)
+    stretch = _ends_text(from_s, to_s)
     begin, end = (
         None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * NS)
         for each in (from_s, to_s)
     )
     frames: dict[str, pl.DataFrame] = {}
     heights: dict[str, int] = {}
-    with opened(path) as held:
+    with open_recording(path) as held:
         held.refuse_without_stages()
         for stored in held.manifest.frames:
             if not raw and stored.name.startswith("raw/"):
@@ -51,10 +51,10 @@ def read_window(
                 continue
             whole = held.read(stored.name)
             heights[stored.name] = whole.height
-            frames[stored.name] = _inside(whole, begin, end, held.provenance.t0_unix_ns)
+            frames[stored.name] = _rows_inside(whole, begin, end, held.provenance.t0_unix_ns)
             if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
                 raise RecordingError(f"{path}: nothing {stretch}; it has {_span_text(whole)}")
-    about = with_missing_rows(path, held.manifest, held.provenance, heights)
+    about = note_missing_rows(path, held.manifest, held.provenance, heights)
     if whole_run:
         return Run(frames, about)
     note = f"a stretch of {Path(path).name}, {stretch}"
@@ -75,8 +75,8 @@ def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) ->
     ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
     if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
         raise RecordingError(
-            f"{path}: {_words(from_s, to_s)} is not a time span; use seconds since the start, the "
-            "earlier first"
+            f"{path}: {_ends_text(from_s, to_s)} is not a time span; use seconds since the start, "
+            "the earlier first"
         )
 
 
@@ -87,7 +87,9 @@ def _span_text(aligned: pl.DataFrame) -> str:
     return f"{first:g} to {last:g} s"
 
 
-def _inside(frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int) -> pl.DataFrame:
+def _rows_inside(
+    frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int
+) -> pl.DataFrame:
     has = frame.columns
     # a log may call its own fields anything
     if "log_time_ns" in has:
@@ -107,6 +109,6 @@ def _inside(frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int)
     return frame.filter(pl.all_horizontal(wanted))
 
 
-def _words(from_s: float | None, to_s: float | None) -> str:
+def _ends_text(from_s: float | None, to_s: float | None) -> str:
     begin = "the start" if from_s is None else f"{from_s:g} s"
     return f"from {begin} to {'the end' if to_s is None else f'{to_s:g} s'}"

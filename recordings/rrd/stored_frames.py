@@ -13,10 +13,11 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict
 
 from estimators.errors import OutputError
-from recordings.rrd.recording_table import ROW, component_name, entity_parts
+from recordings.rrd.stored_names import ROW, component_name, entity_parts
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
 
 #: Larger ones are slower to write and to read, smaller ones larger.
 BLOCK_ROWS: Final = 65_536

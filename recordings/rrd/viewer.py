@@ -19,7 +19,7 @@ import numpy as np
 
 from estimators.errors import OutputError, RecordingError, nearest
 from recordings.rrd.reader import read_provenance
-from recordings.rrd.recording_table import TIME
+from recordings.rrd.stored_names import TIME
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -91,7 +91,7 @@ def recordings_shown(address: str) -> tuple[str, ...]:
     return tuple(each.store_id for each in state.recordings)
 
 
-def follow(address: str, before: Sequence[str]) -> None:
+def replace_recording(address: str, before: Sequence[str]) -> None:
     """Put the newest recording where the one before it stood, and close those older than that.
 
     A viewer that went away is none of our business.
@@ -119,7 +119,7 @@ def follow(address: str, before: Sequence[str]) -> None:
         return
 
 
-def screenshots(
+def screenshot_recording(
     path: str | Path, folder: str | Path, tab: str | None = None, at_s: float | None = None
 ) -> list[Screenshot]:
     """Draw the tabs of a recording in the real viewer, without a screen.
@@ -141,13 +141,13 @@ def screenshots(
     if not folder.is_dir():
         raise OutputError(f"{folder}: no such folder; create it first")
     t0_ns = read_provenance(path).t0_unix_ns
-    return photographs(path, folder, tab, None if at_s is None else t0_ns + round(at_s * 1e9))
+    return photograph_tabs(path, folder, tab, None if at_s is None else t0_ns + round(at_s * 1e9))
 
 
-def photographs(
+def photograph_tabs(
     path: str | Path, folder: Path, tab: str | None = None, at_unix_ns: int | None = None
 ) -> list[Screenshot]:
-    """Draw the tabs of whatever the viewer opens, without a screen: `screenshots` of any file.
+    """Draw the tabs of whatever the viewer opens: `screenshot_recording` of any file.
 
     Args:
         path: a recording, or a log that an importer opens.
@@ -162,14 +162,14 @@ def photographs(
         if at_unix_ns is not None:
             _set_time(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
-        tabs = _tabs(whole)
+        tabs = _tabs_by_title(whole)
         names = [_tab_title(whole, entity) for entity in _children(tabs)]
         if tab is not None and tab.casefold() not in map(str.casefold, names):
             raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
         return list(_take_pictures(client, folder, whole, tabs, tab))
 
 
-def _tabs(whole: dict[str, Any]) -> dict[str, Any]:
+def _tabs_by_title(whole: dict[str, Any]) -> dict[str, Any]:
     """The container of the tabs, of a whole blueprint."""
     return next(
         layout["ContainerBlueprint"]
@@ -263,7 +263,7 @@ def start_viewer_process(
     with socket.socket() as free:
         free.bind((_HOST, 0))
         port = int(free.getsockname()[1])
-    command = [executable(), "--bind", _HOST, "--port", str(port), *options]
+    command = [viewer_executable(), "--bind", _HOST, "--port", str(port), *options]
     if path is not None:
         command.append(path.resolve())
     process = subprocess.Popen(
@@ -281,7 +281,7 @@ def _address(port: int) -> str:
     return f"rerun+http://{_HOST}:{port}/proxy"
 
 
-def executable() -> Path:
+def viewer_executable() -> Path:
     """The viewer that came with the Rerun package, wherever the environment lies."""
     found = find_spec("rerun_cli")
     assert found is not None

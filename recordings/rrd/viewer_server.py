@@ -15,7 +15,7 @@ from typing import Final
 from urllib.parse import quote
 
 from estimators.errors import RecordingError
-from recordings.rrd.viewer import executable
+from recordings.rrd.viewer import viewer_executable
 
 _HOST: Final = "127.0.0.1"
 #: So long may the server take to answer, in s: it loads half a gigabyte from the disc.
@@ -54,7 +54,7 @@ def viewer_server() -> Generator[ViewerServer]:
     words = ["--serve-web", "--bind", _HOST, "--port", str(port)]
     words += ["--web-viewer-port", str(page_port), "--server-memory-limit", _MEMORY]
     process = subprocess.Popen(
-        [executable(), *words],
+        [viewer_executable(), *words],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

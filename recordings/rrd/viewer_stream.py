@@ -14,11 +14,12 @@ import polars as pl
 
 from analysis.model.run_record import Run
 from recordings.report import colours
-from recordings.rrd.blueprint import Page, Panel, laid_out
-from recordings.rrd.display_frames import DisplayColumn, bin_rows, stands_alone
-from recordings.rrd.drawn_rows import drawn_rows
-from recordings.rrd.recording_table import SINCE_START, TIME, Kind
-from recordings.rrd.writer import Scene, scene_of, send_events, send_texts
+from recordings.rrd.blueprint import Page, Panel, lay_out_tabs
+from recordings.rrd.display_frames import DisplayColumn, bin_rows, draws_as_points
+from recordings.rrd.drawn_rows import drawn_batches
+from recordings.rrd.recording_views import Kind
+from recordings.rrd.stored_names import SINCE_START, TIME
+from recordings.rrd.writer import Scene, make_scene, send_events, send_texts
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -43,7 +44,7 @@ class TimelineKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ViewerAsks:
+class ViewerRequest:
     """What whoever opens a log asks of the recording that it waits for.
 
     Attributes:
@@ -59,13 +60,13 @@ class ViewerAsks:
     at: tuple[tuple[str, TimelineKind, int], ...] = ()
 
 
-def stream_run(run: Run, asks: ViewerAsks) -> None:
+def stream_run(run: Run, asks: ViewerRequest) -> None:
     """Write what `write_recording` draws of a run to standard output, for the viewer."""
-    _stream(scene_of(run, asks.under), asks, run.provenance.t0_unix_ns)
+    _send_scene(make_scene(run, asks.under), asks, run.provenance.t0_unix_ns)
 
 
 def stream_topics(
-    topics: Mapping[str, pl.DataFrame], text: str, name: str, asks: ViewerAsks
+    topics: Mapping[str, pl.DataFrame], text: str, name: str, asks: ViewerRequest
 ) -> None:
     """Write the columns of a log as they are to standard output, a tab a topic.
 
@@ -90,7 +91,9 @@ def stream_topics(
         if len(pages) <= _TABS:
             pages.append(Page(topic, tuple(_panels(entity, fields, shown[entity]))))
     span = (t0_ns, end_ns) if stamps else None
-    _stream(Scene(name, shown, laid_out(pages, span, asks.under), {_TEXT: text}), asks, t0_ns)
+    _send_scene(
+        Scene(name, shown, lay_out_tabs(pages, span, asks.under), {_TEXT: text}), asks, t0_ns
+    )
 
 
 def _decimate(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
@@ -121,20 +124,20 @@ def _panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Pan
     for name, members in list(parts.items())[:_PANELS]:
         drawn: list[DisplayColumn] = []
         for number, field in enumerate(members):
-            colour = colours.line(number)
+            colour = colours.line_colour(number)
             label = field.removeprefix(name).strip(".[]") or field
             drawn += [
                 DisplayColumn(entity, f"{field} {end}", f"{label}, {end}", colour, faint=True)
                 for end in ("min", "max")
                 if f"{field} {end}" in shown.columns
             ]
-            alone = stands_alone(shown[field])
+            alone = draws_as_points(shown[field])
             drawn.append(DisplayColumn(entity, field, label, colour, dotted=alone))
         panels.append(Panel(name, Kind.LINES, tuple(drawn)))
     return panels
 
 
-def _stream(scene: Scene, asks: ViewerAsks, t0_unix_ns: int) -> None:
+def _send_scene(scene: Scene, asks: ViewerRequest, t0_unix_ns: int) -> None:
     # whatever Rerun would log stays out of the viewer's own log
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
@@ -147,16 +150,16 @@ def _stream(scene: Scene, asks: ViewerAsks, t0_unix_ns: int) -> None:
         recording.send_recording_name(scene.name)
         recording.send_recording_start_time_nanos(t0_unix_ns)
     send_texts(recording, scene, asks.under)
-    at = _times(asks)
+    at = extra_timelines(asks)
     send_events(recording, scene, t0_unix_ns, asks.under, at)
     for name, frame in scene.shown.items():
-        for batch in drawn_rows(name, frame, t0_unix_ns, asks.under, at):
+        for batch in drawn_batches(name, frame, t0_unix_ns, asks.under, at):
             recording.send_record_batch(batch, index=[TIME, SINCE_START, *at])
     recording.flush()
     recording.disconnect()
 
 
-def _times(asks: ViewerAsks) -> "dict[str, pa.Scalar]":
+def extra_timelines(asks: ViewerRequest) -> "dict[str, pa.Scalar]":
     """Further timelines of every row, without those that rows have by themselves."""
     import pyarrow as pa
 

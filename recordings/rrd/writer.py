@@ -17,14 +17,14 @@ from recordings.report.atomic_output import atomic_file, check_output
 from recordings.report.finding_text import finding_line, findings_of
 from recordings.rrd.blueprint import blueprint, events_entity, picture_entity, text_entity
 from recordings.rrd.display_frames import display_frames, span_ns
-from recordings.rrd.drawn_rows import drawn_rows
+from recordings.rrd.drawn_rows import drawn_batches
 from recordings.rrd.piped_file import PipedFile, piped_file
 from recordings.rrd.plane_pictures import PlanePicture, plane_pictures, send_picture
-from recordings.rrd.reader import FORMAT, PROPERTY, opened
+from recordings.rrd.reader import FORMAT, PROPERTY, open_recording
 from recordings.rrd.recording_properties import ANSWER, recording_properties
-from recordings.rrd.recording_table import ROW, SINCE_START, TIME, component_name
-from recordings.rrd.recording_texts import recording_name, texts
+from recordings.rrd.recording_texts import recording_markdown, recording_name
 from recordings.rrd.stored_frames import Manifest, StoredFrame, entity_path
+from recordings.rrd.stored_names import ROW, SINCE_START, TIME, component_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -79,7 +79,7 @@ def write_recording(
         OutputError: it does not end in .rrd, the file exists, its folder is missing or refuses the
             file, the disk is full, a column cannot be stored, or what was read back differs.
     """
-    return write_scene(run, scene_of, path, force=force, viewer=viewer)
+    return write_scene(run, make_scene, path, force=force, viewer=viewer)
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Scene:
     pictures: Mapping[str, PlanePicture] = field(default_factory=dict)
 
 
-def scene_of(run: Run, under: str = "") -> Scene:
+def make_scene(run: Run, under: str = "") -> Scene:
     """A run by the table of views, laid out under an entity."""
     shown = display_frames(run)
     name = recording_name(run.provenance)
@@ -115,7 +115,7 @@ def scene_of(run: Run, under: str = "") -> Scene:
         )
         for each in findings_of(run)
     )
-    written, pictures = texts(run), plane_pictures(run)
+    written, pictures = recording_markdown(run), plane_pictures(run)
     layout = blueprint(run, shown, written, pictures, under)
     return Scene(name, shown, layout, written, tuple(events), pictures)
 
@@ -145,8 +145,8 @@ def write_scene(
     check_recording(path, force=force)
     with atomic_file(path, force=force) as partial:
         with piped_file(partial) as piped:
-            _write(run, scene_of, piped, path, viewer)
-        _verify(run, partial, path)
+            _write_to_pipe(run, scene_of, piped, path, viewer)
+        verify_written(run, partial, path)
     return path
 
 
@@ -161,7 +161,7 @@ def check_recording(path: Path, *, force: bool) -> None:
     check_output(path, force=force)
 
 
-def _write(
+def _write_to_pipe(
     run: Run,
     scene_of: Callable[[Run], Scene],
     piped: PipedFile,
@@ -192,15 +192,17 @@ def _write(
     recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
     send_texts(recording, scene)
     send_events(recording, scene, run.provenance.t0_unix_ns)
-    _settle(recording, piped, path)  # what describes the frames first, or a cut file is past help
+    wait_until_written(
+        recording, piped, path
+    )  # what describes the frames first, or a cut file is past help
     waiting = 0
-    for index, batch in _batches(run, scene.shown):
+    for index, batch in frame_batches(run, scene.shown):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
         if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run
-            _settle(recording, piped, path)
+            wait_until_written(recording, piped, path)
             waiting = 0
-    _settle(recording, piped, path)
+    wait_until_written(recording, piped, path)
     recording.disconnect()
 
 
@@ -236,13 +238,13 @@ def send_events(
         indexes=[
             rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
             rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
-            *(_always(name, time, len(t_ns)) for name, time in (at or {}).items()),
+            *(constant_timeline(name, time, len(t_ns)) for name, time in (at or {}).items()),
         ],
         columns=rr.TextLog.columns(text=list(lines), level=levels),
     )
 
 
-def _always(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
+def constant_timeline(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
     """A timeline on which all rows lie at one time."""
     import numpy as np
     import pyarrow as pa
@@ -256,7 +258,7 @@ def _always(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
     return rr.TimeColumn(name, sequence=values)
 
 
-def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
+def wait_until_written(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
     """Wait until what was sent is in the file, as long as the file grows."""
     size = -1
     while True:
@@ -273,12 +275,12 @@ def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
             return
 
 
-def _batches(
+def frame_batches(
     run: Run, shown: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """What is drawn, for a live viewer first, rows in time, then every frame; with its index."""
     for name, frame in shown.items():
-        for batch in drawn_rows(name, frame, run.provenance.t0_unix_ns):
+        for batch in drawn_batches(name, frame, run.provenance.t0_unix_ns):
             yield [TIME, SINCE_START], batch
     for batch in make_timed_rows(run.frames, run.provenance.t0_unix_ns):
         yield [TIME, SINCE_START], batch
@@ -287,10 +289,10 @@ def _batches(
             yield [ROW], batch
 
 
-def _verify(run: Run, partial: Path, path: Path) -> None:
+def verify_written(run: Run, partial: Path, path: Path) -> None:
     """Read everything back, a frame at a time, and compare."""
     try:
-        with opened(partial) as held:
+        with open_recording(partial) as held:
             if held.provenance != run.provenance:
                 raise OutputError(
                     f"{path}: the provenance read back differs; it takes plain JSON only"

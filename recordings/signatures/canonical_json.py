@@ -20,7 +20,7 @@ _LARGEST_EXACT: Final = 2**53 - 1
 _OPEN, _CLOSE, _QUOTE, _ESCAPE = b"[{", b"]}", ord('"'), ord("\\")
 
 
-def canonical(value: Any) -> bytes:
+def canonical_bytes(value: Any) -> bytes:
     """A JSON value in canonical form.
 
     Raises:
@@ -53,12 +53,12 @@ def parse(data: bytes, what: str) -> Any:
             data.decode("utf-8"),
             parse_int=_parse_integer,
             parse_float=_parse_float,
-            parse_constant=_no_constant,
-            object_pairs_hook=_once,
+            parse_constant=_refuse_constant,
+            object_pairs_hook=_object_without_repeats,
         )
     except (ValueError, RecursionError) as error:
         raise EvidenceError(f"{what}: is no JSON that evidence may hold: {error}") from None
-    if canonical(value) != data:
+    if canonical_bytes(value) != data:
         raise EvidenceError(f"{what}: is not in the canonical form of RFC 8785")
     return value
 
@@ -101,11 +101,11 @@ def _parse_float(text: str) -> float:
     return value
 
 
-def _no_constant(text: str) -> float:
+def _refuse_constant(text: str) -> float:
     raise ValueError(f"the number {text}")
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _object_without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) != len(pairs):
         raise ValueError("a name that comes twice in one object")

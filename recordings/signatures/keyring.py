@@ -47,7 +47,7 @@ class KnownKey(BaseModel):
     because: Annotated[str, StringConstraints(max_length=200)] = ""
 
     @model_validator(mode="after")
-    def _sound(self) -> Self:
+    def _check_sound(self) -> Self:
         try:
             self.public  # noqa: B018  reading it refuses a weak key
         except EvidenceError as fault:
@@ -61,7 +61,7 @@ class KnownKey(BaseModel):
         """The key itself."""
         return PublicKey.of_text(self.key)
 
-    def fault_on(self, made: dt.date, proven: dt.date | None) -> str:
+    def distrust_reason(self, made: dt.date, proven: dt.date | None) -> str:
         """Why a signature of that day does not count; "" where it does.
 
         Args:
@@ -130,14 +130,14 @@ def load_keyring(path: Path | None = None) -> Keyring:
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read ({error.strerror})") from None
     if len(data) > _MOST_BYTES:
-        raise EvidenceError(f"{path}: is no keyring: larger than {_MOST_BYTES} bytes")
+        raise EvidenceError(f"{path}: is not a keyring: larger than {_MOST_BYTES} bytes")
     try:
         content: dict[str, Any] = tomllib.loads(data.decode())
     except ValueError as error:
-        raise EvidenceError(f"{path}: is no TOML: {error}") from None
+        raise EvidenceError(f"{path}: is not TOML: {error}") from None
     rows = content.pop("keys", [])
     if content or not isinstance(rows, list):
-        raise EvidenceError(f"{path}: is no keyring; it has [[keys]] tables and nothing else")
+        raise EvidenceError(f"{path}: is not a keyring; it has [[keys]] tables and nothing else")
     keys = tuple(_parse_key(path, number, row) for number, row in enumerate(rows, start=1))
     ids = [each.public.key_id for each in keys]
     if len(set(ids)) < len(ids):

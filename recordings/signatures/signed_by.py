@@ -26,7 +26,7 @@ class SignedBy:
     public_key: str = ""
 
     @property
-    def trusted(self) -> bool:
+    def is_trusted(self) -> bool:
         """Whether the user vouches for the key."""
         return self.how in ("given", "known")
 

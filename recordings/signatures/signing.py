@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import EvidenceError
-from recordings.signatures.canonical_json import canonical, parse
+from recordings.signatures.canonical_json import canonical_bytes, parse
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import (
@@ -87,15 +87,15 @@ class PublicKey:
         raw = _unbase64(text, "a public key")
         if len(raw) != 32:
             raise EvidenceError(f"a public key of Ed25519 has 32 bytes, this one {len(raw)}")
-        return cls(raw).sound()
+        return cls(raw).require_sound()
 
-    def sound(self) -> "PublicKey":
+    def require_sound(self) -> "PublicKey":
         """The key, if signatures by it can be relied on.
 
         Raises:
             EvidenceError: it is of small order, no point of the curve, or its private half known.
         """
-        fault = weakness(self.raw)
+        fault = key_weakness(self.raw)
         if fault:
             raise EvidenceError(f"weak key {self.key_id[:12]}…: it {fault}; `{_MAKE}` makes one")
         return self
@@ -121,9 +121,9 @@ class SigningKey:
     @property
     def public(self) -> PublicKey:
         """The key that verifies."""
-        return _raw(self.private.public_key())
+        return _public_key_of(self.private.public_key())
 
-    def sound(self, where: str) -> "SigningKey":
+    def require_secret(self, where: str) -> "SigningKey":
         """The key, if others do not have it.
 
         Raises:
@@ -174,7 +174,7 @@ def signing_key(path: Path | None) -> SigningKey | None:
         raise EvidenceError(f"{where}: holds no private key in PEM; `{_MAKE}` makes one") from None
     if not isinstance(key, Ed25519PrivateKey):
         raise EvidenceError(f"{where}: is no Ed25519 key; `{_MAKE}` makes one")
-    return SigningKey(key).sound(where)
+    return SigningKey(key).require_secret(where)
 
 
 def public_key(path: Path) -> PublicKey:
@@ -196,18 +196,18 @@ def public_key(path: Path) -> PublicKey:
         raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
     if not isinstance(key, Ed25519PublicKey):
         raise EvidenceError(f"{path}: is no Ed25519 key; evidence is signed by Ed25519")
-    return _sound(_raw(key), str(path))
+    return _sound(_public_key_of(key), str(path))
 
 
-def pae(payload_type: str, payload: bytes) -> bytes:
+def pre_authentication_encoding(payload_type: str, payload: bytes) -> bytes:
     """What is signed: DSSE's pre-authentication encoding (protocol.md, "Signature Definition")."""
     kind = payload_type.encode()
     return b"DSSEv1 %d %b %d %b" % (len(kind), kind, len(payload), payload)
 
 
-def statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
+def make_statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes:
     """The in-toto statement about files: their SHA-256 by name, and what is said of them."""
-    return canonical(
+    return canonical_bytes(
         {
             "_type": STATEMENT_TYPE,
             "subject": [
@@ -219,10 +219,10 @@ def statement(digests: Mapping[str, str], predicate: Mapping[str, Any]) -> bytes
     )
 
 
-def envelope(payload: bytes, key: SigningKey) -> bytes:
+def make_envelope(payload: bytes, key: SigningKey) -> bytes:
     """A DSSE envelope about a statement, signed."""
-    signature = key.sign(pae(PAYLOAD_TYPE, payload))
-    return canonical(
+    signature = key.sign(pre_authentication_encoding(PAYLOAD_TYPE, payload))
+    return canonical_bytes(
         {
             "payloadType": PAYLOAD_TYPE,
             "payload": base64.b64encode(payload).decode(),
@@ -249,16 +249,16 @@ class EnvelopeContent:
     signature: bytes
     key_id: str
 
-    def by(self, key: PublicKey) -> bool:
+    def is_signed_by(self, key: PublicKey) -> bool:
         """Whether this key signed the statement."""
-        return key.signed(self.signature, pae(PAYLOAD_TYPE, self.payload))
+        return key.signed(self.signature, pre_authentication_encoding(PAYLOAD_TYPE, self.payload))
 
 
 def parse_envelope(data: bytes, what: str) -> EnvelopeContent:
     """Read an envelope of a stranger; nothing in it is to be believed before `Signed.by`.
 
     Raises:
-        EvidenceError: it is no envelope as `envelope` writes it.
+        EvidenceError: it is no envelope as `make_envelope` writes it.
     """
     held = parse(data, what)
     try:
@@ -300,16 +300,16 @@ def _read_key_file(path: Path) -> bytes:
 
 def _sound(key: PublicKey, where: str) -> PublicKey:
     try:
-        return key.sound()
+        return key.require_sound()
     except EvidenceError as fault:
         raise EvidenceError(f"{where}: {fault}") from None
 
 
-def _raw(key: "Ed25519PublicKey") -> PublicKey:
+def _public_key_of(key: "Ed25519PublicKey") -> PublicKey:
     return PublicKey(key.public_bytes_raw())
 
 
-def weakness(raw: bytes) -> str:
+def key_weakness(raw: bytes) -> str:
     """Why no signature by this key may be relied on; "" if nothing is known against it.
 
     Args:
@@ -322,7 +322,7 @@ def weakness(raw: bytes) -> str:
         return "is of small order: anyone can sign for it"
     if not _on_curve(y):
         return "is no point of the curve"
-    if raw in _published():
+    if raw in _published_keys():
         return "has a private half that is published: anyone can sign for it"
     return ""
 
@@ -334,7 +334,7 @@ def _on_curve(y: int) -> bool:
 
 
 @cache
-def _published() -> frozenset[bytes]:
+def _published_keys() -> frozenset[bytes]:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
     seeds = [bytes.fromhex(seed) for seed in _PUBLISHED_SEEDS]

@@ -11,20 +11,20 @@ import polars as pl
 from analysis.calibration.line.calibration import Calibration
 from analysis.calibration.use.apply_calibration import ESTIMATORS, calibrate_loads
 from analysis.calibration.use.later_log import later_log
-from analysis.calibration.use.learnt_priors import as_later_log, with_learnt
+from analysis.calibration.use.learnt_priors import machine_for_later_log, with_learnt_priors
 from analysis.model.machine import Machine
 from analysis.model.run_record import Provenance, Run
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError
 from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.derived_values import definition
+from recordings.calibration.derived_values import mass_definition
 from recordings.calibration.evidence_document import EvidenceDocument
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import Keyring, KnownKey, add_key, load_keyring
 from recordings.signatures.signed_by import SignedBy
 from recordings.signatures.signing import public_key
-from replay.calibration.campaign_file import weighed_in
+from replay.calibration.campaign_file import with_campaign_mass
 from replay.inputs.machine_identity import logged_id
 from replay.logs import Log
 
@@ -33,7 +33,7 @@ _MOST_NAMED: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
-class AskedCalibration:
+class CalibrationRequest:
     """What a command is asked for.
 
     Attributes:
@@ -70,7 +70,7 @@ class MachineCalibration:
         """The serial number of the machine that it is of."""
         return self.document.campaign.machine.id
 
-    def says(self, logged_id: str) -> str:
+    def describe(self, logged_id: str) -> str:
         """What it is, in a sentence.
 
         Args:
@@ -84,18 +84,18 @@ class MachineCalibration:
             f"intervals of {self.calibration.confidence_1:.0%}"
         )
 
-    def weighing(self, machine: Machine) -> Machine:
+    def weighing_machine(self, machine: Machine) -> Machine:
         """The machine with the empty mass and the priors that the calibration has."""
         document = self.document
-        machine = weighed_in(document.campaign, machine)
+        machine = with_campaign_mass(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
-        weighing = with_learnt(machine, terms)
+        weighing = with_learnt_priors(machine, terms)
         if self.calibration.responses:
-            weighing = as_later_log(weighing)
+            weighing = machine_for_later_log(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-        return Machine.model_validate_json(canonical(weighing.model_dump(mode="json")))
+        return Machine.model_validate_json(canonical_bytes(weighing.model_dump(mode="json")))
 
-    def other(self, weighing: Machine) -> str:
+    def differences(self, weighing: Machine) -> str:
         """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
 
         Serial number, channels, settings, priors: all that defines its mass. The name counts where
@@ -104,8 +104,8 @@ class MachineCalibration:
         mine_id = weighing.machine.id
         if mine_id not in (None, self.machine_id):
             return f"is of machine '{self.machine_id}', not of '{mine_id}'"
-        kept = dict(_flatten(definition(self.weighing(self.document.machine))))
-        mine = dict(_flatten(definition(weighing)))
+        kept = dict(_flatten(mass_definition(self.weighing_machine(self.document.machine))))
+        mine = dict(_flatten(mass_definition(weighing)))
         name = "machine.name"
         if mine_id is None and kept[name] != mine[name]:
             return f"is of machine '{kept[name]}', not of '{mine[name]}'"
@@ -118,7 +118,7 @@ class MachineCalibration:
         more = f" and {len(differ) - _MOST_NAMED} more" if len(differ) > _MOST_NAMED else ""
         return f"is of other settings: {named}{more}" if differ else ""
 
-    def checked(self, weighing: Machine, what: object) -> Machine:
+    def require_machine(self, weighing: Machine, what: object) -> Machine:
         """The machine with its serial number, if it is the one that was calibrated.
 
         A log that names another is refused from then on.
@@ -130,7 +130,7 @@ class MachineCalibration:
         Raises:
             EvidenceError: it is another one, or weighs otherwise.
         """
-        other = self.other(weighing)
+        other = self.differences(weighing)
         if other:
             raise EvidenceError(
                 f"{self.folder}: {other} ({what}); calibrate with these, or weigh with those"
@@ -176,32 +176,34 @@ class MachineCalibration:
         self.check_day(max(known) if known else None, ", ".join(str(log.path) for log in logs))
         return logged
 
-    def of_loads(self, frames: Mapping[str, pl.DataFrame], other: str = "") -> pl.DataFrame:
+    def calibrate_loads_frame(
+        self, frames: Mapping[str, pl.DataFrame], other: str = ""
+    ) -> pl.DataFrame:
         """The frame `loads` with its calibrated masses; none where the log contradicts it.
 
         Args:
             frames: `FRAMES`, of a replay by the machine that `weighing` gives.
             other: what that machine has otherwise than the calibration.
         """
-        body = self.weighing(self.document.machine).machine
+        body = self.weighing_machine(self.document.machine).machine
         log = later_log(frames, body, f"the calibration {other}" if other else "")
         return calibrate_loads(frames["loads"], self.calibration, log)
 
-    def of_run(self, run: Run, other: str = "") -> Run:
+    def calibrate_run(self, run: Run, other: str = "") -> Run:
         """A run with its calibrated masses, and a note of the evidence.
 
         Args:
             run: a replay by the machine that `weighing` gives.
             other: what that machine has otherwise than the calibration.
         """
-        loads = self.of_loads(run.frames, other)
-        said = self.says(run.provenance.logged_machine_id)
+        loads = self.calibrate_loads_frame(run.frames, other)
+        said = self.describe(run.provenance.logged_machine_id)
         about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, said)})
         frames = {**run.frames, "loads": loads}
         return replace(run, frames=frames, provenance=about).with_fingerprint()
 
 
-def load_calibration(asked: AskedCalibration) -> MachineCalibration:
+def load_calibration(asked: CalibrationRequest) -> MachineCalibration:
     """Read evidence, and check it as a stranger would.
 
     Raises:
@@ -230,22 +232,22 @@ def load_calibration(asked: AskedCalibration) -> MachineCalibration:
             f"{folder}: is a check against one known mass; name the calibration that it checked"
         )
     if document.calibration is None:
-        raise EvidenceError(f"{folder}: is no calibration: {document.no_fit}")
+        raise EvidenceError(f"{folder}: is not a calibration: {document.no_fit}")
     if document.estimator.name not in ESTIMATORS:
         raise EvidenceError(
-            f"{folder}: calibrates '{document.estimator.name}', which is no mass of a load; "
+            f"{folder}: calibrates '{document.estimator.name}', which is not a mass of a load; "
             f"calibrate {' or '.join(ESTIMATORS)}"
         )
     return MachineCalibration(folder, document, document.calibration, by)
 
 
-def _require_known_signature(asked: AskedCalibration, by: SignedBy, keyring: Keyring) -> SignedBy:
+def _require_known_signature(asked: CalibrationRequest, by: SignedBy, keyring: Keyring) -> SignedBy:
     """A signature by a key that the user knows; one that is trusted at first use is kept.
 
     Raises:
         EvidenceError: unsigned, or by an unknown key that is not accepted.
     """
-    if by.trusted:
+    if by.is_trusted:
         return by
     if by.how == "unsigned":
         raise EvidenceError(
@@ -264,7 +266,7 @@ def _require_known_signature(asked: AskedCalibration, by: SignedBy, keyring: Key
 def calibrated_frame(
     frames: Mapping[str, pl.DataFrame],
     about: Provenance,
-    asked: AskedCalibration,
+    asked: CalibrationRequest,
     recording: Path,
 ) -> pl.DataFrame:
     """The frame `loads` of a recording with its calibrated masses.
@@ -280,14 +282,14 @@ def calibrated_frame(
             priors than those of the calibration, or is of a later day.
     """
     by = load_calibration(asked)
-    other = by.other(recorded_machine(about))
+    other = by.differences(recorded_machine(about))
     if other:
         raise EvidenceError(
             f"{by.folder}: {other} ({recording}); record it with `payscope run --calibration "
             f"{by.folder}`"
         )
     by.check_day(about.t0_unix_ns, recording)
-    return by.of_loads(frames)
+    return by.calibrate_loads_frame(frames)
 
 
 def recorded_machine(about: Provenance) -> Machine:

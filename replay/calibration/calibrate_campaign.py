@@ -11,14 +11,14 @@ import polars as pl
 from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     fit_campaign,
-    options_of,
+    fit_options,
     stated_scale,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
 from analysis.calibration.use.calibration_drift import DriftCheck
 from analysis.calibration.use.error_limits import WITHIN
-from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt
+from analysis.calibration.use.learnt_priors import LOGS_MIN, LearntPriors, with_learnt_priors
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.calibration.bundle_checks import check_bundle
@@ -39,11 +39,17 @@ from recordings.calibration.evidence_document import (
 from recordings.calibration.timestamp import refuse_without_library, timestamp_request
 from recordings.calibration.write_bundle import tables_of, write_bundle
 from recordings.report.atomic_output import atomic_file, atomic_files, check_folder, check_output
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import load_keyring
 from recordings.signatures.signing import SigningKey, signing_key
 from replay.calibration.campaign_file import load_campaign
-from replay.calibration.campaign_runs import CampaignReplay, new_id, now, replay_runs, software
+from replay.calibration.campaign_runs import (
+    CampaignReplay,
+    new_id,
+    now,
+    replay_runs,
+    software_versions,
+)
 from replay.calibration.dcc_output import DccOutput, check_dcc_output, write_dcc_output
 from replay.calibration.refuse_campaign import (
     load_stretch,
@@ -81,7 +87,7 @@ class CalibrationOutcome:
         return self.readings.filter(~pl.col("used"))
 
     @property
-    def good(self) -> bool:
+    def is_good(self) -> bool:
         """Whether there is a line, within its limits, and no drift."""
         said = self.document
         limits = said.limits is None or said.limits.verdict == WITHIN
@@ -159,10 +165,10 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
     """
     campaign, machine = load_campaign(campaign_file)
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-    machine = Machine.model_validate_json(canonical(machine.model_dump(mode="json")))
+    machine = Machine.model_validate_json(canonical_bytes(machine.model_dump(mode="json")))
     key = signing_key(key_file)
     xml_key = None if dcc is None else check_dcc_output(campaign_file, campaign, dcc, force=force)
-    before = None if previous is None else before_of(previous, campaign.machine.id, key)
+    before = None if previous is None else previous_evidence(previous, campaign.machine.id, key)
     check_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
@@ -175,13 +181,13 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
             return campaign_file.parent / log
 
         learnt = None
-        if campaign.learns and len(campaign.logs) >= LOGS_MIN:
+        if campaign.learns_priors and len(campaign.logs) >= LOGS_MIN:
             # under the machine's own priors: what they say of the nuisances together
             first = replay_runs(campaign, machine, path_of, None, on_log)
             refuse_days(campaign_file, campaign, first, machine)
             refuse_unaccounted(campaign_file, campaign, first, stretch)
             learnt = first.learnt
-        weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
+        weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
         replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
         refuse_days(campaign_file, campaign, replayed, machine)
         refuse_machine(campaign_file, campaign, replayed, machine)
@@ -189,7 +195,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
-        options = options_of(campaign, stated_scale(campaign, replayed.budgets))
+        options = fit_options(campaign, stated_scale(campaign, replayed.budgets))
         fitted = fit_campaign(
             campaign, machine.machine, replayed.readings, options, replayed.responses
         )
@@ -225,7 +231,9 @@ def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
         partial.write_bytes(query)
 
 
-def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) -> CheckedBundle:
+def previous_evidence(
+    previous: Path, machine_id: str | None, key: SigningKey | None
+) -> CheckedBundle:
     """The machine's evidence before this, checked.
 
     Args:
@@ -294,7 +302,7 @@ def finish_evidence(
             "each log why"
         )
     tables, digests = tables_of(readings, points)
-    document = _document(evidence, digests, key, before)
+    document = _make_document(evidence, digests, key, before)
     write_calibration(made, document, readings, points)
     remarks = write_bundle(made, document, readings, points, tables, key, stretch)
     checked = check_bundle(made, None if key is None else key.public, previous)
@@ -307,7 +315,7 @@ def finish_evidence(
     return CalibrationOutcome(folder, document, readings, points, tuple(remarks))
 
 
-def _document(
+def _make_document(
     evidence: EvidenceParts,
     digests: EvidenceTables,
     key: SigningKey | None,
@@ -316,7 +324,7 @@ def _document(
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads(campaign, machine)
     learnt = evidence.learnt
-    weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
+    weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
     estimator = estimator_of(campaign, weighing)
     last = None if before is None else before.document
     document = EvidenceDocument(
@@ -340,26 +348,26 @@ def _document(
         no_fit=fitted.no_fit,
         limits=fitted.limits,
         drift=evidence.drift,
-        as_found=check_earlier_line(last, _estimator_now(last), estimator, fitted.frame),
+        as_found=check_earlier_line(last, estimator_of_this_version(last), estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
-        chain=_chain(before),
-        signer=None if key is None else _signer(campaign, key),
-        software=software(),
+        chain=_next_link(before),
+        signer=None if key is None else _signer_of_campaign(campaign, key),
+        software=software_versions(),
     )
-    return document.completed
+    return document.with_all_settings
 
 
-def _estimator_now(last: EvidenceDocument | None) -> Estimator | None:
+def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None:
     """The estimator of the evidence before, digested as this version does."""
     return None if last is None else estimator_of(last.campaign, last.weighing)
 
 
-def _signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
+def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     name = campaign.campaign.signer
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _chain(before: CheckedBundle | None) -> Chain:
+def _next_link(before: CheckedBundle | None) -> Chain:
     if before is None or before.document is None:
         return Chain(counter=1, previous=None)
     last = before.document

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from analysis.calibration.campaign.campaign_fit import references, rule_of
+from analysis.calibration.campaign.campaign_fit import decision_rule, load_references
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.model.machine import Machine
 from estimators.errors import CampaignError, DataError, EvidenceError
@@ -36,25 +36,25 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
             "one from a folder of logs"
         )
     content = read_toml(path, CampaignError)
-    for place, text in left_open(content):
+    for place, text in unfinished_entries(content):
         raise CampaignError(f"{path}: {place}: is not filled in yet ('{text}')")
     content = add_certified_masses(path, content)
     campaign = validate(path, content, CalibrationCampaign, CampaignError)
-    if campaign.laboratory is not None and campaign.not_stated:
+    if campaign.laboratory is not None and campaign.missing_statements:
         raise CampaignError(
             f"{path}: [laboratory] makes this a certificate after ISO/IEC 17025, 7.8, which lacks "
-            f"{', '.join(campaign.not_stated)}; complete them, or leave [laboratory] out"
+            f"{', '.join(campaign.missing_statements)}; complete them, or leave [laboratory] out"
         )
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
-    machine = of_machine(weighed_in(campaign, machine), campaign.machine.id, path)
+    machine = with_serial_number(with_campaign_mass(campaign, machine), campaign.machine.id, path)
     try:
-        known, _ = references(campaign, machine.machine)
-        rule_of(campaign, known)
+        known, _ = load_references(campaign, machine.machine)
+        decision_rule(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
-    overdue = campaign.overdue()
+    overdue = campaign.overdue_certificates()
     if overdue:
         more = f" (and {len(overdue) - 1} more)" if len(overdue) > 1 else ""
         raise CampaignError(
@@ -69,7 +69,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     return campaign, machine
 
 
-def of_machine(machine: Machine, wanted: str, what: object) -> Machine:
+def with_serial_number(machine: Machine, wanted: str, what: object) -> Machine:
     """The machine with its serial number.
 
     Args:
@@ -89,19 +89,19 @@ def of_machine(machine: Machine, wanted: str, what: object) -> Machine:
     return machine.model_copy(update={"machine": machine.machine.model_copy(update={"id": wanted})})
 
 
-def left_open(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
+def unfinished_entries(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
     """Where a draft was not completed: the place of each text whose first word is TODO, and it."""
     if isinstance(content, dict):
         for name, value in content.items():
-            yield from left_open(value, f"{place}.{name}" if place else name)
+            yield from unfinished_entries(value, f"{place}.{name}" if place else name)
     elif isinstance(content, list):
         for number, value in enumerate(content, start=1):
-            yield from left_open(value, f"{place}[{number}]")
+            yield from unfinished_entries(value, f"{place}[{number}]")
     elif isinstance(content, str) and _TODO.match(content):
         yield place, content
 
 
-def weighed_in(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+def with_campaign_mass(campaign: CalibrationCampaign, machine: Machine) -> Machine:
     """The machine with the empty mass that the campaign file gives, where it gives any."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}
@@ -138,12 +138,12 @@ def add_certified_masses(source: Path, content: dict[str, Any]) -> dict[str, Any
         if not isinstance(block, dict) or not isinstance(block.get("dcc"), str):
             found.append(block)
             continue
-        keys = _keys(source, content) if keys is None else keys
+        keys = _weight_keys(source, content) if keys is None else keys
         found += _masses_of(source, block, keys)
     return content if keys is None else {**content, "masses": found}
 
 
-def _keys(source: Path, content: dict[str, Any]) -> list[str]:
+def _weight_keys(source: Path, content: dict[str, Any]) -> list[str]:
     """Ids of the keys that the campaign file trusts."""
     from recordings.dcc.dcc_signature import trusted_key_id
 

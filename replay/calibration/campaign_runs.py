@@ -16,7 +16,12 @@ import polars as pl
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.campaign.campaign_readings import readings, run_responses
 from analysis.calibration.line.unlike_driving import RunResponse
-from analysis.calibration.use.learnt_priors import LearntPriors, TermOfLog, learnt_terms, terms_of
+from analysis.calibration.use.learnt_priors import (
+    LearntPriors,
+    TermOfLog,
+    learnable_terms,
+    learnt_terms,
+)
 from analysis.model.answer import answer
 from analysis.model.machine import Machine
 from analysis.model.run_record import Run
@@ -107,16 +112,16 @@ def replay_runs(
         runs = [each for each in campaign.runs if each.log == name]
         frames.append(readings(replayed, runs, campaign.method.estimator))
         responses += run_responses(replayed, runs, campaign.method.estimator)
-        logs.append(_kept(name, replayed, topics, recording))
+        logs.append(evidence_of_replay(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
-        terms += terms_of(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+        terms += learnable_terms(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
     return CampaignReplay(
         pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses)
     )
 
 
 @cache
-def software() -> Software:
+def software_versions() -> Software:
     """Which payscope, libraries and platform this is."""
     return Software(
         payscope=version("payscope"),
@@ -152,7 +157,9 @@ def new_id() -> str:
     return str(uuid4())
 
 
-def _kept(name: str, replayed: Run, topics: pl.DataFrame, recording: str) -> EvidenceLog:
+def evidence_of_replay(
+    name: str, replayed: Run, topics: pl.DataFrame, recording: str
+) -> EvidenceLog:
     """What evidence keeps of a replay."""
     about = replayed.provenance
     said = answer(replayed)
@@ -173,7 +180,7 @@ def _kept(name: str, replayed: Run, topics: pl.DataFrame, recording: str) -> Evi
         ),
         begins=_begins(about.t0_unix_ns),
         duration_s=float(t_ns[-1] - t_ns[0]) / 1e9 if t_ns.len() else 0.0,
-        speed_range_m_s=None if speed.is_empty() else _ends(speed),
+        speed_range_m_s=None if speed.is_empty() else _first_and_last(speed),
         losses=tuple(str(loss)[:_LONGEST] for loss in about.losses),
         notes=tuple(note[:_LONGEST] for note in about.notes),
         can_weigh=said.verdict.can_weigh,
@@ -185,7 +192,7 @@ def _kept(name: str, replayed: Run, topics: pl.DataFrame, recording: str) -> Evi
     )
 
 
-def _ends(values: pl.Series) -> tuple[float, float]:
+def _first_and_last(values: pl.Series) -> tuple[float, float]:
     numbers = values.to_numpy()
     return float(numbers.min()), float(numbers.max())
 

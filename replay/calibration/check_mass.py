@@ -7,12 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from analysis.calibration.campaign.campaign_fit import check_known_mass
-from analysis.calibration.campaign.campaign_plan import (
-    CalibrationCampaign,
-    CampaignRun,
-    Conditions,
-    ReferenceMass,
-)
+from analysis.calibration.campaign.campaign_plan import CalibrationCampaign, CampaignRun
+from analysis.calibration.campaign.campaign_subjects import Conditions, ReferenceMass
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.calibration.evidence_document import EvidenceDocument
@@ -21,8 +17,8 @@ from recordings.signatures.signing import signing_key
 from replay.calibration.calibrate_campaign import (
     CalibrationOutcome,
     EvidenceParts,
-    before_of,
     finish_evidence,
+    previous_evidence,
 )
 from replay.calibration.campaign_runs import replay_runs
 from replay.calibration.refuse_campaign import refuse_days, refuse_machine
@@ -76,11 +72,11 @@ def check_mass(
         PayscopeError: whatever is wrong with the input, before anything is written.
     """
     key = signing_key(key_file)
-    before = before_of(previous, None, key)
+    before = previous_evidence(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
-    campaign = _campaign(last, log, known)
+    campaign = _check_campaign(last, log, known)
     check_folder(folder, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
@@ -98,7 +94,9 @@ def check_mass(
         return finish_evidence(evidence, made, folder, key, before, previous)
 
 
-def _campaign(last: EvidenceDocument, log: Path, known: KnownMassOnBoard) -> CalibrationCampaign:
+def _check_campaign(
+    last: EvidenceDocument, log: Path, known: KnownMassOnBoard
+) -> CalibrationCampaign:
     """A campaign of one run."""
     if known.value_kg < 0.0:
         raise CampaignError(f"--check {known.value_kg:g}: a mass on board is 0 kg or more")
@@ -115,7 +113,7 @@ def _campaign(last: EvidenceDocument, log: Path, known: KnownMassOnBoard) -> Cal
             "id": "check",
             "log": log.name,
             "loads": (_MASS,) if known.value_kg else (),
-            "day": _day(last, log, known.day),
+            "day": _check_day(last, log, known.day),
         }
     )
     return last.campaign.model_copy(
@@ -129,12 +127,12 @@ def _campaign(last: EvidenceDocument, log: Path, known: KnownMassOnBoard) -> Cal
     )
 
 
-def _day(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
+def _check_day(last: EvidenceDocument, log: Path, day: str | None) -> dt.date:
     if day is not None:
         try:
             return dt.date.fromisoformat(day)
         except ValueError:
-            raise CampaignError(f"--day {day}: is no date; write it as 2026-05-31") from None
+            raise CampaignError(f"--day {day}: is not a date; write it as 2026-05-31") from None
     with open_log(log, time=time_axis(last.machine)) as opened:
         start_ns = opened.topics()["start_ns"].min()
     if not isinstance(start_ns, int) or start_ns < FIRST_DATE_NS:

@@ -68,7 +68,7 @@ def compare_logs(
     except PayscopeError as fault:
         checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
         return
-    _compare(checked, document, stored, replayed.readings)
+    compare_readings(checked, document, stored, replayed.readings)
     for kept, anew in zip(document.logs, replayed.logs, strict=True):
         _compare_log(checked, document, kept, anew)
 
@@ -80,7 +80,7 @@ def _compare_log(
     item = f"{EVIDENCE}: logs: {kept.log}"
     if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
         checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
-    if any(name.startswith("machine.") for name in document.absent):
+    if any(name.startswith("machine.") for name in document.settings_at_default):
         checked.notes.append(
             f"{kept.log}: settings and frames are compared value by value alone, not by their "
             "digests: this version has settings that the evidence has not"
@@ -96,20 +96,20 @@ def _compare_log(
         if name == "machine_id" and name not in kept.model_fields_set:
             continue  # earlier formats do not have it
         there, here = getattr(kept, name), getattr(anew, name)
-        if _equal(there, here):
+        if are_equal_values(there, here):
             continue
-        words = name in _IN_WORDS and document.made_elsewhere
+        words = name in _IN_WORDS and document.other_version
         outcome = BundleOutcome.OTHER_VERSION if words else BundleOutcome.IRREPRODUCIBLE
         said = f"{what}: {_format_value(there)} there, {_format_value(here)} here"
         checked.add(outcome, f"{item}: {name}", said)
 
 
-def _equal(there: object, here: object) -> bool:
+def are_equal_values(there: object, here: object) -> bool:
     """Whether two values of a log are the same; of seconds and speeds up to their last bits."""
     if isinstance(there, float) and isinstance(here, float):
         return abs(there - here) <= _LAST_BITS * max(abs(there), abs(here))
     if isinstance(there, tuple) and isinstance(here, tuple):
-        return len(there) == len(here) and all(map(_equal, there, here))
+        return len(there) == len(here) and all(map(are_equal_values, there, here))
     return there == here
 
 
@@ -140,7 +140,7 @@ def _terms_agree(kept: TermOfLog, now: TermOfLog | None) -> bool:
     return all(abs(getattr(kept, name) - getattr(now, name)) <= tolerance for name in names)
 
 
-def _compare(
+def compare_readings(
     checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, anew: pl.DataFrame
 ) -> None:
     """Reading by reading, within the declared tolerance."""
@@ -152,7 +152,7 @@ def _compare(
     wrong = 0
     for kept, now in zip(stored.iter_rows(named=True), anew.iter_rows(named=True), strict=True):
         differing = [name for name in _TEXTS if kept[name] != now[name]]
-        differing += [name for name in _NUMBERS if not _near(kept[name], now[name], tolerance)]
+        differing += [name for name in _NUMBERS if not _is_near(kept[name], now[name], tolerance)]
         if differing:
             wrong += 1
             if wrong <= _MOST_NAMED:
@@ -165,7 +165,7 @@ def _compare(
         )
 
 
-def _near(kept: float | None, now: float | None, tolerance: float) -> bool:
+def _is_near(kept: float | None, now: float | None, tolerance: float) -> bool:
     if kept is None or now is None:
         return kept is now
     return abs(kept - now) <= tolerance
@@ -199,7 +199,7 @@ def _path_of(checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Pat
 def _files_by_name(folder: Path, wanted: set[str]) -> dict[str, list[Path]]:
     """Regular files of these names in a folder and those in it; no link is followed."""
     found: dict[str, list[Path]] = {}
-    for number, entry in enumerate(_walk(folder, 0)):
+    for number, entry in enumerate(_walk_folder(folder, 0)):
         if number >= _MOST_ENTRIES:
             raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; name a smaller one")
         if entry.name in wanted and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
@@ -207,9 +207,9 @@ def _files_by_name(folder: Path, wanted: set[str]) -> dict[str, list[Path]]:
     return found
 
 
-def _walk(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
+def _walk_folder(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda each: each.name):
             yield entry
             if depth < _DEEPEST and entry.is_dir(follow_symlinks=False):
-                yield from _walk(Path(entry.path), depth + 1)
+                yield from _walk_folder(Path(entry.path), depth + 1)

@@ -19,8 +19,13 @@ from recordings.calibration.bundle_folder import (
 )
 from recordings.calibration.calibration_recording import calibration_run
 from recordings.calibration.calibration_report import report_html
-from recordings.calibration.calibration_text import unseen
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, verdict_text, worst
+from recordings.calibration.calibration_text import undetectable_faults
+from recordings.calibration.check_outcomes import (
+    BundleFinding,
+    BundleOutcome,
+    verdict_text,
+    worst_outcome,
+)
 from recordings.calibration.checked_bundle import CheckedBundle
 from recordings.calibration.evidence_document import EvidenceDocument, EvidenceLog
 from recordings.calibration.pdf_check import pdf_fault
@@ -63,7 +68,7 @@ class Verification:
     @property
     def outcome(self) -> BundleOutcome | None:
         """The exit status; None where nothing is wrong."""
-        return worst(self.findings)
+        return worst_outcome(self.findings)
 
     @property
     def verdict(self) -> str:
@@ -75,7 +80,7 @@ class Verification:
         return {
             "folder": str(self.folder),
             "outcome": 0 if self.outcome is None else int(self.outcome),
-            "signed_by": asdict(self.signed_by) | {"trusted": self.signed_by.trusted},
+            "signed_by": asdict(self.signed_by) | {"trusted": self.signed_by.is_trusted},
             "findings": [
                 {"kind": each.kind, "item": each.item, "what": each.what} for each in self.findings
             ],
@@ -85,7 +90,7 @@ class Verification:
         }
 
 
-def verify(
+def verify_bundle(
     folder: Path,
     *,
     logs: Path | None = None,
@@ -115,15 +120,15 @@ def verify(
     if logs is not None and not logs.is_dir():
         raise EvidenceError(f"{logs}: no such folder; name the folder with the logs")
     checked = check_bundle(folder, key, previous, load_keyring(), authorities)
-    if signed and not checked.signed_by.trusted and not checked.faults:
+    if signed and not checked.signed_by.is_trusted and not checked.faults:
         what = f"{checked.signed_by}, and a signature by a known key is asked for"
         checked.add(BundleOutcome.INCOMPLETE, STATEMENT, what)
     keeper = checked.notarised_by
-    if signed and keeper is not None and not keeper.trusted and not checked.faults:
+    if signed and keeper is not None and not keeper.is_trusted and not checked.faults:
         what = f"is {keeper}, and one by a key of the keyring is asked for"
         checked.add(BundleOutcome.INCOMPLETE, NOTARY, what)
     document = checked.document
-    done = _done(checked, previous is not None)
+    done = checks_done(checked, previous is not None)
     files = FilesCheck()
     if document is not None:
         files = compare_files(checked, document, folder, whole=logs is not None)
@@ -145,13 +150,15 @@ def verify(
         tuple(checked.findings),
         tuple(checked.notes),
         tuple(done),
-        () if document is None else (*unseen(document), *files.unseen, *_never_seen(document)),
+        ()
+        if document is None
+        else (*undetectable_faults(document), *files.unseen, *unverifiable_claims(document)),
         checked.signed_by,
         checked,
     )
 
 
-def _never_seen(document: EvidenceDocument) -> Iterator[str]:
+def unverifiable_claims(document: EvidenceDocument) -> Iterator[str]:
     """What `verify` compares with nothing, whatever it is given."""
     yield (
         "Whether what the campaign file says of people, place, conditions, sensors and parts is "
@@ -170,12 +177,12 @@ def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.dat
         checked.add(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
 
 
-def _done(checked: CheckedBundle, chained: bool) -> list[str]:
-    """What a check of the folder itself looked at."""
+def checks_done(checked: CheckedBundle, chained: bool) -> list[str]:
+    """List what the check of the folder by itself has covered."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked.document is not None:
         done.append("the schema of evidence.json")
-        done += [f"the signature: {checked.signed_by}"] if checked.signed_by.trusted else []
+        done += [f"the signature: {checked.signed_by}"] if checked.signed_by.is_trusted else []
         done += ["the chain, to the evidence before"] if chained else []
     if checked.notarised_by is not None and checked.document is not None:
         stretch = checked.document.campaign.notary
@@ -284,11 +291,11 @@ def _compare_calibration(
         for name in {*taken.frames, *found.frames}
         if taken.frames.get(name) != found.frames.get(name)
     )
-    same_words = document.made_elsewhere or made.notes == found.notes
+    same_words = document.other_version or made.notes == found.notes
     if not other and same_words:
         return
     what = f"frames {', '.join(other)}" if other else "words"
-    outcome = BundleOutcome.OTHER_VERSION if document.made_elsewhere else BundleOutcome.TAMPERED
+    outcome = BundleOutcome.OTHER_VERSION if document.other_version else BundleOutcome.TAMPERED
     checked.add(outcome, RECORDING, f"has other {what} than the evidence gives")
 
 
@@ -296,8 +303,8 @@ def _compare_pdf(
     checked: CheckedBundle, document: EvidenceDocument, folder: Path, sums: Mapping[str, str]
 ) -> str:
     """Compare the PDF; why it could not be, or ""."""
-    if document.made_elsewhere:
-        return f"its page is one by {document.made_elsewhere}"
+    if document.other_version:
+        return f"its page is one by {document.other_version}"
     if checked.readings is None or checked.points is None:
         return "its page could not be made anew"
     html = report_html(document, checked.readings, checked.points)

@@ -8,9 +8,9 @@ from typing import Any
 
 from estimators.errors import counted
 from recordings.calibration.chain_check import chain_findings
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst
+from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, worst_outcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from replay.calibration.verify_bundle import Verification, verify
+from replay.calibration.verify_bundle import Verification, verify_bundle
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,9 @@ class VerifiedChain:
     @property
     def outcome(self) -> BundleOutcome | None:
         """The exit status of all together; None where nothing is wrong."""
-        return worst([*self.findings, *(each for made in self.bundles for each in made.findings)])
+        return worst_outcome(
+            [*self.findings, *(each for made in self.bundles for each in made.findings)]
+        )
 
     @property
     def verdict(self) -> str:
@@ -82,7 +84,7 @@ def verify_chain(
         EvidenceError: no such folder, or a key or certificate that cannot be read.
     """
     made = [
-        verify(folder, logs=logs, key_file=key_file, signed=signed, on=on, tsa=tsa)
+        verify_bundle(folder, logs=logs, key_file=key_file, signed=signed, on=on, tsa=tsa)
         for folder in folders
     ]
     by_machine: dict[str, list[CheckedBundle]] = {}
@@ -96,7 +98,7 @@ def verify_chain(
         wrong, said = chain_findings(bundles)
         findings += wrong
         notes += said
-    last = {machine: max(map(_counter, bundles)) for machine, bundles in by_machine.items()}
+    last = {machine: max(map(_chain_counter, bundles)) for machine, bundles in by_machine.items()}
     return VerifiedChain(
         tuple(each if _is_last(each, last) else _without_expiry(each) for each in made),
         tuple(findings),
@@ -104,7 +106,7 @@ def verify_chain(
     )
 
 
-def _counter(checked: CheckedBundle) -> int:
+def _chain_counter(checked: CheckedBundle) -> int:
     return 0 if checked.document is None else checked.document.chain.counter
 
 

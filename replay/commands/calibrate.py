@@ -101,13 +101,13 @@ def command(
         print_json(made.to_dict())
     else:
         _print(console(), made)
-    if not made.good:
+    if not made.is_good:
         raise typer.Exit(1)
 
 
 def _print(screen: "Console", made: "CalibrationOutcome") -> None:
-    from recordings.calibration.calibration_report import facts, kilograms
-    from recordings.calibration.calibration_text import in_words
+    from recordings.calibration.calibration_report import kilograms_text, report_facts
+    from recordings.calibration.calibration_text import report_paragraphs
     from recordings.calibration.certificate_text import warnings_of
     from replay.commands.print_tables import plain_table, print_line, print_table
 
@@ -120,21 +120,21 @@ def _print(screen: "Console", made: "CalibrationOutcome") -> None:
         table.add_row(
             row["run_id"],
             row["load_id"],
-            kilograms(row["reference_kg"]),
+            kilograms_text(row["reference_kg"]),
             str(row["readings"]),
-            *(kilograms(row[name]) for name in numbers),
+            *(kilograms_text(row[name]) for name in numbers),
         )
     print_table(screen, table)
     for row in made.rejected.iter_rows(named=True):
         print_line(screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}")
     screen.print()
-    for name, value in facts(made.document):
+    for name, value in report_facts(made.document):
         if name != "made":
             print_line(screen, f"{name}: {value}")
     screen.print()
     for sentence in warnings_of(made.document):
         print_line(screen, sentence, "[bold red]!![/] ")
-    for sentence in in_words(made.document, made.readings, made.points):
+    for sentence in report_paragraphs(made.document, made.readings, made.points):
         print_line(screen, sentence)
     for remark in made.remarks:
         print_line(screen, f"note: {remark}")

@@ -99,9 +99,9 @@ def main() -> None:
             status = app(standalone_mode=False)
         sys.stdout.flush()
     except PayscopeError as error:
-        status = _fail(str(error))
+        status = _exit_with_line(str(error))
     except typer.TyperException as error:
-        status = _fail(error.format_message() or "see payscope --help")
+        status = _exit_with_line(error.format_message() or "see payscope --help")
     except (KeyboardInterrupt, typer.Abort):
         status = 130
     except BrokenPipeError:
@@ -114,14 +114,14 @@ def main() -> None:
         _close_stdout()
         status = 0
     except (UnpicklingError, EOFError) as error:
-        status = _fail(compiled_anew(error))
+        status = _exit_with_line(discard_broken_cache(error))
     except OSError as error:
         _close_stdout()
         # a file that was being closed when the signal came may have been closed twice
         status = (
             128 + received[0]
             if received
-            else _fail(f"{error.filename or 'stdout'}: {error.strerror or error}")
+            else _exit_with_line(f"{error.filename or 'stdout'}: {error.strerror or error}")
         )
     sys.exit(status or 0)
 
@@ -181,19 +181,19 @@ def _close_stdout() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def compiled_anew(error: Exception) -> str:
+def discard_broken_cache(error: Exception) -> str:
     """Remove compiled code that cannot be read; any other error of that kind is raised again.
 
     Two processes may have written it at once, or the disk was full.
     """
     if not any("numba" in Path(frame.filename).parts for frame in extract_tb(error.__traceback__)):
         raise error
-    from estimators.compile_cache import forget
+    from estimators.compile_cache import clear_cache
 
-    folders = ", ".join(map(str, forget()))
+    folders = ", ".join(map(str, clear_cache()))
     return f"{folders}: compiled code kept there cannot be read and was removed; run it again"
 
 
-def _fail(line: str) -> int:
+def _exit_with_line(line: str) -> int:
     typer.echo(f"payscope: {' '.join(line.split())}", err=True)
     return 2

@@ -10,7 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from recordings.signatures.signed_by import SignedBy
-    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest
     from replay.logs import TimeAxis
 
 
@@ -62,7 +62,7 @@ FrictionLimit = Annotated[
 
 def read_calibration(
     folder: Path | None, key: Path | None, *, signed: bool
-) -> "AskedCalibration | None":
+) -> "CalibrationRequest | None":
     """What is asked for by these options.
 
     Raises:
@@ -72,9 +72,9 @@ def read_calibration(
         if key is not None or signed:
             raise typer.BadParameter("--key and --require-signed are of --calibration")
         return None
-    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest
 
-    return AskedCalibration(folder, key, signed, first_use())
+    return CalibrationRequest(folder, key, signed, owner_question())
 
 
 #: What a person says of a table where there is no machine file yet.
@@ -118,13 +118,13 @@ def time_axis_of(
     return table_axis(validate(Path("--set log"), content["log"], LogSection, MachineError))
 
 
-def first_use() -> "Callable[[SignedBy], str] | None":
+def owner_question() -> "Callable[[SignedBy], str] | None":
     """What asks the user about an unknown key; None where nobody sits at a terminal."""
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty()
-    return _ask_owner if at_terminal else None
+    return ask_for_owner if at_terminal else None
 
 
-def _ask_owner(by: "SignedBy") -> str:
+def ask_for_owner(by: "SignedBy") -> str:
     """Ask whose key it is; "" where it is not to be trusted."""
     from estimators.errors import one_line
 

@@ -54,12 +54,12 @@ def command(
     but file names and versions.
     """
     from replay.commands.print_tables import print_json
-    from replay.compare.compare_recordings import OverlayTo, compare_recordings
+    from replay.compare.compare_recordings import OverlayOutput, compare_recordings
 
     found = compare_recordings(
         a,
         b,
-        OverlayTo(output, force),
+        OverlayOutput(output, force),
         rtol=rtol,
         other_logs=other_logs,
         calibration=read_calibration(calibration, key, signed=require_signed),
@@ -154,7 +154,7 @@ def _estimate_table(about: str, changes: Iterable["EstimateChange"]) -> "Table":
             _estimate_text(each.a, each.a_std),
             _estimate_text(each.b, each.b_std),
             _format_signed(each.change),
-            "" if each.stds is None else f"{each.stds:+.2f}",
+            "" if each.change_in_stds is None else f"{each.change_in_stds:+.2f}",
         )
     return table
 
@@ -191,20 +191,20 @@ def _column_table(found: "Comparison") -> "Table":
         if stage.order:
             table.add_row(escape(about), "the order of the columns")
             about = ""
-        by_change = sorted(stage.columns, key=_extent, reverse=True)
+        by_change = sorted(stage.columns, key=_extent_key, reverse=True)
         for column in by_change[:_COLUMNS_SHOWN]:
-            table.add_row(escape(about), escape(column.name), *_extents(column, stage.common))
+            table.add_row(escape(about), escape(column.name), *_extent_texts(column, stage.common))
             about = ""
         if len(by_change) > _COLUMNS_SHOWN:
             table.add_row("", f"… and {len(by_change) - _COLUMNS_SHOWN} more")
     return table
 
 
-def _extent(column: "ColumnChange") -> tuple[float, int]:
+def _extent_key(column: "ColumnChange") -> tuple[float, int]:
     return column.largest_relative or 0.0, column.rows
 
 
-def _extents(column: "ColumnChange", common: int) -> tuple[str, ...]:
+def _extent_texts(column: "ColumnChange", common: int) -> tuple[str, ...]:
     if column.fault:
         return (column.fault,)
     rows = f"{column.rows:,} ({column.rows / common:.1%})"

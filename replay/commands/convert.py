@@ -35,11 +35,11 @@ def command(
     from replay.commands.common_options import time_axis_of
     from replay.commands.print_tables import console, print_json
     from replay.commands.progress_bar import Stages
-    from replay.convert.convert_log import convert
+    from replay.convert.convert_log import convert_log
     from replay.logs import open_log
 
     with open_log(log, time=time_axis_of(time, time_unit, keys)) as opened, Stages(1) as stages:
-        made = convert(opened, output, topics, force=force, on_span=stages.begin)
+        made = convert_log(opened, output, topics, force=force, on_span=stages.begin)
     if as_json:
         print_json(made.to_dict())
     else:

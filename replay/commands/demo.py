@@ -23,10 +23,10 @@ def command(
     from replay.commands.print_tables import console, print_json
     from replay.commands.progress_bar import Stages
     from replay.commands.review import print_review
-    from replay.demo.run_demo import STEPS, demo
+    from replay.demo.run_demo import STEPS, run_demo
 
     with Stages(len(STEPS)) as stages:
-        result = demo(output, seed=seed, force=force, on_stage=stages.begin)
+        result = run_demo(output, seed=seed, force=force, on_stage=stages.begin)
     if as_json:
         print_json(result.to_dict())
     else:

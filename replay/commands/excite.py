@@ -57,8 +57,7 @@ def command(
     from analysis.excitation import design
     from recordings.report.atomic_output import check_output, refuse_input_as_output
     from replay.commands.print_tables import console, print_json
-    from replay.excitation.write_excitation import to_dict, write_design
-    from replay.simulation.scenario_file import load_scenario
+    from replay.simulation.scenario_file import load_scenario, write_scenario
 
     wanted = _parse_share(accuracy)
     if output:
@@ -67,13 +66,13 @@ def command(
     base = load_scenario(scenario, overrides or [])
     made = design(base, motion, wanted, window, yard)
     if as_json:
-        print_json(to_dict(made))
+        print_json(made.to_dict())
     else:
         console().print(_render(made))
     if output and made.best:
-        write_design(made, base, output, force=force)
+        write_scenario(made.scenario(base), output, force=force)
         typer.echo(str(output), err=as_json)
-    if not made.reached:
+    if not made.is_reached:
         raise typer.Exit(1)
 
 
@@ -139,6 +138,6 @@ def _verdict_text(design: Design) -> str:
     if best is None:
         return "No waveform fits the yard."
     name, error = f"{best.waveform}, {best.ways}", f"{best.relative_error:.2g}"
-    if design.reached:
+    if design.is_reached:
         return f"The accuracy of {wanted} is reached: {name}, has {error}."
     return f"No waveform reaches the accuracy of {wanted}: the best, {name}, has {error}."

@@ -56,7 +56,7 @@ def command(
     from replay.commands.progress_bar import Stages
     from replay.explain.explain_run import ExplainRequest, explain_run
 
-    picture, mended_file = _outputs(output or [], apply=apply)
+    picture, mended_file = picture_and_machine_file(output or [], apply=apply)
     if overrides and machine is None:
         raise typer.BadParameter("--set overrides a machine file: name it with -m")
     asked = ExplainRequest(
@@ -73,7 +73,7 @@ def command(
         raise typer.Exit(1)
 
 
-def _outputs(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
+def picture_and_machine_file(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
     """The picture and the machine file among the outputs.
 
     Raises:
@@ -106,7 +106,7 @@ def _mended_dict(mended: "MendedMachine") -> dict[str, Any]:
 
 def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Path | None) -> None:
     from recordings.explain.explanation_text import (
-        determined_lines,
+        determined_parameter_lines,
         finding_lines,
         gate_lines,
         manoeuvre_line,
@@ -132,7 +132,7 @@ def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Pa
     part("manoeuvres that stand out:", map(manoeuvre_line, explained.worst))
     around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
     part(around, gate_lines(explained))
-    part("the motion:", determined_lines(explained.determined))
+    part("the motion:", determined_parameter_lines(explained.determined))
     if mended is not None:
         _print_mended(screen, mended)
     if picture is not None:

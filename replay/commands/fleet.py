@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from analysis.fleet.results_comparison import FleetComparison
-    from replay.fleet.compare_results import Days
+    from replay.fleet.compare_results import DayRange
     from replay.fleet.gathered_tables import FleetResults
     from replay.fleet.run_fleet import FleetRun
     from replay.fleet.task_engine import Engine
@@ -46,12 +46,12 @@ _ROWS_SHOWN: Final = 40
 
 
 @app.callback(invoke_without_command=True)
-def _needs(context: typer.Context) -> None:
+def require_fleet_libraries(context: typer.Context) -> None:
     """Refuse in one line where the libraries of the extra are missing."""
     from estimators.errors import FleetError
-    from replay.fleet.ray_engine import missing
+    from replay.fleet.ray_engine import missing_library
 
-    name = missing()
+    name = missing_library()
     if name is not None:
         raise FleetError(f"fleet: {name} is not installed; pip install 'payscope[fleet]'")
     if context.invoked_subcommand is None:
@@ -100,7 +100,7 @@ def run_command(
             fleet,
             output,
             _engine(address, workers),
-            shown.done,
+            shown.mark_done,
             shown.on_engine,
             recordings=recordings,
         )
@@ -154,7 +154,7 @@ def report_command(
     made = fleet_report(
         results,
         destination,
-        results.current.fleet,
+        results.last_run.fleet,
         output,
         force=force,
         friction_limit_N_s_m=friction_limit,
@@ -220,7 +220,7 @@ def compare_command(
     if as_json:
         print_json(
             {
-                "sum": found.whole,
+                "sum": found.total_change,
                 "machines": found.machines.to_dicts(),
                 "recordings": found.logs.head(shown).to_dicts(),
                 "only_a": found.only_a,
@@ -229,7 +229,7 @@ def compare_command(
         )
     else:
         _print_comparison(found, a, shown)
-    if found.whole["changed"]:
+    if found.total_change["changed"]:
         raise typer.Exit(1)
 
 
@@ -251,10 +251,10 @@ def open_command(
 
     from recordings.report.atomic_output import atomic_file
     from replay.fleet.gathered_tables import fleet_results
-    from replay.fleet.open_recording import recording_of
-    from replay.recording.open_viewer import view
+    from replay.fleet.open_recording import recording_of_result
+    from replay.recording.view_recording import view
 
-    with recording_of(fleet_results(destination), key) as recording:
+    with recording_of_result(fleet_results(destination), key) as recording:
         if output is None:
             view(recording, at_s=at_s)
             return
@@ -273,30 +273,32 @@ def _engine(
     return partial(ray_engine, address, workers)
 
 
-def _days(first: str | None, last: str | None) -> "Days":
-    from replay.fleet.compare_results import Days
+def _days(first: str | None, last: str | None) -> "DayRange":
+    from replay.fleet.compare_results import DayRange
 
     found: list[dt.date | None] = []
     for name, text in (("--from", first), ("--to", last)):
         try:
             found.append(None if text is None else dt.date.fromisoformat(text))
         except ValueError:
-            raise typer.BadParameter(f"{name} {text}: is no day; write it as 2026-10-01") from None
-    return Days(*found)
+            raise typer.BadParameter(
+                f"{name} {text}: is not a day; write it as 2026-10-01"
+            ) from None
+    return DayRange(*found)
 
 
 def _what_if(
     results: "FleetResults",
     overrides: list[str],
-    days: "Days",
+    days: "DayRange",
     engine: "Callable[[], AbstractContextManager[Engine]]",
 ) -> "FleetResults":
     from replay.commands.fleet_progress import FleetProgress
-    from replay.fleet.compare_results import OnRun, what_if
+    from replay.fleet.compare_results import RunCallbacks, replay_with_settings
 
     with FleetProgress() as shown:
-        told = OnRun(shown.begin, shown.done, shown.on_engine)
-        other, did, gone = what_if(results, overrides, days, engine, told)
+        told = RunCallbacks(shown.begin, shown.mark_done, shown.on_engine)
+        other, did, gone = replay_with_settings(results, overrides, days, engine, told)
     if gone:
         typer.echo(f"{gone} logs are no longer where they were, and left out", err=True)
     for source, why in sorted(did.failed.items()):
@@ -326,7 +328,7 @@ def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
     from replay.commands.print_tables import console, plain_table, print_line, print_table
 
     screen = console()
-    whole = found.whole
+    whole = found.total_change
     print_line(
         screen,
         f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "

@@ -48,11 +48,11 @@ class FleetProgress:
         """The engine is open."""
         self._slots = engine.slots()
 
-    def done(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
+    def mark_done(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
         """A log is done."""
         took = outcome.seconds + outcome.overhead_s
-        self._left.done(log.size_bytes, took if outcome.status == "made" else None)
-        left = spoken(self._left.interval_s(self._slots))
+        self._left.add_recording(log.size_bytes, took if outcome.status == "made" else None)
+        left = interval_text(self._left.interval_s(self._slots))
         self._bar.update(self._task, advance=1, left=left)
 
     def __enter__(self) -> Self:
@@ -72,13 +72,13 @@ class TimeLeft:
     """An estimate by the recordings that are done: their seconds by size, and how these scatter."""
 
     def __init__(self, sizes_bytes: list[int]) -> None:
-        self._left = sum(map(_weight, sizes_bytes))
-        self._squares = sum(_weight(size) ** 2 for size in sizes_bytes)
+        self._left = sum(map(_duration_weight, sizes_bytes))
+        self._squares = sum(_duration_weight(size) ** 2 for size in sizes_bytes)
         self._done: list[tuple[float, float]] = []
 
-    def done(self, size_bytes: int, seconds: float | None) -> None:
+    def add_recording(self, size_bytes: int, seconds: float | None) -> None:
         """A recording is done, after so many seconds on its node; None where it was there."""
-        weight = _weight(size_bytes)
+        weight = _duration_weight(size_bytes)
         self._left -= weight
         self._squares -= weight**2
         if seconds is not None:
@@ -101,11 +101,11 @@ class TimeLeft:
         return low / slots, high / slots
 
 
-def _weight(size_bytes: int) -> float:
+def _duration_weight(size_bytes: int) -> float:
     return float(size_bytes + _BASE_BYTES)
 
 
-def spoken(interval_s: tuple[float, float] | None) -> str:
+def interval_text(interval_s: tuple[float, float] | None) -> str:
     """The interval in words, in the unit that suits it."""
     if interval_s is None:
         return ""

@@ -129,10 +129,10 @@ def command(
     for loss in following.losses:
         tell(str(loss))
     follower = following.follower
-    spins = f", inertia of {_count(follower.spins, 'spin')}" if follower.spins else ""
+    spins = f", inertia of {_count_text(follower.spins, 'spin')}" if follower.spins else ""
     typer.echo(
         f"{following.ended}: {follower.rows_stepped:,} rows, masses of "
-        f"{_count(follower.manoeuvres, 'manoeuvre')}{spins}",
+        f"{_count_text(follower.manoeuvres, 'manoeuvre')}{spins}",
         err=True,
     )
     if output is not None:
@@ -143,7 +143,7 @@ def command(
         typer.echo(f"recorded: {output}", err=True)
 
 
-def _count(number: int, what: str) -> str:
+def _count_text(number: int, what: str) -> str:
     return f"{number:,} {what}" + "s" * (number != 1)
 
 

@@ -63,7 +63,7 @@ class FollowPanel:
     def _parts(self, following: Following) -> list[Text | Table]:
         parts: list[Text | Table] = [self._head(following)]
         if self._last is None:
-            waits = following.missing or following.follower.topics
+            waits = following.missing_excitation or following.follower.topics
             parts.append(Text(f"waits for {', '.join(waits)}", style="yellow"))
             if following.topics and following.remedy:
                 parts.append(Text(following.remedy.removeprefix("; "), style="dim"))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from recordings.rrd.viewer_stream import ViewerAsks
+    from recordings.rrd.viewer_stream import ViewerRequest
 
 #: The viewer's own number.
 NOT_MINE: Final = 66
@@ -22,15 +22,15 @@ def main() -> None:
     """Import one file, and leave with the status that the viewer understands."""
     asked, _ = _parser().parse_known_args()  # newer viewers may ask for more
     # the viewer starts every importer for every file: nothing heavy before the answer "not mine"
-    from replay.recording.importer_files import is_ours
+    from replay.recording.importer_files import takes_file
 
-    if not is_ours(asked.path):
+    if not takes_file(asked.path):
         sys.exit(NOT_MINE)
     from estimators.errors import PayscopeError, one_line
     from replay.recording.import_log import import_log
 
     try:
-        fault = import_log(asked.path, _asks(asked))
+        fault = import_log(asked.path, parse_request(asked))
     except PayscopeError as error:
         sys.stderr.write(f"payscope: {one_line(str(error))}\n")
         sys.exit(2)
@@ -38,9 +38,9 @@ def main() -> None:
         sys.stderr.write(f"payscope: shown without a replay: {fault}\n")
 
 
-def _asks(asked: argparse.Namespace) -> "ViewerAsks":
+def parse_request(asked: argparse.Namespace) -> "ViewerRequest":
     """What the viewer asks for; a time that is none is left out, as in Rerun's own importers."""
-    from recordings.rrd.viewer_stream import TimelineKind, ViewerAsks
+    from recordings.rrd.viewer_stream import TimelineKind, ViewerRequest
 
     times: list[tuple[str, TimelineKind, int]] = []
     for kind, option in (
@@ -57,7 +57,7 @@ def _asks(asked: argparse.Namespace) -> "ViewerAsks":
             if name and -_LARGEST <= time < _LARGEST:
                 times.append((name, kind, time))
     application = asked.application_id or asked.path.stem or "payscope"
-    return ViewerAsks(application, asked.recording_id, asked.entity_path_prefix, tuple(times))
+    return ViewerRequest(application, asked.recording_id, asked.entity_path_prefix, tuple(times))
 
 
 def _parser() -> argparse.ArgumentParser:

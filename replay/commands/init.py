@@ -29,7 +29,7 @@ def command(
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
     from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
     from replay.commands.common_options import time_axis_of
-    from replay.init.guess_by_replay import BRAKING, replayed_lines
+    from replay.init.guess_by_replay import BRAKING, lines_from_replay
     from replay.init.guess_machine import draft_machine_file
     from replay.logs import open_log
 
@@ -49,7 +49,7 @@ def command(
             refuse_input_as_output(output, opened.files)
             text, missing = draft_machine_file(opened, axis)
             lacking = [f"note: {note}" for note in opened.notes()]
-            found = BRAKING if missing else replayed_lines(opened, text)
+            found = BRAKING if missing else lines_from_replay(opened, text)
             text += "\n".join(["", *found])
         lacking += [f"still missing: {sentence}" for sentence in missing]
     with atomic_file(output, force=force) as partial:

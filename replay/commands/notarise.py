@@ -42,10 +42,10 @@ def command(
     import time
 
     from replay.commands.print_tables import console, print_json
-    from replay.notary.notarise_folder import notarise
+    from replay.notary.notarise_folder import notarise_folder
 
     while True:
-        made = notarise(
+        made = notarise_folder(
             folder, key_file=key, list_path=list_path, machine_id=machine_id, quiet_s=quiet
         )
         if as_json:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 
-class Question(StrEnum):
+class FigureName(StrEnum):
     """The figures, one a question (`recordings.plots.run_plots.FIGURES`)."""
 
     page = "page"
@@ -23,8 +23,8 @@ def command(
         Path, typer.Option("-o", "--output", help="The picture (.png, .pdf or .svg).")
     ],
     figure: Annotated[
-        Question, typer.Option("--figure", help="Everything on one page, or one question.")
-    ] = Question.page,
+        FigureName, typer.Option("--figure", help="Everything on one page, or one question.")
+    ] = FigureName.page,
     at_s: Annotated[
         float | None,
         typer.Option("--at", help="Mark this second, and draw the 30 s around it."),
@@ -40,7 +40,7 @@ def command(
     Or one figure a question: --figure force-acceleration, convergence, gate or loads. Long runs are
     drawn by envelopes, medians and shares of time; --from and --to show the detail.
     """
-    from replay.recording.plot_recording import plot
+    from replay.recording.view_recording import plot
 
     picture = plot(
         recording, output, figure.value, at_s=at_s, from_s=from_s, to_s=to_s, force=force

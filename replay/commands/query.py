@@ -94,7 +94,7 @@ def _print(
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
-        opens = asked.opens(rows)
+        opens = asked.opening_command(rows)
         if opens and apart_s is None:
             typer.echo(f"the first row in the viewer: {opens}", err=True)
         return

@@ -140,7 +140,7 @@ def command(
     from replay.commands.progress_bar import Stages
     from replay.machines.machine_file import load_machine
     from replay.pipeline import STAGES
-    from replay.review.give_verdicts import GivenVerdicts, count_again, is_review
+    from replay.review.give_verdicts import GivenVerdicts, is_review, recount_review
     from replay.review.label_spans import parse_label_channel, read_label_spans
     from replay.review.review_shift import ReviewOptions, review
 
@@ -168,7 +168,7 @@ def command(
                 "--calibration, --target, --set, --full, --decimal-comma and --label need the "
                 "logs, -m and -o once more"
             )
-        made = count_again(logs[0], given)
+        made = recount_review(logs[0], given)
     elif machine is None or output is None:
         raise typer.BadParameter(
             f"{logs[0]}: logs need a machine file (-m) and a folder to write (-o); only the folder "
@@ -182,7 +182,7 @@ def command(
         with Stages(len(STAGES) + 3, timing=timing) as stages:
             made = review(logs, machine, output, options, stages.begin)
         if given:
-            made = count_again(output, given)
+            made = recount_review(output, given)
     if as_json:
         print_json(made.to_dict())
     else:

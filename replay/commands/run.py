@@ -184,7 +184,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
         _print_worth(screen, answer, verbose)
     else:
         _print_verdict(screen, answer, verbose)
-    for line in _more_lines(answer, goal, verbose):
+    for line in further_lines(answer, goal, verbose):
         print_line(screen, line)
     if verbose:
         _print_budget(screen, answer)
@@ -202,9 +202,9 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
 
 def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
     """Print masses and payloads, and the largest part of their uncertainty."""
-    from recordings.report.worth_text import advice, load_heads, load_rows, worth_lines
+    from recordings.report.worth_text import answer_lines, load_heads, load_rows, uncertainty_advice
 
-    for line in worth_lines(answer, brief=not verbose):
+    for line in answer_lines(answer, brief=not verbose):
         print_line(screen, line)
     if len(answer.loads) > 1:
         heads = load_heads(answer)
@@ -213,22 +213,22 @@ def _print_worth(screen: "Console", answer: "Answer", verbose: int) -> None:
         for load in load_rows(answer):
             loads.add_row(*load)
         print_table(screen, loads)
-    most = advice(answer)
+    most = uncertainty_advice(answer)
     if most:
         print_line(screen, most)
 
 
-def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
+def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator[str]":
     """What else bears on the answer, the most important first."""
-    from recordings.report.planar_text import planar_lines
+    from recordings.report.planar_text import planar_fit_lines
     from recordings.report.worth_text import goal_lines, shift_lines
 
     if goal is not None:
         yield from goal_lines(answer, goal)
-    if answer.verdict.tells_inertia and not verbose:
+    if answer.verdict.can_tell_inertia and not verbose:
         yield from _inertia_lines(answer)
     yield from shift_lines(answer)
-    yield from planar_lines(answer.planar, answer.planar_budget)
+    yield from planar_fit_lines(answer.planar, answer.planar_budget)
     most_lines = len(answer.losses) + len(answer.notes) if verbose else _MOST_LINES
     yield from _first_lines(
         [f"lost: {loss}" for loss in answer.losses], most_lines, "loss", "losses"
@@ -238,10 +238,10 @@ def _more_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterator
 
 
 def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
-    from recordings.report.finding_text import affects_mass, finding_line, findings_from
+    from recordings.report.finding_text import finding_line, findings_from, may_change_mass
 
     found = findings_from(answer.findings)
-    shown = found if verbose else [each for each in found if affects_mass(each)][:_MOST_LINES]
+    shown = found if verbose else [each for each in found if may_change_mass(each)][:_MOST_LINES]
     yield from (f"finding: {finding_line(each)}" for each in shown)
     left = len(found) - len(shown)
     if left:
@@ -271,11 +271,11 @@ def _inertia_lines(answer: "Answer") -> "Iterator[str]":
 
 def _print_budget(screen: "Console", answer: "Answer") -> None:
     """Print a row for each source of uncertainty."""
-    from recordings.report.worth_text import budget_rows, main_load
+    from recordings.report.worth_text import best_known_load, budget_rows
 
     rows = budget_rows(answer) if answer.verdict.can_weigh else []
     if rows:
-        of = f" (mass of load {main_load(answer)})" if len(answer.loads) > 1 else ""
+        of = f" (mass of load {best_known_load(answer)})" if len(answer.loads) > 1 else ""
         table = plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("fraction of the variance")
         table.add_column("to reduce", overflow="fold")
@@ -287,9 +287,9 @@ def _print_budget(screen: "Console", answer: "Answer") -> None:
 def _print_methods(screen: "Console", answer: "Answer") -> None:
     """Print what each method makes of the whole log."""
     verdict = answer.verdict
-    if len(answer.loads) > 1 and not verdict.tells_inertia:
+    if len(answer.loads) > 1 and not verdict.can_tell_inertia:
         screen.print("Other methods: not shown, since they give one mass per log")
-    elif verdict.can_weigh or verdict.tells_inertia:
+    elif verdict.can_weigh or verdict.can_tell_inertia:
         screen.print("Other methods (statistical ± only; –: withheld)")
         for row in answer.rows:
             print_table(screen, _mass_table(row, verdict))
@@ -306,14 +306,14 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
         screen.print(f"Log usable: {passed} {of} passed; {share} of the samples used.")
     else:
         screen.print("Log not usable for weighing: the mass is withheld. Failed checks:")
-    near = verdict.near if verdict.can_weigh else ()
+    near = verdict.near_checks if verdict.can_weigh else ()
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
     if shown or verbose > 1:
         print_table(screen, _check_table(verdict.checks if verbose > 1 else shown))
     for check in failed:
         if check.remedy and check.value is not None:
             print_line(screen, f"{check.check}: {check.remedy}")
-    if verdict.judges_spins and not verdict.tells_inertia:
+    if verdict.has_spins and not verdict.can_tell_inertia:
         screen.print(
             "No inertia estimate: the checks of the spins, or of the force's sign, failed."
         )
@@ -322,7 +322,7 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
 def _mass_table(row: "AnswerRow", verdict: "Verdict") -> "Table":
     columns = {
         **(_OF_MASS if verdict.can_weigh else {}),
-        **(_OF_INERTIA if verdict.tells_inertia else {}),
+        **(_OF_INERTIA if verdict.can_tell_inertia else {}),
     }
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
     table = plain_table("method", *shown)
@@ -340,7 +340,7 @@ def _value_text(row: "AnswerRow", method: str, name: str, std_name: str | None) 
 
 def _check_table(checks: "Sequence[Check]") -> "Table":
     """A row a check: its number, its limit, what it led to."""
-    from recordings.report.number_text import outcome
+    from recordings.report.number_text import outcome_text
 
     table = plain_table("check", "value", "limit")
     table.add_column("")
@@ -348,6 +348,6 @@ def _check_table(checks: "Sequence[Check]") -> "Table":
     for check in checks:
         value = "–" if check.value is None else f"{check.value:.3g}"
         passed = "near" if check.is_near else "ok"
-        state = outcome(check, passed=passed, failed="[red]failed[/]", absent="n/a")
+        state = outcome_text(check, passed=passed, failed="[red]failed[/]", absent="n/a")
         table.add_row(check.check, value, check.limit, state, check.meaning)
     return table

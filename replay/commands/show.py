@@ -16,7 +16,7 @@ from replay.commands.common_options import (
 )
 
 if TYPE_CHECKING:
-    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
 _ROWS_SHOWN: Final = 40
@@ -66,7 +66,7 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
     """Print the recording's stages with their columns, and what was lost on the way to them."""
     from rich.markup import escape
 
-    from recordings import read_provenance, stages
+    from recordings import read_provenance, stage_columns
     from replay.commands.print_tables import (
         console,
         plain_table,
@@ -75,7 +75,7 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
         print_table,
     )
 
-    held = stages(recording)
+    held = stage_columns(recording)
     if as_json:
         print_json(held)
         return
@@ -94,7 +94,7 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
 
 
 def _show_stage(
-    asked: "tuple[Path, str, AskedCalibration | None]",
+    asked: "tuple[Path, str, CalibrationRequest | None]",
     seconds: tuple[float | None, float | None] | float,
     output_format: str | None,
     output: Path | None,
@@ -104,17 +104,17 @@ def _show_stage(
     """Print the rows of one stage from one second to another, or at one, or write them."""
     from recordings.report.atomic_output import check_output, refuse_input_as_output
     from replay.commands.frame_output import format_of, frame_text, print_frame
-    from replay.recording.read_stage import Stage
+    from replay.recording.read_stage import RecordedStage
 
     recording, name, calibration = asked
     output_format = format_of(output_format, output)
     if output is not None:
         refuse_input_as_output(output, [recording])
         check_output(output, force=force)
-    stage = Stage.read(recording, name)
+    stage = RecordedStage.read(recording, name)
     if calibration is not None:
-        stage = stage.calibrated(calibration)
-    stage = stage.between(*seconds) if isinstance(seconds, tuple) else stage.at(seconds)
+        stage = stage.with_calibration(calibration)
+    stage = stage.rows_between(*seconds) if isinstance(seconds, tuple) else stage.rows_at(seconds)
     if output is None and output_format == "table":
         rows = stage.readable()
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from recordings.plots.sweep_figure import SweptRow
-    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest
     from replay.runs.sweep_settings import Row
 
 #: Whoever reads a file can scroll.
@@ -111,7 +111,7 @@ def _print_sweep(
     asked: tuple[list[Path], Path, list[str], list[str]],
     *,
     reference_kg: float | None,
-    calibration: AskedCalibration | None,
+    calibration: CalibrationRequest | None,
     output_format: str | None,
     outputs: tuple[Path | None, Path | None],
     force: bool,
@@ -127,7 +127,7 @@ def _print_sweep(
     from replay.commands.frame_output import format_of, print_frame
     from replay.commands.print_tables import console
     from replay.commands.progress_bar import Stages
-    from replay.runs.sweep_settings import combinations, sweep
+    from replay.runs.sweep_settings import sweep, value_combinations
 
     logs, machine_file, overrides, over = asked
     output, figure = outputs
@@ -140,7 +140,7 @@ def _print_sweep(
         check_picture(figure, force=force)
         if figure == output:
             raise OutputError(f"{figure}: is named twice; the table and the picture are two files")
-    grid = combinations(over)
+    grid = value_combinations(over)
     with Stages(len(grid)) as stages:
         rows = sweep(
             logs,
@@ -152,14 +152,14 @@ def _print_sweep(
             on_stage=stages.begin,
         )
     if output is None and output_format == "table":
-        console().print(render_tables(rows))
+        console().print(render_sweep(rows))
     else:
         print_frame(
             _result_frame(rows),
             output_format,
             output,
             force=force,
-            table=lambda: _render_text(render_tables(rows)),
+            table=lambda: _render_text(render_sweep(rows)),
             records=[_nest_row(row) for row in rows],
         )
     if figure is not None:
@@ -235,7 +235,7 @@ def calibrated_mass(row: Row) -> dict[str, float | str | None]:
     return {name: loads[0][name] if len(loads) == 1 else None for name in names}
 
 
-def render_tables(rows: Sequence[Row]) -> RenderableType:
+def render_sweep(rows: Sequence[Row]) -> RenderableType:
     """Masses and verdict a combination; below, where a truth is known, how wrong they are."""
     from rich.console import Group
 
@@ -244,7 +244,7 @@ def render_tables(rows: Sequence[Row]) -> RenderableType:
     masses = method_table(rows, _mass_text, ("used", "weighs"), _verdict_cells)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
     if calibrated_mass(rows[0]):
-        parts += ["", "Calibrated mass and its interval, kg", _of_calibration(rows)]
+        parts += ["", "Calibrated mass and its interval, kg", calibrated_table(rows)]
     for name in rows[0].errors:
         errors = method_table(
             rows, lambda row, method, of=name: kg_text(row.errors[of].get(method))
@@ -272,7 +272,7 @@ def method_table(
     return table
 
 
-def _of_calibration(rows: Sequence[Row]) -> Table:
+def calibrated_table(rows: Sequence[Row]) -> Table:
     """A row a combination: the calibrated mass, or why there is none."""
     from replay.commands.print_tables import kg_text, plain_table
 

@@ -71,7 +71,7 @@ def command(
     if output is not None or not folders:
         what = "-o is of --page" if folders else "name the folder of the evidence, or give --page"
         raise typer.BadParameter(what)
-    from replay.calibration.verify_bundle import verify
+    from replay.calibration.verify_bundle import verify_bundle
     from replay.calibration.verify_chain import VerifiedChain, verify_chain
     from replay.commands.print_tables import print_json
 
@@ -81,7 +81,9 @@ def command(
         return
     if more and previous is not None:
         raise typer.BadParameter("--previous is of one folder; name it among the others")
-    check = partial(verify_chain, folders) if more else partial(verify, first, previous=previous)
+    check = (
+        partial(verify_chain, folders) if more else partial(verify_bundle, first, previous=previous)
+    )
     found = check(
         logs=logs,
         key_file=key,

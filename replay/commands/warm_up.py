@@ -13,20 +13,20 @@ def command(
     Without it the first log of a few minutes takes some seconds more, and a longer one waits
     until what it needs is compiled. Several processes may compile at once.
     """
-    from estimators.compile_cache import are_all_kept, lasting_folder, note_all_kept
+    from estimators.compile_cache import are_all_compiled, mark_all_compiled, persistent_folder
     from estimators.errors import OutputError
 
-    folder = lasting_folder()
+    folder = persistent_folder()
     if folder is None:
         raise OutputError(
             "no folder for compiled code can be written to, neither beside the packages nor in "
             "~/.cache; set NUMBA_CACHE_DIR to one that can"
         )
-    if force or not are_all_kept():
+    if force or not are_all_compiled():
         from replay.commands.progress_bar import Stages
         from replay.warm_up.compile_loops import STEPS, compile_loops
 
         with Stages(len(STEPS), warns=False) as stages:
             compile_loops(stages.begin)
-        note_all_kept()
+        mark_all_compiled()
     typer.echo(f"everything is compiled: {folder}")

@@ -13,17 +13,17 @@ from estimators.errors import RecordingError
 from estimators.file_digest import file_sha256
 from recordings import check_recording
 from recordings.report.atomic_output import refuse_input_as_output
-from recordings.rrd.reader import OpenRecording, opened
+from recordings.rrd.reader import OpenRecording, open_recording
 from recordings.rrd.recording_table import drawn_columns
 
 if TYPE_CHECKING:
-    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest
 
 
 class RecordedRun:
     """A recording as a replay to compare: only what is asked for is read."""
 
-    def __init__(self, held: OpenRecording, asked: "AskedCalibration | None" = None) -> None:
+    def __init__(self, held: OpenRecording, asked: "CalibrationRequest | None" = None) -> None:
         """Take what describes it.
 
         Args:
@@ -47,12 +47,12 @@ class RecordedRun:
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
-        """Some columns of a frame."""
+        """Read some columns of a frame from the recording."""
         if stage == "loads" and self._loads is not None:
             return self._loads.select(columns)
         return self._held.read(stage, columns)
 
-    def drawn(self) -> Run:
+    def drawn_columns(self) -> Run:
         """The columns that a view draws."""
         wanted = {stage: drawn_columns(stage, names) for stage, names in self.stages.items()}
         frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
@@ -60,7 +60,7 @@ class RecordedRun:
 
 
 @dataclass(frozen=True, slots=True)
-class OverlayTo:
+class OverlayOutput:
     """Where two recordings are drawn over each other.
 
     Attributes:
@@ -72,17 +72,17 @@ class OverlayTo:
     force: bool = False
 
 
-_NOWHERE: Final = OverlayTo()
+_NOWHERE: Final = OverlayOutput()
 
 
 def compare_recordings(
     a: Path,
     b: Path,
-    output: OverlayTo = _NOWHERE,
+    output: OverlayOutput = _NOWHERE,
     *,
     rtol: float = 0.0,
     other_logs: bool = False,
-    calibration: "AskedCalibration | None" = None,
+    calibration: "CalibrationRequest | None" = None,
 ) -> Comparison:
     """Compare two recordings, and draw them over each other.
 
@@ -102,14 +102,14 @@ def compare_recordings(
     if output.path is not None:
         refuse_input_as_output(output.path, [a, b])
         check_recording(output.path, force=output.force)
-    with opened(a) as first, opened(b) as second:
+    with open_recording(a) as first, open_recording(b) as second:
         mine, theirs = RecordedRun(first, calibration), RecordedRun(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
             raise RecordingError(
                 f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
                 f"{', '.join(theirs.stages) or 'none'}); compare replays of one log"
             )
-        if not other_logs and not _of_one_log(mine, theirs):
+        if not other_logs and not are_of_one_log(mine, theirs):
             names = [
                 ", ".join(each.name for each in replay.provenance.inputs) or "no file"
                 for replay in (mine, theirs)
@@ -124,8 +124,8 @@ def compare_recordings(
             from recordings.compare.overlay_recording import comparison_text, write_overlay
 
             write_overlay(
-                mine.drawn(),
-                theirs.drawn(),
+                mine.drawn_columns(),
+                theirs.drawn_columns(),
                 output.path,
                 comparison_text(found, a.name, b.name),
                 one_log=not other_logs,
@@ -134,16 +134,16 @@ def compare_recordings(
         return found
 
 
-def _of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
+def are_of_one_log(mine: RecordedRun, theirs: RecordedRun) -> bool:
     """Whether both are replays of the same bytes, or one is a replay of the other."""
     return (
         same_inputs(mine.provenance, theirs.provenance)
-        or _is_replayed(mine.path, theirs.provenance)
-        or _is_replayed(theirs.path, mine.provenance)
+        or is_replay_of(mine.path, theirs.provenance)
+        or is_replay_of(theirs.path, mine.provenance)
     )
 
 
-def _is_replayed(recording: Path, by: Provenance) -> bool:
+def is_replay_of(recording: Path, by: Provenance) -> bool:
     """Whether a replay is of this recording."""
     # a shift takes a second to read: most others are told by their size
     if [each.size_bytes for each in by.inputs] != [recording.stat().st_size]:

@@ -22,7 +22,7 @@ from replay.convert.unfinished_folder import (
     UnfinishedFolder,
     arrow_schema,
     unfinished_folder,
-    write_whole,
+    write_file_whole,
 )
 from replay.logs import Log
 from replay.logs.converted import DESCRIPTION
@@ -95,7 +95,7 @@ class Conversion:
         }
 
 
-def convert(
+def convert_log(
     log: Log,
     target: Path,
     topics: Sequence[str] | None = None,
@@ -124,14 +124,14 @@ def convert(
     """
     refuse_input_as_output(target, [log.path])
     check_folder(target, force=force)
-    making = _Making(log, topics)
+    making = RunningConversion(log, topics)
     try:
         with unfinished_folder(target) as folder:
             done, taken_up = making.spans(folder, span_messages, on_span)
             described = making.describe(folder, done)
             kept = {part.file for topic in described.topics for part in topic.parts}
             folder.drop_records(kept)
-            write_whole(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
+            write_file_whole(folder.path / DESCRIPTION, described.model_dump_json(indent=1))
             _replace(folder.path, target)
     except OSError as error:
         raise OutputError(f"{target}: cannot be written ({error.strerror or error})") from None
@@ -150,7 +150,7 @@ def _replace(made: Path, target: Path) -> None:
 _Parts = Mapping[str, ConvertedPart]
 
 
-class _Making:
+class RunningConversion:
     """A conversion on its way."""
 
     def __init__(self, log: Log, topics: Sequence[str] | None) -> None:
@@ -179,7 +179,7 @@ class _Making:
         Returns:
             The parts of each span, and how many spans were done before.
         """
-        borders = self._borders(span_messages)
+        borders = self._span_borders(span_messages)
         plan = ConversionPlan(
             payscope=version("payscope"),
             files=self._files,
@@ -187,7 +187,7 @@ class _Making:
             borders_ns=borders,
         )
         before = set(self._log.losses())
-        done: list[_Parts] = [span.parts for span in folder.take_up(plan)]
+        done: list[_Parts] = [span.parts for span in folder.resume(plan)]
         taken_up = len(done)
         if borders and not before:
             for number in range(len(done), len(borders) + 1):
@@ -206,7 +206,7 @@ class _Making:
         on_span("convert 1 of 1")
         return [self._convert_span(folder.path, 0, None, None)], 0
 
-    def _borders(self, span_messages: int) -> tuple[int, ...]:
+    def _span_borders(self, span_messages: int) -> tuple[int, ...]:
         """Log times that divide the log into spans of equal time."""
         rows = self._summaries.values()
         starts = [row["start_ns"] for row in rows if row["start_ns"] is not None]

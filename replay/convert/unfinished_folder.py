@@ -135,7 +135,7 @@ class UnfinishedFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def take_up(self, plan: ConversionPlan) -> list[DoneSpan]:
+    def resume(self, plan: ConversionPlan) -> list[DoneSpan]:
         """Take up a conversion by the same plan; whatever else is there is removed.
 
         Returns:
@@ -143,10 +143,10 @@ class UnfinishedFolder:
         """
         if load_json(self.path / _PLAN, ConversionPlan) != plan:
             self.clear()
-            write_whole(self.path / _PLAN, plan.model_dump_json(indent=1))
+            write_file_whole(self.path / _PLAN, plan.model_dump_json(indent=1))
             return []
         done: list[DoneSpan] = []
-        while span := load_json(self.path / _record(len(done)), DoneSpan):
+        while span := load_json(self.path / _record_name(len(done)), DoneSpan):
             if not all((self.path / part.file).is_file() for part in span.parts.values()):
                 break
             done.append(span)
@@ -155,7 +155,7 @@ class UnfinishedFolder:
     def add(self, number: int, parts: dict[str, ConvertedPart]) -> DoneSpan:
         """Note that a span is done."""
         span = DoneSpan(parts=parts)
-        write_whole(self.path / _record(number), span.model_dump_json(indent=1))
+        write_file_whole(self.path / _record_name(number), span.model_dump_json(indent=1))
         return span
 
     def clear(self) -> None:
@@ -194,7 +194,7 @@ def unfinished_folder(target: Path) -> Generator[UnfinishedFolder]:
         yield UnfinishedFolder(path)
 
 
-def write_whole(path: Path, text: str) -> None:
+def write_file_whole(path: Path, text: str) -> None:
     """Write a small file whole: after a power cut it is there as it should be, or not at all."""
     partial = path.with_suffix(".partial")
     with partial.open("w", encoding="utf-8") as file:
@@ -204,7 +204,7 @@ def write_whole(path: Path, text: str) -> None:
     partial.replace(path)
 
 
-def _record(number: int) -> str:
+def _record_name(number: int) -> str:
     return f"span-{number:05}.json"
 
 

@@ -12,7 +12,11 @@ from typing import Any, Final
 import polars as pl
 
 from analysis import Machine, Run
-from analysis.calibration.campaign.by_method import calibrate_methods, calibration_frame, point_rows
+from analysis.calibration.campaign.by_method import (
+    calibrate_methods,
+    calibration_frame,
+    method_rows,
+)
 from analysis.calibration.campaign.campaign_readings import run_estimates
 from analysis.calibration.campaign.method_errors import rms_errors
 from analysis.model.answer import JOINT, Answer, answer
@@ -22,9 +26,9 @@ from estimators.errors import OutputError
 from recordings import plot_run, write_recording
 from recordings.report.atomic_output import atomic_file, check_folder, check_output
 from recordings.signatures.signing import make_key_pair
-from replay.calibration.apply_evidence import AskedCalibration
+from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
-from replay.calibration.verify_bundle import Verification, verify
+from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.logs import open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
@@ -129,7 +133,7 @@ class Demo:
         }
 
 
-def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]) -> Demo:
+def run_demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]) -> Demo:
     """Simulate, calibrate, verify the evidence, replay in one time line, record, draw.
 
     Then a shift of the same machine is simulated and reviewed under that evidence.
@@ -175,15 +179,15 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     on_stage("calibrate")
     calibrated = calibrate(campaign_file, evidence, key_file=keys[0], force=force)
     on_stage("verify")
-    verified = verify(evidence, key_file=keys[1], on=calibrated.document.expires)
+    verified = verify_bundle(evidence, key_file=keys[1], on=calibrated.document.expires)
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
-    replayed = _with_evidence(replayed, calibrated, scenario.machine.mass_kg)
+    replayed = add_evidence_line(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
     on_stage("review")
     simulate(hauling, shift, force=force)
-    by = AskedCalibration(evidence, keys[1], signed=True)
+    by = CalibrationRequest(evidence, keys[1], signed=True)
     asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
     reviewed = review(hauled, machine_file, page, asked)
     return Demo(
@@ -200,12 +204,12 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     )
 
 
-def _with_evidence(replayed: Run, calibrated: CalibrationOutcome, empty_kg: float) -> Run:
+def add_evidence_line(replayed: Run, calibrated: CalibrationOutcome, empty_kg: float) -> Run:
     """The run with the line of the evidence before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
     first = calibration_frame(
-        point_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
+        method_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
     )
     both = pl.concat([first, replayed.frames["calibration"]])
     return replace(replayed, frames={**replayed.frames, "calibration": both}).with_fingerprint()

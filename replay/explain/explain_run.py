@@ -14,7 +14,7 @@ from analysis.model.run_record import Run
 from estimators.errors import DataError, MachineError, RecordingError
 from recordings.report.atomic_output import check_output, refuse_input_as_output
 from recordings.report.picture import check_picture
-from recordings.rrd.reader import OpenRecording, opened
+from recordings.rrd.reader import OpenRecording, open_recording
 from recordings.rrd.recording_table import drawn_columns
 from recordings.rrd.writer import SUFFIX
 from replay.logs import open_log
@@ -66,8 +66,8 @@ def explain_run(
     Raises:
         PayscopeError: whatever is wrong with the input, before anything is written.
     """
-    _check(asked)
-    whole = _run(asked, on_stage)
+    _check_request(asked)
+    whole = frames_to_explain(asked, on_stage)
     _check_moment(asked, whole)
     explained = explain(whole, asked.at_s)
     if asked.picture is not None:
@@ -76,19 +76,19 @@ def explain_run(
         plot_explanation(whole, explained, asked.picture, force=asked.force)
     if asked.mended_file is None or asked.machine_file is None:
         return explained, None
-    from replay.explain.try_proposals import MachineText, mend
+    from replay.explain.try_proposals import MachineText, mend_machine_file
 
     source = MachineText(asked.machine_file, asked.overrides)
     output = (asked.mended_file, asked.force)
-    return explained, mend(asked.path, source, whole, output, on_stage)
+    return explained, mend_machine_file(asked.path, source, whole, output, on_stage)
 
 
-def _check(asked: ExplainRequest) -> None:
+def _check_request(asked: ExplainRequest) -> None:
     if asked.at_s is not None and not math.isfinite(asked.at_s):
-        raise RecordingError(f"--at {asked.at_s}: is no time; name seconds since the start")
+        raise RecordingError(f"--at {asked.at_s}: is not a time; name seconds since the start")
     if asked.machine_file is None and asked.path.suffix != SUFFIX:
         raise MachineError(
-            f"{asked.path}: is no recording ({SUFFIX}); to replay a log, name its machine file "
+            f"{asked.path}: is not a recording ({SUFFIX}); to replay a log, name its machine file "
             "with -m"
         )
     inputs = [asked.path, *([asked.machine_file] if asked.machine_file else [])]
@@ -115,15 +115,15 @@ def _check_moment(asked: ExplainRequest, run: Run) -> None:
         )
 
 
-def _run(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
+def frames_to_explain(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
     """The frames that are explained: as recorded, or of a replay."""
     if asked.machine_file is None:
-        with opened(asked.path) as held:
+        with open_recording(asked.path) as held:
             return read_explained_frames(held, pictured=asked.picture is not None)
     machine = load_machine(asked.machine_file, asked.overrides)
     if asked.path.suffix == SUFFIX and asked.path.is_file():
-        with opened(asked.path) as held:
-            if "findings" in held.stages and not _differs(held, machine):
+        with open_recording(asked.path) as held:
+            if "findings" in held.stages and not _is_other_machine(held, machine):
                 return read_explained_frames(held, pictured=asked.picture is not None)
     # a recording is explained without what replays a log
     from replay.pipeline import run
@@ -135,7 +135,7 @@ def _run(asked: ExplainRequest, on_stage: Callable[[str], None]) -> Run:
             raise DataError(f"{asked.path} with {asked.machine_file}: {error}") from None
 
 
-def _differs(held: OpenRecording, machine: Machine) -> bool:
+def _is_other_machine(held: OpenRecording, machine: Machine) -> bool:
     about = held.provenance
     recorded = Machine.model_validate({**about.machine, "settings": about.settings})
     return bool(changed_settings(recorded, machine))

@@ -58,8 +58,8 @@ class ProposalTrial:
         if open_before and not now.verdict.can_weigh:
             return "the log could no longer weigh"
         still = matching_finding(self.finding, self.after)
-        claimed = _as_claimed(was, now, self.finding)
-        if still is not None and not _less(still, self.finding, as_claimed=claimed):
+        claimed = is_change_as_claimed(was, now, self.finding)
+        if still is not None and not is_cause_reduced(still, self.finding, as_claimed=claimed):
             return "the log still shows it"
         by_mass = self._against_empty_mass(was, now)
         if by_mass:
@@ -76,7 +76,7 @@ class ProposalTrial:
     def _against_empty_mass(self, was: Answer, now: Answer) -> str:
         """What the mass of the empty machine, and gravity at rest, say against it."""
         empty_kg = self.before.provenance.machine["machine"].get("empty_mass_kg")
-        one, other = _lightest(was), _lightest(now)
+        one, other = _lightest_load(was), _lightest_load(now)
         nearer = False
         if empty_kg and one is not None and other is not None:
             off, now_off = abs(one[0] - empty_kg), abs(other[0] - empty_kg)
@@ -128,8 +128,8 @@ def held_out_objection(
         return "a half of the log is too short to try it on"
     was, now = answer(unchanged), answer(changed)
     left = matching_finding(finding, changed)
-    claimed = _as_claimed(was, now, seen)
-    if left is not None and not _less(left, seen, as_claimed=claimed):
+    claimed = is_change_as_claimed(was, now, seen)
+    if left is not None and not is_cause_reduced(left, seen, as_claimed=claimed):
         return "found in the first half of the log, it does not mend the second"
     if was.verdict.can_weigh and not now.verdict.can_weigh:
         return "found in the first half of the log, it spoils the second"
@@ -166,7 +166,7 @@ def failed_checks(said: Answer) -> set[str]:
     }
 
 
-def _lightest(said: Answer) -> tuple[float, float] | None:
+def _lightest_load(said: Answer) -> tuple[float, float] | None:
     known = [(row["mass_kg"], row["u_kg"]) for row in said.loads if row["mass_kg"] is not None]
     return min(known, default=None)
 
@@ -182,13 +182,13 @@ def _reads_gravity(run: Run) -> bool:
     return bool(z.size) and abs(float(np.nanmedian(z)) / pull - 1.0) < _GRAVITY_1
 
 
-def _less(still: Finding, finding: Finding, *, as_claimed: bool) -> bool:
+def is_cause_reduced(still: Finding, finding: Finding, *, as_claimed: bool) -> bool:
     """Whether a cause is nearly gone, or shows less and moved the mass as was claimed."""
     left = still.strength_1 / finding.strength_1
     return left < _REMAINDER or (left < 1.0 and as_claimed)
 
 
-def _as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
+def is_change_as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
     """Whether the masses moved by what the finding claims, and by more than nothing."""
     claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
     if claimed is None or u_kg is None or abs(claimed) <= _COVERAGE * u_kg:

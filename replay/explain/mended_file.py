@@ -35,7 +35,7 @@ class Proposal:
 
 def proposals(finding: Finding) -> tuple[Proposal, ...]:
     """What a finding proposes, a key each; nothing where there is nothing to write."""
-    if not finding.proposes:
+    if not finding.has_proposal:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
     values = _parse_values(str(finding.value))
@@ -91,7 +91,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
                     place[section] = tomlkit.table()
                 place = place[section]
                 if not isinstance(place, Table | InlineTable | OutOfOrderTableProxy):
-                    raise MachineError(f"{path}: '{section}' of {change.key} is no table")
+                    raise MachineError(f"{path}: '{section}' of {change.key} is not a table")
             new = tomlkit.item(change.value)
             # within braces, TOML has no comments
             if not isinstance(place, InlineTable):
@@ -101,7 +101,7 @@ def write_proposals(text: str, changes: Sequence[Proposal], path: Path) -> str:
     except BothNamesError as error:
         raise MachineError(f"{path}: {error}") from None
     except (TOMLKitError, tomllib.TOMLDecodeError) as error:
-        raise MachineError(f"{path}: is no TOML: {one_line(str(error))}") from None
+        raise MachineError(f"{path}: is not TOML: {one_line(str(error))}") from None
 
 
 def _change_comment(place: Any, name: str, why: str) -> str:

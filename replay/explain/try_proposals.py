@@ -25,7 +25,7 @@ from recordings.report.atomic_output import atomic_file
 from recordings.report.finding_text import findings_of, name_of
 from replay.explain.judge_proposal import ProposalTrial, Stretch, held_out_objection
 from replay.explain.mended_file import Proposal, proposals, write_proposals
-from replay.inputs.cached_log import CachedLog, PartOfLog
+from replay.inputs.cached_log import CachedLog, LogPart
 from replay.inputs.channel_inputs import channel_fields
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
@@ -112,7 +112,7 @@ class Replays:
             write_proposals(self.text, changes, self.path), [each.key for each in changes]
         )
         whole = stretch == (None, None)
-        return run(self.log if whole else PartOfLog(self.log, *stretch), machine, self.on_stage)
+        return run(self.log if whole else LogPart(self.log, *stretch), machine, self.on_stage)
 
     @cached_property
     def span_ns(self) -> tuple[int, int]:
@@ -143,7 +143,7 @@ class Progress:
     while_withheld: list[Finding] = field(default_factory=list[Finding])
 
 
-def mend(
+def mend_machine_file(
     path: Path,
     source: MachineText,
     before: Run,
@@ -179,15 +179,15 @@ def mend(
             except MachineError as error:
                 raise MachineError(str(error).removeprefix(f"{trial}: ")) from None
 
-        progress = improve(before, Replays(CachedLog(opened), text, load, file, on_stage))
+        progress = try_all_proposals(before, Replays(CachedLog(opened), text, load, file, on_stage))
     if not progress.changes:
-        return _outcome(None, progress, before)
+        return _mended_machine(None, progress, before)
     with atomic_file(output[0], force=output[1]) as partial:
         partial.write_text(write_proposals(text, progress.changes, file), encoding="utf-8")
-    return _outcome(output[0], progress, before)
+    return _mended_machine(output[0], progress, before)
 
 
-def improve(before: Run, replays: Replays) -> Progress:
+def try_all_proposals(before: Run, replays: Replays) -> Progress:
     """Try the proposals of a replay one by one, and keep those that pay.
 
     Args:
@@ -199,7 +199,7 @@ def improve(before: Run, replays: Replays) -> Progress:
         finding = _next_proposal(tried)
         if finding is None:
             break
-        _try(tried, finding, replays)
+        try_proposal(tried, finding, replays)
     behind = list_masked(tried)
     tried.taken_back += [
         RejectedProposal(
@@ -213,7 +213,7 @@ def improve(before: Run, replays: Replays) -> Progress:
             RejectedProposal(each, "the mass stays withheld") for each in _first_keys(tried.changes)
         ]
         return Progress(before, taken_back=tried.taken_back)
-    _leave_out_needless(tried, replays)
+    take_back_needless(tried, replays)
     return tried
 
 
@@ -222,7 +222,7 @@ def _first_keys(changes: Sequence[Proposal]) -> list[Proposal]:
     return list({each.cause: each for each in reversed(changes)}.values())[::-1]
 
 
-def _leave_out_needless(tried: Progress, replays: Replays) -> None:
+def take_back_needless(tried: Progress, replays: Replays) -> None:
     """Take back what was kept while the mass was withheld, and is as open without it."""
     for finding in tried.while_withheld[:-1]:
         others = [each for each in tried.changes if each.cause != finding.cause]
@@ -286,7 +286,7 @@ def _finding_key(finding: Finding) -> tuple[str, str | None]:
     return finding.cause, finding.channel
 
 
-def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
+def try_proposal(tried: Progress, finding: Finding, replays: Replays) -> None:
     """Replay with a proposal, and keep it or take it back."""
     tried.seen.add(_finding_key(finding))
     changes = list(proposals(finding))
@@ -310,7 +310,7 @@ def _try(tried: Progress, finding: Finding, replays: Replays) -> None:
     tried.taken_back.append(RejectedProposal(changes[0], why))
 
 
-def _outcome(path: Path | None, tried: Progress, before: Run) -> MendedMachine:
+def _mended_machine(path: Path | None, tried: Progress, before: Run) -> MendedMachine:
     return MendedMachine(
         path,
         tuple(tried.changes),

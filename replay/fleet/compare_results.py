@@ -26,7 +26,7 @@ _DIGITS: Final = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Days:
+class DayRange:
     """Days of recordings, both ends included; None leaves an end open."""
 
     first: dt.date | None = None
@@ -43,7 +43,7 @@ class Days:
 
 
 @dataclass(frozen=True, slots=True)
-class OnRun:
+class RunCallbacks:
     """Told of a run.
 
     Attributes:
@@ -88,15 +88,15 @@ class OtherSettings:
             raise FleetError(f"{log}: no run has machine '{machine}' since; run the fleet again")
         files = self.last.machines[machine].files
         overrides = (*files.overrides, *self.overrides)
-        return _read_once(machine, NamedFiles(files.file, overrides, files.calibrations))
+        return _setups_of_machine(machine, NamedFiles(files.file, overrides, files.calibrations))
 
 
 @cache
-def _read_once(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+def _setups_of_machine(machine: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
     return machine_setups(machine, files, lenient=True)
 
 
-def fleet_compare(a: FleetResults, b: FleetResults, days: Days) -> FleetComparison:
+def fleet_compare(a: FleetResults, b: FleetResults, days: DayRange) -> FleetComparison:
     """Compare the results of some days.
 
     Raises:
@@ -110,12 +110,12 @@ def fleet_compare(a: FleetResults, b: FleetResults, days: Days) -> FleetComparis
     return found
 
 
-def what_if(
+def replay_with_settings(
     results: FleetResults,
     overrides: Sequence[str],
-    days: Days,
+    days: DayRange,
     engine: Callable[[], AbstractContextManager[Engine]],
-    told: OnRun,
+    told: RunCallbacks,
 ) -> tuple[FleetResults, FleetRun, int]:
     """Replay the logs of some days under other settings, each once, beside the results.
 
@@ -146,7 +146,7 @@ def what_if(
             f"{results.store.place}: none of its logs of these days is where it was; restore them, "
             "or compare two destinations"
         )
-    plan = OtherSettings(results.current, tuple(overrides), machines)
+    plan = OtherSettings(results.last_run, tuple(overrides), machines)
     digest = hashlib.sha256("\n".join(overrides).encode()).hexdigest()[:_DIGITS]
     place = results.store.full_name(f"{WHAT_IF}/{digest}")
     told.logs(logs)

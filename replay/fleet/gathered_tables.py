@@ -23,7 +23,7 @@ from analysis.fleet.fleet_tables import TABLES, table_schema
 from estimators.errors import FleetError, OutputError
 from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.object_store import Store
-from replay.fleet.results_layout import MARK, ResultName, name_of, parquet_bytes
+from replay.fleet.results_layout import MARK, ResultName, parquet_bytes, parse_result_name
 from replay.frames.select_statement import Tables, query_fault, select_rows
 
 _GATHERED: Final = "gathered"
@@ -47,7 +47,7 @@ class FleetResults:
         """Of every machine the results that are there, by day and key."""
         found: dict[str, list[ResultName]] = {}
         for each in self.store.names(MARK):
-            name = name_of(each)
+            name = parse_result_name(each)
             if name is not None:
                 found.setdefault(name.machine, []).append(name)
         return {machine: sorted(found[machine]) for machine in sorted(found)}
@@ -98,7 +98,7 @@ class FleetResults:
     def _read(self, name: str) -> pl.DataFrame:
         return pl.read_parquet(io.BytesIO(self.store.read(name)))
 
-    def whole(self, name: str) -> pl.LazyFrame:
+    def all_results(self, name: str) -> pl.LazyFrame:
         """A table with all results, by machine and log, whatever settings they are of."""
         files = [f"{folder}/{name}.parquet" for folder in self._gathered.values()]
         if not files:
@@ -112,9 +112,9 @@ class FleetResults:
     @cached_property
     def results(self) -> pl.DataFrame:
         """One row a log and machine: under the settings of the last run, else the latest made."""
-        bases = [basis for each in self.current.machines.values() for basis in each.bases]
+        bases = [basis for each in self.last_run.machines.values() for basis in each.bases]
         return (
-            self.whole(MARK)
+            self.all_results(MARK)
             .with_columns(pl.col("basis").is_in(bases).alias("current"))
             .sort("current", "made_unix_ns", "key", descending=True)
             .unique(["machine", "log_sha256"], keep="first", maintain_order=True)
@@ -126,16 +126,16 @@ class FleetResults:
         """A table with the rows of the results that count; see `results`."""
         if name == MARK:
             return self.results.lazy()
-        rows = self.whole(name)
+        rows = self.all_results(name)
         if self.results.height == sum(map(len, self.names.values())):
             return rows
         return rows.join(self.results.lazy().select("key"), on="key", how="semi")
 
     @cached_property
-    def current(self) -> LastRun:
+    def last_run(self) -> LastRun:
         """What the last run was told."""
         try:
-            return LastRun.model_validate_json(self._kept(CURRENT, b"{}"))
+            return LastRun.model_validate_json(self._read_or(CURRENT, b"{}"))
         except ValidationError:
             place = self.store.full_name(CURRENT)
             raise FleetError(f"{place}: is not as payscope wrote it; run the fleet again") from None
@@ -143,25 +143,25 @@ class FleetResults:
     @cached_property
     def failed(self) -> dict[str, str]:
         """Recordings without a result, and why, by source."""
-        return json.loads(self._kept(FAILED, b"{}"))
+        return json.loads(self._read_or(FAILED, b"{}"))
 
     @cached_property
     def calibrations(self) -> list[FleetCalibration]:
         """Calibrations that were in use."""
-        kept = json.loads(self._kept(CALIBRATIONS, b"[]"))
+        kept = json.loads(self._read_or(CALIBRATIONS, b"[]"))
         return [FleetCalibration.model_validate(each) for each in kept]
 
-    def _kept(self, name: str, nothing: bytes) -> bytes:
+    def _read_or(self, name: str, nothing: bytes) -> bytes:
         try:
             return self.store.read(name)
         except FileNotFoundError:
             return nothing
 
-    def make_current(self, run: LastRun) -> None:
+    def set_last_run(self, run: LastRun) -> None:
         """Say which setups count from now on; machines that are not named keep theirs."""
-        machines = {**self.current.machines, **run.machines}
+        machines = {**self.last_run.machines, **run.machines}
         now = run.model_copy(update={"machines": dict(sorted(machines.items()))})
-        if now != self.current:
+        if now != self.last_run:
             self.store.write(CURRENT, now.model_dump_json(indent=1).encode())
 
 

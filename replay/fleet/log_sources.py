@@ -45,19 +45,19 @@ def fleet_logs(sources: Sequence[str]) -> list[FleetLog]:
     """
     found: dict[str, FleetLog] = {}
     for source in sources:
-        logs = _of_bucket(source) if source.startswith(S3) else _of_folder(source)
+        logs = _logs_of_bucket(source) if source.startswith(S3) else _logs_of_folder(source)
         if not logs:
             raise FleetError(f"{source}: no log there; name a log, a folder, a glob or s3://…")
         found |= {log.source: log for log in logs}
     return [found[name] for name in sorted(found)]
 
 
-def _of_folder(source: str) -> list[FleetLog]:
+def _logs_of_folder(source: str) -> list[FleetLog]:
     named = [source]
     if any(each in source for each in _MAGIC) and not Path(source).exists():
         named = sorted(glob.glob(source, recursive=True))  # noqa: PTH207 - an absolute pattern
     paths = [Path(name).absolute() for name in named if Path(name).exists()]
-    return [_local(path) for path in logs_in(paths) if _is_log(path)]
+    return [_log_of_path(path) for path in logs_in(paths) if _is_log(path)]
 
 
 def _is_log(path: Path) -> bool:
@@ -65,7 +65,7 @@ def _is_log(path: Path) -> bool:
     return not path.is_dir() or (path / "metadata.yaml").is_file()
 
 
-def _local(path: Path) -> FleetLog:
+def _log_of_path(path: Path) -> FleetLog:
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     stats = [each.stat() for each in files]
     return FleetLog(
@@ -77,7 +77,7 @@ def _local(path: Path) -> FleetLog:
     )
 
 
-def _of_bucket(source: str) -> list[FleetLog]:
+def _logs_of_bucket(source: str) -> list[FleetLog]:
     bucket, _, inside = source.removeprefix(S3).partition("/")
     place = f"{S3}{bucket}"
     fixed = inside
@@ -90,12 +90,12 @@ def _of_bucket(source: str) -> list[FleetLog]:
     if fixed != inside:
         by_name = {n: o for n, o in by_name.items() if PurePosixPath(n).match(inside)}
     return [
-        _of_objects(place, log, [by_name[name] for name in names])
+        _log_of_objects(place, log, [by_name[name] for name in names])
         for log, names in logs_among(list(by_name)).items()
     ]
 
 
-def _of_objects(place: str, log: str, objects: list[StoredObject]) -> FleetLog:
+def _log_of_objects(place: str, log: str, objects: list[StoredObject]) -> FleetLog:
     return FleetLog(
         f"{place}/{log}",
         place,

@@ -8,12 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from analysis.fleet.calibration_steps import FleetCalibration, of_calibration
+from analysis.fleet.calibration_steps import FleetCalibration, fleet_calibration
 from analysis.fleet.fleet_tables import TABLES
 from analysis.model.machine import Machine
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError
-from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
+from replay.calibration.apply_evidence import (
+    CalibrationRequest,
+    MachineCalibration,
+    load_calibration,
+)
 from replay.fleet.last_run import NamedFiles
 from replay.inputs.channel_inputs import package_versions, resolve_machine
 from replay.machines.machine_file import load_machine
@@ -62,7 +66,7 @@ class MachineSetup:
             return None
         document = self.by.document
         days = (self.first, document.expires)
-        return of_calibration(self.name, document.id, days, self.by.calibration)
+        return fleet_calibration(self.name, document.id, days, self.by.calibration)
 
 
 def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:
@@ -80,9 +84,9 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
     machine = load_machine(files.file, files.overrides)
     calibrations: list[tuple[MachineCalibration, Machine]] = []
     for folder in map(Path, files.calibrations):
-        if _is_check(folder):
+        if _is_mass_check(folder):
             continue
-        by = load_calibration(AskedCalibration(folder))
+        by = load_calibration(CalibrationRequest(folder))
         if by.signed_by.how == "unknown":
             # nobody sits beside a fleet to be asked
             raise EvidenceError(
@@ -90,23 +94,23 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
                 f"another way: {by.signed_by.add_line}"
             )
         try:
-            weighing = by.checked(by.weighing(machine), files.file)
+            weighing = by.require_machine(by.weighing_machine(machine), files.file)
         except EvidenceError:
             if not lenient:
                 raise
             continue
         calibrations.append((by, weighing))
-    calibrations.sort(key=lambda each: last_day(each[0]), reverse=True)
-    calibrated = [_setup(name, files, weighing, by) for by, weighing in calibrations]
-    return (*calibrated, _setup(name, files, machine, None))
+    calibrations.sort(key=lambda each: last_campaign_day(each[0]), reverse=True)
+    calibrated = [_make_setup(name, files, weighing, by) for by, weighing in calibrations]
+    return (*calibrated, _make_setup(name, files, machine, None))
 
 
-def setup_on(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
+def setup_of_day(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
     """The setup of logs of a day: under the latest calibration that holds then, or under none."""
     return next(each for each in setups if each.holds_on(day))
 
 
-def _setup(
+def _make_setup(
     name: str, files: NamedFiles, machine: Machine, by: MachineCalibration | None
 ) -> MachineSetup:
     whole = {
@@ -119,16 +123,16 @@ def _setup(
         "versions": package_versions(),
     }
     basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
-    first = dt.date.min if by is None else last_day(by)
+    first = dt.date.min if by is None else last_campaign_day(by)
     return MachineSetup(name, files, machine, by, first, basis)
 
 
-def last_day(by: MachineCalibration) -> dt.date:
+def last_campaign_day(by: MachineCalibration) -> dt.date:
     """The last day of the campaign: from then on its line is the latest."""
     return max(run.day for run in by.document.campaign.runs)
 
 
-def _is_check(folder: Path) -> bool:
+def _is_mass_check(folder: Path) -> bool:
     try:
         content = json.loads((folder / "evidence.json").read_bytes())
     except (OSError, ValueError):

@@ -63,7 +63,7 @@ class Store:
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
         batches = self._run(prefix, lambda: list(self._store.list(prefix or None)))
-        found = (_object(each) for batch in batches for each in batch)
+        found = (_stored_object(each) for batch in batches for each in batch)
         return sorted(found, key=lambda each: each.name)
 
     def names(self, prefix: str) -> list[str]:
@@ -85,7 +85,7 @@ class Store:
     def object(self, name: str) -> StoredObject | None:
         """An object by its name; None where there is none."""
         try:
-            return _object(self._run(name, lambda: self._store.head(name)))
+            return _stored_object(self._run(name, lambda: self._store.head(name)))
         except FileNotFoundError:
             return None
 
@@ -150,7 +150,7 @@ class Store:
             raise OutputError(f"{self.full_name(name)}: {first}") from None
 
 
-def _object(said: Mapping[str, Any]) -> StoredObject:
+def _stored_object(said: Mapping[str, Any]) -> StoredObject:
     changed = str(int(said["last_modified"].timestamp() * 1e6))
     return StoredObject(said["path"], said["size"], said["e_tag"] or changed)
 

@@ -11,15 +11,15 @@ from estimators.errors import FleetError
 from recordings import write_recording
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.log_sources import fleet_logs
-from replay.fleet.machine_setups import machine_setups, setup_on
-from replay.fleet.recording_task import fetched, replay_log
+from replay.fleet.machine_setups import machine_setups, setup_of_day
+from replay.fleet.recording_task import fetch_log, replay_log
 from replay.fleet.results_layout import ResultName
 from replay.logs import open_log
 from replay.machines.machine_file import time_axis
 
 
 @contextmanager
-def recording_of(results: FleetResults, key: str) -> Generator[Path]:
+def recording_of_result(results: FleetResults, key: str) -> Generator[Path]:
     """The recording of a result: the one that is kept, or one that is made of its log.
 
     Args:
@@ -47,12 +47,12 @@ def recording_of(results: FleetResults, key: str) -> Generator[Path]:
 
 
 def _find_recording(results: FleetResults, source: str, machine: str, recording: Path) -> None:
-    known = results.current.machines.get(machine)
+    known = results.last_run.machines.get(machine)
     if known is None:
         raise FleetError(f"{source}: no run has machine '{machine}' since; run the fleet again")
     (log,) = fleet_logs([source])
     setups = machine_setups(machine, known.files, lenient=True)
-    with fetched(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:
+    with fetch_log(log) as path, open_log(path, time=time_axis(setups[-1].machine)) as opened:
         first = opened.topics()["start_ns"].min()
         day = setups[-1].day_of(first if isinstance(first, int) else None)
-        write_recording(replay_log(opened, setup_on(setups, day), source), recording)
+        write_recording(replay_log(opened, setup_of_day(setups, day), source), recording)

@@ -14,7 +14,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any, Final
 
 from estimators.errors import FleetError
-from replay.fleet.task_engine import Lost, Result, Task, Work
+from replay.fleet.task_engine import LostTask, Result, Task, TaskWork
 
 #: Ray starts a task of a lost worker or node anew so many times.
 _RETRIES: Final = 3
@@ -52,7 +52,7 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
         FleetError: there is no such cluster.
     """
     if address:
-        _ask(address)
+        refuse_dead_address(address)
     here = {} if address else _LOOPBACK
     for name, value in {**_QUIET, **here}.items():
         os.environ.setdefault(name, value)
@@ -85,14 +85,14 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
         with suppress(ValueError):
             signal.signal(number, handler)
     # what has died is in the results; Ray would print it where data is printed
-    with redirect_stdout(_WithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
+    with redirect_stdout(_StreamWithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
         try:
             yield RayEngine(ray)
         finally:
             ray.shutdown()
 
 
-def _ask(address: str) -> None:
+def refuse_dead_address(address: str) -> None:
     """Refuse an address at once where nobody listens: Ray would try for minutes."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if not host or not port.isdigit():
@@ -103,7 +103,7 @@ def _ask(address: str) -> None:
         raise FleetError(f"--address {address}: no cluster answers ({error})") from None
 
 
-class _WithoutRay:
+class _StreamWithoutRay:
     """A stream without what Ray's own threads write to it."""
 
     def __init__(self, stream: Any) -> None:
@@ -129,14 +129,14 @@ class RayEngine:
         return max(int(self._ray.cluster_resources().get("CPU", 1)), 1)
 
     def run(
-        self, function: Callable[[Task], Result], work: Sequence[Work[Task]]
-    ) -> Iterator[tuple[Task, Result | Lost]]:
+        self, function: Callable[[Task], Result], work: Sequence[TaskWork[Task]]
+    ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it comes; the function is imported on the nodes."""
         remote = self._ray.remote(num_cpus=1, max_retries=_RETRIES, max_calls=_TASKS_A_WORKER)(
             function
         )
         waiting = deque(work)
-        running: dict[Any, Work[Task]] = {}
+        running: dict[Any, TaskWork[Task]] = {}
         try:
             while waiting or running:
                 most = (1 + _AHEAD) * self.slots()
@@ -156,13 +156,13 @@ class RayEngine:
             for reference in running:
                 self._ray.cancel(reference, force=True)
 
-    def _too_large(self, memory_bytes: int) -> Lost | None:
+    def _too_large(self, memory_bytes: int) -> LostTask | None:
         """A task that fits no node would wait for ever."""
         nodes = [node for node in self._ray.nodes() if node["Alive"]]
         largest = max((node["Resources"].get("memory", 0.0) for node in nodes), default=0.0)
         if memory_bytes <= largest:
             return None
-        return Lost(
+        return LostTask(
             f"declares {memory_bytes / _GIB:.1f} GiB of memory, and the largest node has "
             f"{largest / _GIB:.1f} GiB; [limits] of the fleet file says how much is declared"
         )
@@ -173,21 +173,21 @@ class RayEngine:
         try:
             return self._ray.get(reference)
         except exceptions.OutOfMemoryError:
-            return Lost("its node ran out of memory, and Ray ended it")
+            return LostTask("its node ran out of memory, and Ray ended it")
         except (exceptions.WorkerCrashedError, exceptions.NodeDiedError):
-            return Lost(
+            return LostTask(
                 f"its worker ended {_RETRIES + 1} times without a word: it crashed, was killed, "
                 "or hung where nothing could end it"
             )
         except exceptions.RayTaskError as error:
             cause = getattr(error, "cause", None) or error
             said = str(cause).strip().rpartition("\n")[2]
-            return Lost(f"{type(cause).__name__}: {said}")
+            return LostTask(f"{type(cause).__name__}: {said}")
         except exceptions.RayError as error:
-            return Lost(f"Ray: {str(error).strip().partition(chr(10))[0]}")
+            return LostTask(f"Ray: {str(error).strip().partition(chr(10))[0]}")
 
 
-def missing() -> str | None:
+def missing_library() -> str | None:
     """A library of the extra that is not installed; None where all are."""
     return next(
         (name for name in ("ray", "obstore") if importlib.util.find_spec(name) is None), None

@@ -23,20 +23,20 @@ from typing import Final, Literal
 import polars as pl
 
 from analysis.calibration.line.unlike_driving import Unlike
-from analysis.calibration.use.learnt_priors import contradiction
+from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.shift_totals import recount_shift
 from analysis.fleet.daily_figures import UNDATED
-from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_of, tables_of
+from analysis.fleet.fleet_tables import GATE_SHARES, QUALITY, result_row, tables_of_run
 from analysis.model.run_record import Run
 from estimators.errors import DataError, LogError, PayscopeError
 from estimators.file_digest import file_sha256
 from recordings import write_recording
 from recordings.review.review_state import state_of
 from replay.fleet.log_sources import FleetLog
-from replay.fleet.machine_setups import MachineSetup, setup_on
+from replay.fleet.machine_setups import MachineSetup, setup_of_day
 from replay.fleet.object_store import Store, store_of
-from replay.fleet.results_layout import MARK, ResultName, key_of, write_result
+from replay.fleet.results_layout import MARK, ResultName, result_key, write_result
 from replay.inputs.channel_inputs import package_versions
 from replay.logs import Log, open_log
 from replay.machines.machine_file import time_axis
@@ -56,7 +56,7 @@ class LimitError(Exception):
     """A task is over one of its limits; its text says which."""
 
 
-class _Watch(threading.Thread):
+class _LimitWatch(threading.Thread):
     """Looks at time and memory from beside."""
 
     def __init__(self, seconds: float, memory_bytes: int) -> None:
@@ -146,7 +146,10 @@ def replay_one(task: ReplayTask) -> TaskOutcome:
     if other:
         return TaskOutcome("failed", f"its node has {', '.join(other)}")
     try:
-        with limited(task.seconds, 2 * task.memory_bytes), fetched(task.log) as path:
+        with (
+            interrupt_over_limits(task.seconds, 2 * task.memory_bytes),
+            fetch_log(task.log) as path,
+        ):
             made = _result(task, path)
     except LimitError as error:
         return TaskOutcome("failed", str(error))
@@ -171,8 +174,8 @@ def _result(task: ReplayTask, path: Path) -> TaskOutcome:
         with open_log(path, time=time_axis(setup.machine)) as log:
             first = log.topics()["start_ns"].min()
             day = setup.day_of(first if isinstance(first, int) else None)
-            setup = setup_on(task.setups, day)
-            result = _Result(task, setup, log.digests, day)
+            setup = setup_of_day(task.setups, day)
+            result = _ResultInTransit(task, setup, log.digests, day)
             if result.is_there(store):
                 return TaskOutcome("there")
             began = time.perf_counter()
@@ -181,7 +184,7 @@ def _result(task: ReplayTask, path: Path) -> TaskOutcome:
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
         said = str(error).replace(str(path), task.log.source)
-        result = _Result(task, setup, _digests(path), day)
+        result = _ResultInTransit(task, setup, _digests(path), day)
         if not result.is_there(store):
             result.write(store, None, {"status": "refused", "reason": said})
         return TaskOutcome("refused", said)
@@ -189,7 +192,7 @@ def _result(task: ReplayTask, path: Path) -> TaskOutcome:
     return TaskOutcome("made", seconds=took_s)
 
 
-class _Result:
+class _ResultInTransit:
     """A result on its way into the store."""
 
     def __init__(
@@ -197,7 +200,7 @@ class _Result:
     ) -> None:
         self._task, self._setup, self._digests = task, setup, digests
         shown = UNDATED if day is None else str(day)
-        self._name = ResultName(setup.name, shown, key_of(setup.basis, digests))
+        self._name = ResultName(setup.name, shown, result_key(setup.basis, digests))
 
     def is_there(self, store: Store) -> bool:
         """Whether nothing is left to do."""
@@ -226,7 +229,7 @@ class _Result:
                 recording = Path(folder) / "recording.rrd"
                 write_recording(made, recording)
                 store.write_file(self._name.recording, recording)
-        frames, said = _kept(made, setup)
+        frames, said = tables_of_replay(made, setup)
         t0_unix_ns = made.provenance.t0_unix_ns
         write_result(store, self._name, t0_unix_ns, frames, {**whole, **said})
 
@@ -243,16 +246,18 @@ def replay_log(log: Log, setup: MachineSetup, source: str) -> Run:
         raise DataError(f"{source}: {error}") from None
     if setup.by is None:
         return made
-    against = contradiction(made.frames["nuisances"])
+    against = contradicted_priors(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
         unlike = Unlike.of(frames)
         frames["cycles"] = calibrate_cycles(frames["cycles"], setup.by.calibration, unlike)
         frames["shift"] = recount_shift(frames["shift"], frames["cycles"])
-    return setup.by.of_run(Run(frames, made.provenance))
+    return setup.by.calibrate_run(Run(frames, made.provenance))
 
 
-def _kept(made: Run, setup: MachineSetup) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
+def tables_of_replay(
+    made: Run, setup: MachineSetup
+) -> tuple[dict[str, pl.DataFrame], dict[str, object]]:
     """The tables of a run, and its row of `results`."""
     state = state_of(made, "", "", {})
     shares = pl.DataFrame(
@@ -264,17 +269,17 @@ def _kept(made: Run, setup: MachineSetup) -> tuple[dict[str, pl.DataFrame], dict
         schema={column.name: column.dtype for column in QUALITY.columns},
     )
     gaps = sorted(state.gaps_s, key=lambda gap: gap[0] - gap[1])
-    against = "" if setup.by is None else contradiction(made.frames["nuisances"])
+    against = "" if setup.by is None else contradicted_priors(made.frames["nuisances"])
     said = {
-        **result_of(made),
+        **result_row(made),
         "longest_gap_at_s": gaps[0][0] if gaps else None,
         "not_calibrated_for": against,
     }
-    return tables_of(made, {"gate_shares": shares, "quality": quality}), said
+    return tables_of_run(made, {"gate_shares": shares, "quality": quality}), said
 
 
 @contextmanager
-def fetched(log: FleetLog) -> Generator[Path]:
+def fetch_log(log: FleetLog) -> Generator[Path]:
     """The log as a file or folder; of object storage, a copy that is removed again."""
     if not log.place:
         yield Path(log.source)
@@ -295,7 +300,7 @@ def _digests(path: Path) -> tuple[str, ...]:
 
 
 @contextmanager
-def limited(seconds: float, memory_bytes: int) -> Generator[None]:
+def interrupt_over_limits(seconds: float, memory_bytes: int) -> Generator[None]:
     """Interrupt what is inside when it is over a limit; of the main thread alone.
 
     Args:
@@ -305,7 +310,7 @@ def limited(seconds: float, memory_bytes: int) -> Generator[None]:
     Raises:
         LimitError: over a limit.
     """
-    watch = _Watch(seconds, memory_bytes)
+    watch = _LimitWatch(seconds, memory_bytes)
     before = signal.signal(signal.SIGALRM, watch.interrupt)
     if sys.stderr is not None and _has_file(sys.stderr):
         # also where the interpreter's lock is held for ever

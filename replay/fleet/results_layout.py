@@ -9,7 +9,7 @@ from urllib.parse import quote, unquote
 
 import polars as pl
 
-from analysis.fleet.fleet_tables import RESULTS, TABLES, table
+from analysis.fleet.fleet_tables import RESULTS, TABLES, rows_of_table
 from replay.fleet.object_store import Store
 
 #: A result is there when its row of this table is, which is written last.
@@ -37,7 +37,7 @@ class ResultName(NamedTuple):
         return f"{RECORDINGS}/machine={machine}/day={self.day}/{self.key}.rrd"
 
 
-def name_of(stored: str) -> ResultName | None:
+def parse_result_name(stored: str) -> ResultName | None:
     """The name of the result that an object is a part of; None for an object of another kind."""
     parts = stored.split("/")
     if len(parts) != 4 or not parts[1].startswith("machine=") or not parts[2].startswith("day="):
@@ -49,7 +49,7 @@ def name_of(stored: str) -> ResultName | None:
     )
 
 
-def key_of(basis: str, digests: Sequence[str]) -> str:
+def result_key(basis: str, digests: Sequence[str]) -> str:
     """The key of a result: its log by content, and all else that it depends on."""
     whole = json.dumps([basis, sorted(digests)])
     return hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]
@@ -73,9 +73,9 @@ def write_result(
     """
     of = {**name._asdict(), "t0_unix_ns": t0_unix_ns}
     for each, frame in frames.items():
-        store.write(name.table(each), parquet_bytes(table(each, frame, of)))
+        store.write(name.table(each), parquet_bytes(rows_of_table(each, frame, of)))
     columns = {c.name: pl.Series([row.get(c.name)], dtype=c.dtype) for c in TABLES[MARK].columns}
-    store.write(name.table(MARK), parquet_bytes(table(MARK, pl.DataFrame(columns), of)))
+    store.write(name.table(MARK), parquet_bytes(rows_of_table(MARK, pl.DataFrame(columns), of)))
 
 
 def parquet_bytes(frame: pl.DataFrame) -> bytes:

@@ -13,11 +13,11 @@ from estimators.errors import PayscopeError
 from replay.fleet.gathered_tables import FleetResults
 from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
 from replay.fleet.log_sources import FleetLog
-from replay.fleet.machine_setups import MachineSetup, setup_on
+from replay.fleet.machine_setups import MachineSetup, setup_of_day
 from replay.fleet.object_store import S3, Store
 from replay.fleet.recording_task import ReplayTask, TaskOutcome, replay_one
-from replay.fleet.results_layout import MARK, RECORDINGS, name_of
-from replay.fleet.task_engine import Engine, Lost, Work
+from replay.fleet.results_layout import MARK, RECORDINGS, parse_result_name
+from replay.fleet.task_engine import Engine, LostTask, TaskWork
 from replay.inputs.channel_inputs import package_versions
 
 
@@ -126,7 +126,7 @@ def fleet_run(
         )
         for machine, each in setups.items()
     }
-    results.make_current(LastRun(fleet=plan.name, limits=plan.limits, machines=machines))
+    results.set_last_run(LastRun(fleet=plan.name, limits=plan.limits, machines=machines))
     _remember_calibrations(results, setups)
     left, there = _split_finished(tasks, results)
     for task, outcome in there:
@@ -139,15 +139,17 @@ def fleet_run(
                 # the largest first, so that none of them is left alone at the end
                 left.sort(key=lambda task: (-task.log.size_bytes, task.log.source))
                 for task, result in opened.run(
-                    replay_one, [Work(task, task.memory_bytes) for task in left]
+                    replay_one, [TaskWork(task, task.memory_bytes) for task in left]
                 ):
                     outcome = (
-                        TaskOutcome("failed", result.reason) if isinstance(result, Lost) else result
+                        TaskOutcome("failed", result.reason)
+                        if isinstance(result, LostTask)
+                        else result
                     )
                     did.count(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
-        _remember_failed(results, did, {log.source for log in logs})
+        keep_failed_list(results, did, {log.source for log in logs})
     FleetResults(results.store).gather()
     return did
 
@@ -184,16 +186,18 @@ def _split_finished(
         return list(tasks), []
     columns = ("source", "stamp", "basis", "day", "key", "status", "reason")
     by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
-    for source, stamp, *row in results.whole(MARK).select(columns).collect().iter_rows():
+    for source, stamp, *row in results.all_results(MARK).select(columns).collect().iter_rows():
         by_log.setdefault((source, stamp), []).append(tuple(row))
-    names = map(name_of, results.store.names(RECORDINGS))
+    names = map(parse_result_name, results.store.names(RECORDINGS))
     recorded = {name.key for name in names if name is not None}
     left: list[ReplayTask] = []
     there: list[tuple[ReplayTask, TaskOutcome]] = []
     for task in tasks:
         for basis, day, key, status, reason in by_log.get((task.log.source, task.log.stamp), ()):
             # a calibration may have come since
-            asked = setup_on(task.setups, None if day == UNDATED else dt.date.fromisoformat(day))
+            asked = setup_of_day(
+                task.setups, None if day == UNDATED else dt.date.fromisoformat(day)
+            )
             refused = status == "refused"
             if asked.basis == basis and (refused or key in recorded or not task.recording):
                 there.append(
@@ -218,7 +222,7 @@ def _remember_calibrations(
         results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
 
 
-def _remember_failed(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
+def keep_failed_list(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
     """Keep the list of what has failed, for the report; what is done is off it."""
     before = results.failed
     now = {source: why for source, why in before.items() if source not in asked} | did.failed

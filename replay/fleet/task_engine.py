@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
-class Work(Generic[Task]):
+class TaskWork(Generic[Task]):
     """A task, and the memory in bytes that it is placed by."""
 
     task: Task
@@ -22,7 +22,7 @@ class Work(Generic[Task]):
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class LostTask:
     """A task that the engine gave up, and why."""
 
     reason: str
@@ -36,7 +36,7 @@ class Engine(Protocol):
         ...
 
     def run(
-        self, function: Callable[[Task], Result], work: Sequence[Work[Task]]
-    ) -> Iterator[tuple[Task, Result | Lost]]:
+        self, function: Callable[[Task], Result], work: Sequence[TaskWork[Task]]
+    ) -> Iterator[tuple[Task, Result | LostTask]]:
         """Yield each task with its result as it comes, in any order; each exactly once."""
         ...

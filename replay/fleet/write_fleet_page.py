@@ -10,9 +10,15 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.cycles.friction_trend import FrictionDay, FrictionTrend, friction_trend
-from analysis.fleet.attention import needs_a_look
+from analysis.fleet.attention import rank_concerns
 from analysis.fleet.calibration_steps import line_changes
-from analysis.fleet.daily_figures import UNDATED, daily, sum_machines, sums, weekly
+from analysis.fleet.daily_figures import (
+    UNDATED,
+    daily_figures,
+    sum_machines,
+    sum_results,
+    weekly_tonnes,
+)
 from analysis.fleet.machine_drifts import MachineChart, machine_charts
 from recordings.fleet.fleet_page import FleetPage, fleet_html
 from recordings.report.atomic_output import atomic_file
@@ -42,12 +48,12 @@ class FleetReport:
     def to_dict(self) -> dict[str, Any]:
         """Sums, drifts and what needs a look, as plain JSON values."""
         page = self.page
-        machines = sums(page.results, ["machine"])
+        machines = sum_results(page.results, ["machine"])
         return {
             "page": str(self.path),
             "sum": dict(sum_machines(machines)),
             "machines": machines.to_dicts(),
-            "drifts": [_drift(c) for c in page.charts if c.chart.flagged is not None],
+            "drifts": [_drift_of_chart(c) for c in page.charts if c.chart.flagged is not None],
             "friction": {name: trend._asdict() for name, trend in self.friction.items()},
             "to_look_at": page.looks.to_dicts(),
             "without_a_result": dict(page.failed),
@@ -89,24 +95,24 @@ def fleet_report(
 def report_page(results: FleetResults, destination: str, name: str) -> FleetPage:
     """What the page of a fleet shows."""
     rows, cycles = results.results, results.scan("cycles")
-    days = daily(rows, cycles)
+    days = daily_figures(rows, cycles)
     calibrations = results.calibrations
     last = days["day"].max()
     return FleetPage(
         name=name,
         results=rows,
         days=days,
-        weeks=weekly(rows),
+        weeks=weekly_tonnes(rows),
         charts=machine_charts(days),
         calibrations=calibrations,
         changes=line_changes(calibrations),
-        looks=_with_commands(needs_a_look(rows, cycles, results.scan("findings")), destination),
+        looks=add_commands(rank_concerns(rows, cycles, results.scan("findings")), destination),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )
 
 
-def _with_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
+def add_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
     """With the command that opens each recording at its place."""
     where = shlex.quote(destination)
     commands = [
@@ -116,7 +122,7 @@ def _with_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
     return looks.with_columns(pl.Series("command", commands, dtype=pl.String))
 
 
-def _drift(chart: MachineChart) -> dict[str, Any]:
+def _drift_of_chart(chart: MachineChart) -> dict[str, Any]:
     found = chart.chart
     assert found.flagged is not None
     assert found.since is not None

@@ -15,7 +15,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.model.answer import Answer
-from analysis.model.axes import Axis, X, Z, axes, rows_of, theta_of
+from analysis.model.axes import Axis, X, Z, available_axes, estimated_parameters, rows_of_axis
 from analysis.model.schema import REASON
 from analysis.online.follower import FollowedRow
 from recordings import read_recording
@@ -50,41 +50,41 @@ class Agreement:
 
 
 @dataclass(frozen=True, slots=True)
-class _Minute:
+class _MinuteDigest:
     """The rows of a minute: their digest, their number and the sums of their columns."""
 
     digest: bytes = b""
     rows: int = 0
     sums: tuple[float, ...] = ()
 
-    def with_row(self, t_ns: int, numbers: NDArray[np.float64]) -> "_Minute":
+    def with_row(self, t_ns: int, numbers: NDArray[np.float64]) -> "_MinuteDigest":
         # each digest is of the row and of the digest before, so that none has to be kept open
         row = np.int64(t_ns).tobytes() + np.where(np.isnan(numbers), np.nan, numbers).tobytes()
         known = np.nan_to_num(numbers)
         sums = known + self.sums if self.sums else known
         digest = hashlib.sha256(self.digest + row).digest()
-        return _Minute(digest, self.rows + 1, tuple(sums.tolist()))
+        return _MinuteDigest(digest, self.rows + 1, tuple(sums.tolist()))
 
-    def is_near(self, other: "_Minute") -> bool:
+    def is_near(self, other: "_MinuteDigest") -> bool:
         """Whether both have as many rows, and numbers alike on average."""
         return self.rows == other.rows and np.allclose(self.sums, other.sums, _ROUNDING_1, 0.0)
 
 
 @dataclass(slots=True)
-class _Minutes:
+class _MinuteDigests:
     """Rows by the minute."""
 
     rows: int = 0
-    minutes: dict[int, _Minute] = field(default_factory=dict)
+    minutes: dict[int, _MinuteDigest] = field(default_factory=dict)
 
     def add(self, t_ns: int, numbers: NDArray[np.float64]) -> None:
         minute = t_ns // _MINUTE_NS
-        self.minutes[minute] = self.minutes.get(minute, _Minute()).with_row(t_ns, numbers)
+        self.minutes[minute] = self.minutes.get(minute, _MinuteDigest()).with_row(t_ns, numbers)
         self.rows += 1
 
-    def compared(self, name: str, replayed: "_Minutes") -> Agreement:
+    def compared(self, name: str, replayed: "_MinuteDigests") -> Agreement:
         every = sorted(self.minutes.keys() | replayed.minutes.keys())
-        pairs = [(m, self.minutes.get(m, _Minute()), replayed.minutes.get(m)) for m in every]
+        pairs = [(m, self.minutes.get(m, _MinuteDigest()), replayed.minutes.get(m)) for m in every]
         differing = [minute for minute, mine, theirs in pairs if mine != theirs]
         near = all(theirs is not None and mine.is_near(theirs) for _, mine, theirs in pairs)
         return Agreement(
@@ -100,7 +100,7 @@ class FollowedDigests:
     """What the gate decided and the methods estimated, as it was followed."""
 
     def __init__(self) -> None:
-        self._minutes: dict[str, _Minutes] = {}
+        self._minutes: dict[str, _MinuteDigests] = {}
 
     def add(self, rows: Iterable[FollowedRow]) -> None:
         """Take the next rows."""
@@ -118,17 +118,17 @@ class FollowedDigests:
     def compare(self, frames: Mapping[str, pl.DataFrame]) -> list[Agreement]:
         """Compare with the frames of a replay."""
         return [
-            self._minutes.get(name, _Minutes()).compared(name, replayed)
+            self._minutes.get(name, _MinuteDigests()).compared(name, replayed)
             for name, replayed in _replayed_rows(frames).items()
         ]
 
-    def _of(self, name: str) -> _Minutes:
-        return self._minutes.setdefault(name, _Minutes())
+    def _of(self, name: str) -> _MinuteDigests:
+        return self._minutes.setdefault(name, _MinuteDigests())
 
 
-def _replayed_rows(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Minutes]:
-    found: dict[str, _Minutes] = {}
-    for axis in axes(frames["excitation"]):
+def _replayed_rows(frames: Mapping[str, pl.DataFrame]) -> dict[str, _MinuteDigests]:
+    found: dict[str, _MinuteDigests] = {}
+    for axis in available_axes(frames["excitation"]):
         gate = frames["gate"]
         codes = gate[f"reason_{axis.letter}"].cast(pl.String)
         codes = codes.replace_strict(_REASONS, return_dtype=pl.Float64)
@@ -136,8 +136,8 @@ def _replayed_rows(frames: Mapping[str, pl.DataFrame]) -> dict[str, _Minutes]:
         for name, frame in frames.items():
             method = name.removeprefix("estimates/")
             if method != name and axis.parameters[0][0] in frame.columns:
-                rows = rows_of(axis, frame).drop_nulls("t_ns")
-                theta, _ = theta_of(axis, rows)
+                rows = rows_of_axis(axis, frame).drop_nulls("t_ns")
+                theta, _ = estimated_parameters(axis, rows)
                 found[_name(method, axis)] = _digest_rows(rows["t_ns"], theta)
     return found
 
@@ -146,8 +146,8 @@ def _name(name: str, axis: Axis) -> str:
     return name if axis is X else f"{name} of spins"
 
 
-def _digest_rows(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _Minutes:
-    minutes = _Minutes()
+def _digest_rows(t_ns: pl.Series, numbers: NDArray[np.float64]) -> _MinuteDigests:
+    minutes = _MinuteDigests()
     for t, row in zip(t_ns.to_list(), np.ascontiguousarray(numbers), strict=True):
         minutes.add(t, row)
     return minutes
@@ -173,12 +173,12 @@ def record_followed(
         PayscopeError: as `replay_logs`.
     """
     assert output.path is not None
-    closed = [_closed_name(path) for path in paths]
+    closed = [_name_when_closed(path) for path in paths]
     found = replay_logs(closed, machine_file, output, [*overrides, CAUSAL])
     return found, followed.compare(read_recording(output.path).frames)
 
 
-def _closed_name(path: Path) -> Path:
+def _name_when_closed(path: Path) -> Path:
     """The name that a recorder gives a bag when it closes it."""
     inner = path.with_suffix("")
     return inner if path.suffix == ACTIVE and not path.exists() and inner.exists() else path

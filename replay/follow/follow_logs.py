@@ -51,14 +51,14 @@ class Following:
     ended: str = ""
 
     @property
-    def missing(self) -> list[str]:
+    def missing_excitation(self) -> list[str]:
         """Topics of the machine file of which nothing has come."""
         return [topic for topic in self.follower.topics if topic not in self.topics]
 
     @property
     def remedy(self) -> str:
         """What to do where topics are missing; empty where none is."""
-        if not self.missing:
+        if not self.missing_excitation:
             return ""
         has = f"it has {', '.join(self.topics)}" if self.topics else "it has no topic yet"
         return f"; {has}. Set the topic of the channel in the machine file"
@@ -102,17 +102,17 @@ def follow_logs(
         gc.freeze()
         opened.callback(gc.unfreeze)
         try:
-            following.ended = _follow(log, following, on_rows, idle_s)
+            following.ended = follow_until_idle(log, following, on_rows, idle_s)
         except KeyboardInterrupt:
             following.ended = "interrupted"
         try:
-            _look(log, following, on_rows, is_whole=True)
+            poll_log(log, following, on_rows, is_whole=True)
         except DataError as error:
             raise LogError(f"{paths[0]}: {following.ended}: {error}{following.remedy}") from error
     return following
 
 
-def _follow(
+def follow_until_idle(
     log: GrowingLogFile,
     following: Following,
     on_rows: Callable[[Following, list[FollowedRow]], None],
@@ -122,7 +122,7 @@ def _follow(
     grew = time.monotonic()
     while True:
         began = time.monotonic()
-        if _look(log, following, on_rows):
+        if poll_log(log, following, on_rows):
             grew = time.monotonic()
         elif log.is_finished:
             return "the recorder has closed the log"
@@ -131,7 +131,7 @@ def _follow(
         time.sleep(max(0.0, began + LOOK_S - time.monotonic()))
 
 
-def _look(
+def poll_log(
     log: GrowingLogFile,
     following: Following,
     on_rows: Callable[[Following, list[FollowedRow]], None],

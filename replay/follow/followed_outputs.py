@@ -19,7 +19,7 @@ from recordings.follow.growing_recording import (
     FollowedLog,
     GrowingRecording,
     RecordingEnd,
-    read_end,
+    read_recording_end,
 )
 from recordings.report.atomic_output import AppendedFile, refuse_input_as_output
 from replay.follow.follow_logs import Following
@@ -29,7 +29,7 @@ from replay.logs import ACTIVE
 
 
 @dataclass(frozen=True, slots=True)
-class Continuation:
+class ResumePoint:
     """How far a recording came.
 
     Attributes:
@@ -77,7 +77,7 @@ class FollowedOutputs:
             OutputError: an output is there already, and of something else.
         """
         self._output, self._server, self._tell = output, server, tell
-        self._identity = identify(paths, machine, noise)
+        self._identity = identity_of_inputs(paths, machine, noise)
         self._name = f"{machine.machine.name}: {', '.join(path.name for path in paths)}"
         self._recording: GrowingRecording | None = None
         self._file: AppendedFile | None = None
@@ -184,7 +184,7 @@ def _give_up_text(error: OSError) -> str:
     return f"written no further ({error.strerror}); it is whole up to here, and following goes on"
 
 
-def identify(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
+def identity_of_inputs(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None) -> str:
     """Tell what is followed: names of logs, and a digest of the machine file and the noise."""
     digest = hashlib.sha256(causal_machine(machine).model_dump_json().encode())
     digest.update(b"" if noise is None else noise.write_json().encode())
@@ -193,7 +193,7 @@ def identify(paths: Sequence[Path], machine: Machine, noise: pl.DataFrame | None
 
 def find_continuation(
     output: Path, paths: Sequence[Path], identity: str, machine: Machine, *, force: bool
-) -> Continuation | None:
+) -> ResumePoint | None:
     """Find where a recording goes on; None where it begins.
 
     Raises:
@@ -205,7 +205,7 @@ def find_continuation(
         check_recording(output, force=force or output.is_file())
         return None
     if is_unfinished(output):
-        end = read_end(output)
+        end = read_recording_end(output)
         if end is None:
             return None
         if end.about.identity != identity:
@@ -213,15 +213,15 @@ def find_continuation(
                 f"{output}: follows {end.about.identity.partition(';')[0]} with the machine file, "
                 "settings and noise of then; name another output, or give --force"
             )
-        return Continuation(end.about.t0_unix_ns + end.until_ns, end)
-    if not _has_grown(output, paths, machine):
+        return ResumePoint(end.about.t0_unix_ns + end.until_ns, end)
+    if not has_log_grown(output, paths, machine):
         check_recording(output, force=False)
     last_ns = read_frame(output, "excitation", ["t_ns"])["t_ns"].max()
     assert isinstance(last_ns, int)
-    return Continuation(read_provenance(output).t0_unix_ns + last_ns, None)
+    return ResumePoint(read_provenance(output).t0_unix_ns + last_ns, None)
 
 
-def _has_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool:
+def has_log_grown(output: Path, paths: Sequence[Path], machine: Machine) -> bool:
     """Whether a recording is the causal replay of these logs when they were smaller."""
     about = read_provenance(output)
     inner = [

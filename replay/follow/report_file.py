@@ -129,7 +129,7 @@ class _Stream(BytesIO):
 def _read_reports(path: Path, identity: str) -> tuple[list[Message], int]:
     """The whole reports of a file of the same log, and its bytes up to there; else none, 0."""
     data = path.read_bytes()
-    size = _whole_bytes(data)
+    size = _complete_bytes(data)
     found: list[Message] = []
     is_of_same = False
     try:
@@ -143,7 +143,7 @@ def _read_reports(path: Path, identity: str) -> tuple[list[Message], int]:
     return (found, size) if is_of_same else ([], 0)
 
 
-def _whole_bytes(data: bytes) -> int:
+def _complete_bytes(data: bytes) -> int:
     """Where the last whole report ends, or what stands before the first."""
     at, whole = _MAGIC_BYTES, 0
     while at + _RECORD_HEAD.size <= len(data):

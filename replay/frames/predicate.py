@@ -75,7 +75,9 @@ def time_range(predicate: pl.Expr, column: str) -> TimeRange:
             if values.is_between(low, high, closed=closed).meta.eq(predicate):
                 above = operator.ge if closed in ("both", "left") else operator.gt
                 below = operator.le if closed in ("both", "right") else operator.lt
-                return _bound(values, above, low, column) & _bound(values, below, high, column)
+                return time_bound(values, above, low, column) & time_bound(
+                    values, below, high, column
+                )
     return TimeRange()
 
 
@@ -83,12 +85,12 @@ def _compare(predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str) -> 
     for compare, mirrored in _MIRRORED.items():
         if compare(left, right).meta.eq(predicate):
             if right.meta.root_names():
-                return _bound(right, mirrored, left, column)
-            return _bound(left, compare, right, column)
+                return time_bound(right, mirrored, left, column)
+            return time_bound(left, compare, right, column)
     return TimeRange()
 
 
-def _bound(
+def time_bound(
     values: pl.Expr, compare: Callable[..., pl.Expr], limit: pl.Expr, column: str
 ) -> TimeRange:
     """Bound times that compare with a limit, a constant; unbounded where it is something else."""

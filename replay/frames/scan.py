@@ -175,7 +175,7 @@ def join_topics(
     )
 
 
-def log_paths(logs: Logs) -> tuple[list[Path], bool]:
+def resolve_log_paths(logs: Logs) -> tuple[list[Path], bool]:
     """The logs that are named, and whether they may be several.
 
     Raises:
@@ -219,7 +219,7 @@ def topic_source(
     Raises:
         LogError: no such log, topic or field.
     """
-    paths, is_several = log_paths(logs)
+    paths, is_several = resolve_log_paths(logs)
     return TopicSource(
         paths, topic, options, fields=fields, with_source=is_several, time=time, losses=losses
     )

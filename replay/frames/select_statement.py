@@ -41,7 +41,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
     Raises:
         QueryError: no such table or column, no SQL, or a statement that does not only read tables.
     """
-    query = checked_select(sql)
+    query = normalise_select(sql)
     frames = {name: tables[name]() for name in _select_used_tables(query, tables)}
     with pl.SQLContext(frames=frames, eager=False) as context:
         try:
@@ -51,7 +51,7 @@ def select_rows(sql: str, tables: Tables, *, always_ordered: bool = False) -> pl
             if words.isdisjoint(_REORDERING) and not always_ordered:
                 return found
             by = [f'"{n}"' for n, dtype in columns.items() if not isinstance(dtype, _UNSORTABLE)]
-            return context.execute(order_fully(query, by))
+            return context.execute(order_by_all_columns(query, by))
         except pl.exceptions.PolarsError as error:
             raise query_fault(error, tables) from None
 
@@ -61,11 +61,11 @@ def query_fault(error: pl.exceptions.PolarsError, tables: Tables) -> QueryError:
     said = str(error).strip().partition("\n")[0]
     unknown = re.search(r"relation '(.*)' was not found", said)
     if unknown:
-        return QueryError(f"query: no table '{unknown[1]}'; {_choices(unknown[1], tables)}")
+        return QueryError(f"query: no table '{unknown[1]}'; {_choices_text(unknown[1], tables)}")
     return QueryError(f"query: {said}")
 
 
-def checked_select(sql: str) -> str:
+def normalise_select(sql: str) -> str:
     """The statement without what ends it.
 
     Raises:
@@ -74,7 +74,7 @@ def checked_select(sql: str) -> str:
     query = sql.strip().rstrip(";").strip()
     first = next(iter(_tokens(query)), "")
     if first.upper() not in _READING:
-        fault = f"'{first}' is no SELECT; a query only reads tables" if first else "it is empty"
+        fault = f"'{first}' is not a SELECT; a query only reads tables" if first else "it is empty"
         raise QueryError(f'query: {fault}; write "SELECT … FROM …"')  # noqa: S608 - a message
     function = _FILE_FUNCTION.search(query)
     if function:
@@ -104,11 +104,11 @@ def _select_used_tables(query: str, tables: Tables) -> list[str]:
         if "FROM" not in upper[:-1]:
             raise QueryError(f"query: names no table; tables: {_list_tables(tables)}")
         unknown = tokens[upper.index("FROM") + 1].strip('"`')
-        raise QueryError(f"query: no table '{unknown}'; {_choices(unknown, tables)}")
+        raise QueryError(f"query: no table '{unknown}'; {_choices_text(unknown, tables)}")
     return named
 
 
-def _choices(name: str, tables: Tables) -> str:
+def _choices_text(name: str, tables: Tables) -> str:
     meant = nearest(name, tables)
     listed = f"tables: {_list_tables(tables)}"
     return f"{meant} {listed}" if meant.endswith("?") else listed
@@ -120,7 +120,7 @@ def _list_tables(tables: Tables) -> str:
     return ", ".join(names[:_MOST_LISTED]) + more
 
 
-def order_fully(query: str, columns: Sequence[str]) -> str:
+def order_by_all_columns(query: str, columns: Sequence[str]) -> str:
     """The query with its order made whole.
 
     Args:

@@ -38,14 +38,14 @@ AS_READ: Final = FrameOptions(enums="number", times="ns")
 
 
 @dataclass(frozen=True, slots=True)
-class _Branch:
+class FieldBranch:
     """A message in a message, or a list of them."""
 
     #: where it is a list of messages
     is_list: bool
     #: of the list, None where it varies
     length: int | None
-    below: "dict[str, _Branch | LeafField]" = field(default_factory=dict)
+    below: "dict[str, FieldBranch | LeafField]" = field(default_factory=dict)
 
 
 class TopicShape:
@@ -58,7 +58,7 @@ class TopicShape:
         self.time = LOG_TIME if is_dated else LOG_TIME_NS
         self._own = {self.time: LOG_TIME_NS, (STAMP if is_dated else STAMP_NS): STAMP_NS}
         is_nested = options.nested == "struct"
-        self._tree: dict[str, _Branch | LeafField] = (
+        self._tree: dict[str, FieldBranch | LeafField] = (
             _field_tree(leaves) if is_nested else {leaf.name: leaf for leaf in leaves}
         )
         schema: dict[str, pl.DataType] = dict.fromkeys(
@@ -85,7 +85,7 @@ class TopicShape:
         ]
         return pl.DataFrame(made)
 
-    def _dtype(self, node: _Branch | LeafField, depth: int) -> pl.DataType:
+    def _dtype(self, node: FieldBranch | LeafField, depth: int) -> pl.DataType:
         """The type of a column, inside so many lists."""
         if isinstance(node, LeafField):
             return self._leaf_dtype(node, depth)
@@ -113,7 +113,7 @@ class TopicShape:
         return bool(leaf.value_names) and self._options.enums == "name"
 
     def _column(
-        self, node: _Branch | LeafField, values: Mapping[str, pl.Series], depth: int
+        self, node: FieldBranch | LeafField, values: Mapping[str, pl.Series], depth: int
     ) -> pl.Series:
         """A column of a node, from the values of its leaves inside so many lists."""
         if isinstance(node, LeafField):
@@ -130,20 +130,20 @@ class TopicShape:
         leaves = [leaf.name for leaf in _leaves_below(node)]
         counts = values[leaves[0]].list.len()
         flat = {name: _flatten_lists(values[name]) for name in leaves}
-        record = self._column(_Branch(False, None, node.below), flat, depth + 1)
+        record = self._column(FieldBranch(False, None, node.below), flat, depth + 1)
         return _rebuild_lists(record, counts).cast(self._dtype(node, depth))
 
 
-def _field_tree(leaves: Sequence[LeafField]) -> dict[str, _Branch | LeafField]:
+def _field_tree(leaves: Sequence[LeafField]) -> dict[str, FieldBranch | LeafField]:
     """Leaves by the way that their names go."""
-    tree: dict[str, _Branch | LeafField] = {}
+    tree: dict[str, FieldBranch | LeafField] = {}
     for leaf in leaves:
         *way, last = leaf.name.split(".")
         here, depth = tree, 0
         for step in way:
             is_list = step.endswith("[]")
             length = leaf.lengths[depth] if is_list and depth < len(leaf.lengths) else None
-            node = here.setdefault(step.removesuffix("[]"), _Branch(is_list, length))
+            node = here.setdefault(step.removesuffix("[]"), FieldBranch(is_list, length))
             depth += is_list
             if isinstance(node, LeafField):  # a column of a table that is named like a way
                 break
@@ -153,7 +153,7 @@ def _field_tree(leaves: Sequence[LeafField]) -> dict[str, _Branch | LeafField]:
     return tree
 
 
-def _leaves_below(node: _Branch | LeafField) -> Iterator[LeafField]:
+def _leaves_below(node: FieldBranch | LeafField) -> Iterator[LeafField]:
     if isinstance(node, LeafField):
         yield node
     else:

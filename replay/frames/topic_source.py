@@ -117,9 +117,9 @@ class TopicSource:
         for path in self._paths:
             if left <= 0 or within.first_ns > within.last_ns:
                 return
-            if not self._may_keep(path, predicate):
+            if not self._may_match(path, predicate):
                 continue
-            for frame in self._of_log(path, needed, within):
+            for frame in self._frames_of_log(path, needed, within):
                 rows = frame[:left] if frame.height > left else frame
                 left -= rows.height
                 if predicate is not None:
@@ -129,19 +129,21 @@ class TopicSource:
                 if left <= 0:
                     break
 
-    def _may_keep(self, path: Path, predicate: pl.Expr | None) -> bool:
+    def _may_match(self, path: Path, predicate: pl.Expr | None) -> bool:
         """Whether what a predicate asks of the source leaves rows of a log."""
         if predicate is None or self._source is None:
             return True
         known = pl.DataFrame({self._source: [str(path)]})
-        for part in _conjuncts(predicate):
+        for part in _and_parts(predicate):
             if part.meta.root_names() == [self._source]:
                 with suppress(pl.exceptions.PolarsError):
                     if not known.select(part.any()).item():
                         return False
         return True
 
-    def _of_log(self, path: Path, needed: list[str], within: TimeRange) -> Iterator[pl.DataFrame]:
+    def _frames_of_log(
+        self, path: Path, needed: list[str], within: TimeRange
+    ) -> Iterator[pl.DataFrame]:
         log = opened_log(path, self._time)
         told = len(self.losses)
         try:
@@ -150,7 +152,7 @@ class TopicSource:
             self.losses += [loss for loss in log.losses() if loss not in self.losses]
             # that another topic cannot be decoded is no news to who reads this one
             mine = [each for each in self.losses[told:] if each.topic in ("", self.topic)]
-            _warn(path, mine)
+            _warn_of_losses(path, mine)
 
     def _rows(self, log: Log, needed: list[str], within: TimeRange) -> Iterator[pl.DataFrame]:
         shape, own = self._shape, [name for name in needed if name != self._source]
@@ -217,17 +219,17 @@ def _with_columns(frame: pl.DataFrame, columns: list[str]) -> pl.DataFrame:
     return frame if frame.columns == columns else frame.select(columns)
 
 
-def _conjuncts(predicate: pl.Expr) -> Iterator[pl.Expr]:
+def _and_parts(predicate: pl.Expr) -> Iterator[pl.Expr]:
     """The parts that must all hold."""
     parts = list(reversed(predicate.meta.pop()))
     if len(parts) == 2 and (parts[0] & parts[1]).meta.eq(predicate):
         for part in parts:
-            yield from _conjuncts(part)
+            yield from _and_parts(part)
     else:
         yield predicate
 
 
-def _warn(path: Path, losses: Sequence[Loss]) -> None:
+def _warn_of_losses(path: Path, losses: Sequence[Loss]) -> None:
     if losses:
         more = f" (and {len(losses) - 1} more)" if len(losses) > 1 else ""
         warnings.warn(f"{path}: {losses[0]}{more}", LossWarning, stacklevel=2)
@@ -244,7 +246,7 @@ def opened_log(path: Path, time: TimeAxis | None = None) -> Log:
         LogError: as `open_log`.
     """
     with _one_at_a_time:
-        key = (str(path.absolute()), _state(path), time)
+        key = (str(path.absolute()), file_state(path), time)
         log = _opened.pop(key, None)
         if log is None:
             log = open_log(path, time=time)
@@ -255,7 +257,7 @@ def opened_log(path: Path, time: TimeAxis | None = None) -> Log:
         return log
 
 
-def _state(path: Path) -> tuple[tuple[str, int, int], ...]:
+def file_state(path: Path) -> tuple[tuple[str, int, int], ...]:
     """Name, size and time of change of a file, or of the files in a directory."""
     try:
         files = sorted(path.iterdir()) if path.is_dir() else [path]

@@ -82,9 +82,9 @@ def describe(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
     is_table = topics.height > 0 and str(topics["topic"][0]).partition("/")[0] == TABLE
     described: tuple[FieldProfile, ...] = ()
     if fields or is_table:
-        from replay.recognise.profile import profiles  # imports machines, which is slow
+        from replay.recognise.profile import profile_fields  # imports machines, which is slow
 
-        described = tuple(profiles(log))
+        described = tuple(profile_fields(log))
     return LogInfo(
         path=log.path,
         format=log.format,

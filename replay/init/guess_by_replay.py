@@ -32,7 +32,7 @@ BRAKING: Final = (
 _RICH: Final = 0.5
 
 
-def replayed_lines(log: Log, text: str) -> list[str]:
+def lines_from_replay(log: Log, text: str) -> list[str]:
     """Replay a log by its own draft: whether braking weighs, and priors that it would narrow.
 
     Args:

@@ -21,10 +21,10 @@ from replay.inputs.machine_identity import is_serial_number
 from replay.logs import TABLE, Log, TimeAxis
 from replay.machines.toml_file import toml_value
 from replay.recognise.joints import recognise_joints
-from replay.recognise.profile import FieldProfile, profiles
+from replay.recognise.profile import FieldProfile, profile_fields
 from replay.recognise.proposals import ChannelProposal, Recognition
-from replay.recognise.table import recognise
-from replay.recognise.words import meaning
+from replay.recognise.table import recognise_channels
+from replay.recognise.words import read_column_name
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
@@ -100,7 +100,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     """
     topics = log.topics()
     is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
-    told = recognise(log) if is_table else _recognise_joints(log, topics)
+    told = recognise_channels(log) if is_table else _recognise_joints(log, topics)
     guesses = [*_recognise_columns(told), *_best_guesses(topics)]
     guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
     # what a comment holds is asked for already
@@ -148,7 +148,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
                 "",
             ]
             continue
-        lines += [f"field = {toml_value(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
+        lines += [f"field = {toml_value(guess.field)}  # in {unit}{why}{_with_scale(guess)}", ""]
     for proposal in told.channels:
         lines += _comment_lines(proposal) if proposal.is_comment else []
     has_speed = "speed_x_m_s" in found
@@ -160,10 +160,10 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         sign = "# " if is_open else ""
         lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    is_unsure = any(_or_scale(guess) for guess in guesses)
+    is_unsure = any(_with_scale(guess) for guess in guesses)
     to_answer = [*([_JOINT_UNIT] if is_unsure else []), *_TO_ANSWER]
     lines += [f"# to answer: {sentence}" for sentence in to_answer]
-    rest = [*_profile_lines(log, guesses), *_lists_and_problems(topics, guesses)]
+    rest = [*_profile_lines(log, guesses), *notes_on_topics(topics, guesses)]
     lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
@@ -200,21 +200,21 @@ def _comment_lines(proposal: ChannelProposal) -> list[str]:
 def _profile_lines(log: Log, guesses: list[Guess]) -> list[str]:
     """Every column that is not used, with its unit, rate and range."""
     used = {(guess.topic or TABLE, guess.field) for guess in guesses}
-    rest = [each for each in profiles(log) if (each.topic, each.field) not in used]
+    rest = [each for each in profile_fields(log) if (each.topic, each.field) not in used]
     several = any(each.topic != TABLE for each in rest)
     topics = [f"{_one_line(each.topic)} " if several else "" for each in rest]
     return [
         "# Also in the log:",
         *(
-            f"#   {topic}{profile_line(each)}{_named_as(each)}"
+            f"#   {topic}{profile_line(each)}{_channel_line(each)}"
             for topic, each in zip(topics, rest, strict=True)
         ),
     ]
 
 
-def _named_as(each: FieldProfile) -> str:
+def _channel_line(each: FieldProfile) -> str:
     """What a column without a channel says that it is, where a person may look for it."""
-    quantity = meaning(each.field).quantity
+    quantity = read_column_name(each.field).quantity
     return f"  ({quantity})" if quantity in ("steering", "pressure", "power") else ""
 
 
@@ -228,7 +228,7 @@ def profile_line(each: FieldProfile) -> str:
     return _one_line(f"{each.field}{unit}{rate}: {span}  {each.course}")
 
 
-def _or_scale(guess: Guess) -> str:
+def _with_scale(guess: Guess) -> str:
     """A JointState's velocity is that of a wheel more often than that of the machine."""
     is_speed = guess.field.startswith("velocity[") and guess.column.endswith("_m_s")
     return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
@@ -298,7 +298,7 @@ def _lacking_sentences(found: set[str], asked: list[str], *, kinematic: bool) ->
     return lacking
 
 
-def _lists_and_problems(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
+def notes_on_topics(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
     """Fields that are lists, of which no element is used, and topics that cannot be read."""
     used = {(guess.topic, guess.field.partition("[")[0]) for guess in guesses}
     for row in topics.iter_rows(named=True):

@@ -9,7 +9,7 @@ from analysis.model.loss import Loss
 from replay.logs import Log, LogCheck
 
 
-class LogOfLog(Log):
+class DerivedLog(Log):
     """Another log, read through; leaving this one leaves that one open."""
 
     def __init__(self, log: Log) -> None:
@@ -43,7 +43,7 @@ class LogOfLog(Log):
         return self._log.losses()
 
 
-class CachedLog(LogOfLog):
+class CachedLog(DerivedLog):
     """Another log, with what was read of it kept."""
 
     def __init__(self, log: Log) -> None:
@@ -77,7 +77,7 @@ class CachedLog(LogOfLog):
             self._log.expect(fields)
 
 
-class PartOfLog(LogOfLog):
+class LogPart(DerivedLog):
     """What another log recorded from one log time to another."""
 
     def __init__(self, log: Log, start_ns: int | None, end_ns: int | None) -> None:

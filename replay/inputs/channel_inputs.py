@@ -68,7 +68,7 @@ def read_channels(
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
-            if topic not in has[log] and _of_one_kind(log, topic, has, wanted)
+            if topic not in has[log] and _require_one_type(log, topic, has, wanted)
         ]
     for log in logs:
         _refuse_stated_units(log, machine)
@@ -101,7 +101,7 @@ def read_channels(
     return raw, losses
 
 
-def _of_one_kind(
+def _require_one_type(
     log: Log, topic: str, has: Mapping[Log, set[str]], wanted: Mapping[str, Sequence[str]]
 ) -> bool:
     """Whether a log has another topic of those that have this one: it is not one beside them."""
@@ -250,7 +250,7 @@ def merge_topics(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
     whole: list[pl.DataFrame] = []
     for frame, log in known:
         for before, earlier in known[: len(whole)]:
-            frame = _without_those_of(before, frame, topic, str(earlier.path), str(log.path))
+            frame = drop_repeated_samples(before, frame, topic, str(earlier.path), str(log.path))
         whole.append(frame)
     joint = pl.concat(whole, rechunk=False)
     # parts that follow each other stay where they are: of a shift they are a gigabyte
@@ -259,7 +259,7 @@ def merge_topics(topic: str, parts: Mapping[Log, pl.DataFrame]) -> pl.DataFrame:
     return joint.sort("log_time_ns", maintain_order=True)
 
 
-def _without_those_of(
+def drop_repeated_samples(
     before: pl.DataFrame, frame: pl.DataFrame, topic: str, earlier: str, later: str
 ) -> pl.DataFrame:
     """The messages that a log does not have from one that begins earlier."""

@@ -37,7 +37,7 @@ _WORTH_A_PROCESS: Final = 64 * 2**20
 _SAID: Final = 2
 
 
-class _About(BaseModel):
+class _CachedDescription(BaseModel):
     """Of a log that was decoded."""
 
     model_config = ConfigDict(frozen=True)
@@ -64,7 +64,7 @@ class DecodedLog(Log):
         self._files, self._digests, self._time = log.files, log.digests, time
         self._kept = kept
         self._machine_ids = log.machine_ids()
-        self._about = _About.model_validate_json((kept / _ABOUT).read_bytes())
+        self._about = _CachedDescription.model_validate_json((kept / _ABOUT).read_bytes())
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -137,7 +137,7 @@ def decode_logs(
     time = time_axis(machine)
     wanted = {log: _fields_of_log(log, channel_fields(machine)) for log in logs}
     places = {log: folder / _cache_key(log, wanted[log], time) for log in logs}
-    _sweep(folder, {place.name for place in places.values()})
+    remove_oldest(folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
     on_log(len(logs) - len(missing))
     large = len(missing) > 1 and sum(map(_log_bytes, missing)) > _WORTH_A_PROCESS
@@ -146,7 +146,7 @@ def decode_logs(
         if large:
             _by_process(log, wanted[log], places[log], time)
         else:
-            decode(log, wanted[log], places[log])
+            decode_into_cache(log, wanted[log], places[log])
 
     with ThreadPoolExecutor(min(os.cpu_count() or 1, len(missing)) if large else 1) as pool:
         for done, _ in enumerate(
@@ -156,7 +156,7 @@ def decode_logs(
     return [DecodedLog(log, places[log], time) for log in logs]
 
 
-def decode(log: Log, fields: Mapping[str, Sequence[str]], place: Path) -> None:
+def decode_into_cache(log: Log, fields: Mapping[str, Sequence[str]], place: Path) -> None:
     """Read fields of a log and keep them, whole or not at all.
 
     Args:
@@ -176,7 +176,7 @@ def decode(log: Log, fields: Mapping[str, Sequence[str]], place: Path) -> None:
         for topic, frame in frames.items():
             frame.write_ipc(begun / stages[topic], compression="uncompressed")
         log.topics().write_ipc(begun / _TOPICS)
-        about = _About(
+        about = _CachedDescription(
             format=log.format,
             stages=stages,
             fields={topic: tuple(names) for topic, names in fields.items()},
@@ -246,7 +246,7 @@ def _log_bytes(log: Log) -> int:
     return sum(path.stat().st_size for path in log.files)
 
 
-def _sweep(folder: Path, used: set[str]) -> None:
+def remove_oldest(folder: Path, used: set[str]) -> None:
     """Remove what is of other logs, and what a process left that was killed."""
     for each in folder.iterdir() if folder.is_dir() else ():
         if each.name not in used:
@@ -262,7 +262,7 @@ def main() -> int:
         time = TimeAxis(column, unit, TableHints(**table))
     try:
         with open_log(asked["path"], time=time) as log:
-            decode(log, asked["fields"], Path(asked["place"]))
+            decode_into_cache(log, asked["fields"], Path(asked["place"]))
     except PayscopeError as error:
         sys.stderr.write(f"{error}\n")
         return _SAID

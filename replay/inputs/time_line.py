@@ -62,7 +62,7 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
             "logs that run side by side none in common; or give them a time since 1970"
         )
     found: dict[Log, int] = {}
-    at_ns, lattice = 0, _Lattice.of(next(iter(tables.values())))
+    at_ns, lattice = 0, _SampleLattice.of(next(iter(tables.values())))
     for log, table in tables.items():
         found[log] = lattice.next_on(at_ns, table)
         slowest_s = _BETWEEN_PERIODS / float(table["rate_hz"].fill_null(1.0).to_numpy().min())
@@ -71,7 +71,7 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
     return found
 
 
-class _Lattice(NamedTuple):
+class _SampleLattice(NamedTuple):
     """The stamps of the first log's slowest topic, and those that would go on from them.
 
     The grid has its phase. A log between its rows would be interpolated, which halves the noise of
@@ -129,7 +129,7 @@ def shift_times(frame: pl.DataFrame, by_ns: int) -> pl.DataFrame:
     )
 
 
-def note(offsets: Mapping[Log, int]) -> list[str]:
+def offset_note(offsets: Mapping[Log, int]) -> list[str]:
     """What a reader must know of the order."""
     if not any(offsets.values()):
         return []

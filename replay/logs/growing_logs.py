@@ -54,7 +54,7 @@ class TailParts:
         closed, files = self._is_closed(), self._files()
         batches = self._poll_part() if self._tail else []
         while not batches:
-            following = [path for path in files if not _is_among(path, self.paths)]
+            following = [path for path in files if not _is_taken(path, self.paths)]
             if not following:
                 self.is_finished = self._tail is not None and (closed or self._tail.is_finished)
                 break
@@ -213,13 +213,15 @@ def _open_tail(path: Path) -> Tail:
 def _files_of(folder: Path) -> list[Path]:
     """The files of a recorder that rotates, by the numbers in their names."""
     found = [path for path in folder.iterdir() if format_suffix(path) in _TAILS]
-    return sorted(found, key=lambda path: [_number(part) for part in re.split(r"(\d+)", path.name)])
+    return sorted(
+        found, key=lambda path: [_natural_order(part) for part in re.split(r"(\d+)", path.name)]
+    )
 
 
-def _number(part: str) -> tuple[int, str]:
+def _natural_order(part: str) -> tuple[int, str]:
     return (int(part), "") if part.isdigit() else (-1, part)
 
 
-def _is_among(path: Path, taken: Sequence[Path]) -> bool:
+def _is_taken(path: Path, taken: Sequence[Path]) -> bool:
     """Whether a file was taken already, by this name or as `.active`, which a recorder drops."""
     return path in taken or path.with_name(f"{path.name}.active") in taken

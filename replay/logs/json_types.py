@@ -103,7 +103,7 @@ def _kind(schema: dict[str, Any]) -> str | None:
     named = schema.get("type", "object" if "properties" in schema else [])
     allowed = named if isinstance(named, list) else [named]
     if not all(isinstance(kind, str) for kind in allowed):
-        raise BrokenBytesError("a type in its JSON schema is no text")
+        raise BrokenBytesError("a type in its JSON schema is not a text")
     kinds = {str(kind) for kind in allowed} - ({"null"} if isinstance(named, list) else set())
     return kinds.pop() if len(kinds) == 1 else None
 
@@ -121,7 +121,7 @@ def valid_text(value: Any) -> str:
 def _decode(data: bytes) -> Any:
     message = _parse_schema(data)
     if not isinstance(message, dict):
-        raise BrokenBytesError("the message is no JSON object")
+        raise BrokenBytesError("the message is not a JSON object")
     return message
 
 

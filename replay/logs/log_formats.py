@@ -135,7 +135,7 @@ def logs_in(named: Sequence[Path]) -> list[Path]:
     Raises:
         LogError: a folder that cannot be read.
     """
-    found = [log for path in named for log in (_of_folder(path) if _is_folder(path) else [path])]
+    found = [log for path in named for log in (log_of_folder(path) if _is_folder(path) else [path])]
     return list({path.resolve(): path for path in found}.values())
 
 
@@ -165,7 +165,7 @@ def _is_folder(path: Path) -> bool:
     return path.is_dir() and not any((path / name).is_file() for name in _DESCRIBED)
 
 
-def _of_folder(folder: Path) -> list[Path]:
+def log_of_folder(folder: Path) -> list[Path]:
     """Its bags and those of its folders; where there is none, its tables."""
     inside = _format_folder(folder)
     bags = [log for each in inside for log in _bags(each)]

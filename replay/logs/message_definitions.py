@@ -135,7 +135,7 @@ def _self_described(connection: Connection) -> MessageType:
 def _typestore(connection: Connection) -> Typestore:
     text = connection.definition
     if not text.strip() and connection.definition_format in ("", "ros2msg"):
-        return _is_released(connection.type)
+        return _typestore_with_type(connection.type)
     store = get_typestore(Stores.EMPTY)
     # rosbag2 joins IDL files with a rule and a line "IDL: name"
     is_idl = connection.definition_format == "ros2idl"
@@ -159,7 +159,7 @@ def _typestore(connection: Connection) -> Typestore:
     return store
 
 
-def _is_released(name: str) -> Typestore:
+def _typestore_with_type(name: str) -> Typestore:
     for release in _RELEASES:
         store = get_typestore(release)
         if name in store.fielddefs:

@@ -107,7 +107,7 @@ class MessageLog(Log):
             for _, rows in drain_all(groups, streams):
                 yield rows
         except GeneratorExit:  # the rest is not requested
-            self._note(topic, stream.tally)
+            self._note_losses(topic, stream.tally)
             raise
         self._judge(topic, stream.tally)
 
@@ -131,7 +131,7 @@ class MessageLog(Log):
             if fault:
                 faults[topic] = fault
             else:
-                self._note(topic, stream.tally)
+                self._note_losses(topic, stream.tally)
 
     def topic_names(self) -> list[str]:
         """The topics; see `Log.topic_names`."""
@@ -190,7 +190,7 @@ class MessageLog(Log):
         fault = self._fault(topic, tally)
         if fault:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {fault}")
-        self._note(topic, tally)
+        self._note_losses(topic, tally)
 
     def _fault(self, topic: str, tally: Tally) -> str:
         """Why nothing of a topic can be read; empty where something can."""
@@ -203,7 +203,7 @@ class MessageLog(Log):
             f"{kind.record.name}: {tally.first_fault}"
         )
 
-    def _note(self, topic: str, tally: Tally) -> None:
+    def _note_losses(self, topic: str, tally: Tally) -> None:
         if tally.undecodable:
             total = tally.rows + tally.undecodable
             self._read_losses.note(
@@ -241,7 +241,7 @@ class MessageLog(Log):
         self._take_all(count_messages(), group_by_key)
         for topic, stream in streams.items():
             stream.finish()
-            self._note(topic, stream.tally)
+            self._note_losses(topic, stream.tally)
         crcs = self._container.check()
         found = {key: np.concatenate(parts) for key, parts in times.items()}
         if not self._container.losses:  # which would be why they differ

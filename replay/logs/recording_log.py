@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
-from recordings.rrd.reader import opened
+from recordings.rrd.reader import open_recording
 from recordings.rrd.stored_frames import StoredFrame
 from replay.logs.log import Log, LogCheck
 
@@ -31,7 +31,7 @@ class RecordingLog(Log):
             LogError: it keeps no channels.
         """
         super().__init__(path, _FORMAT)
-        with opened(path) as held:
+        with open_recording(path) as held:
             about, stages = held.provenance, held.stages
         self._losses = about.losses
         self._machine_id = about.logged_machine_id
@@ -39,7 +39,7 @@ class RecordingLog(Log):
         channels: Mapping[str, Any] = about.machine.get("channels", {})
         named = {channel.get("topic") for channel in channels.values()}
         self._stage = {
-            _topic(stage.removeprefix(_RAW), named): stage
+            _topic_of_stage(stage.removeprefix(_RAW), named): stage
             for stage in stages
             if stage.startswith(_RAW)
         }
@@ -60,7 +60,7 @@ class RecordingLog(Log):
 
     def topics(self) -> pl.DataFrame:
         """The topics that were read; see `Log.topics`."""
-        with opened(self.path) as held:
+        with open_recording(self.path) as held:
             times = {t: held.read(s, _STAMPS[:1]) for t, s in self._stage.items()}
         rows = [
             {
@@ -90,7 +90,7 @@ class RecordingLog(Log):
                         f"{self.path}: topic '{topic}' was recorded without field '{name}'; "
                         f"{nearest(name, has)}, or replay the log itself"
                     )
-        with opened(self.path) as held:
+        with open_recording(self.path) as held:
             for topic, names in fields.items():
                 frame = held.read(self._stage[topic], [*_STAMPS, *names])
                 self._note_missing(topic, held.manifest.frame(self._stage[topic]), frame.height)
@@ -121,6 +121,6 @@ class RecordingLog(Log):
             self._missing[topic] = Loss(source=self.path.name, topic=topic, what=what)
 
 
-def _topic(stage: str, named: set[str | None]) -> str:
+def _topic_of_stage(stage: str, named: set[str | None]) -> str:
     """The topic of a stage, which is named without the slash that most begin with."""
     return f"/{stage}" if f"/{stage}" in named else stage

@@ -90,7 +90,7 @@ class TableLog(Log):
         return tuple(f"{self.path.name}: {note}" for note in dict.fromkeys(self._notes))
 
     def machine_ids(self) -> tuple[str, ...]:
-        """Those of the metadata of a Parquet or Arrow file, or of the lines above a text table."""
+        """The serial numbers in the metadata of a Parquet or Arrow file, or above a text table."""
         columns = self._columns
         text = isinstance(columns, CsvColumns)
         found = ids_in_preamble(columns.preamble) if text else ids_among(columns.metadata)

@@ -36,7 +36,7 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         )
     content = read_toml(path, MachineError)
     for override in overrides:
-        _refuse_bare(override)
+        refuse_bare_setting(override)
         set_value(content, override, MachineError)
     machine = validate(path, content, Machine, MachineError)
     for name, channel in machine.channels.items():
@@ -52,13 +52,13 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     return machine
 
 
-def _refuse_bare(override: str) -> None:
+def refuse_bare_setting(override: str) -> None:
     """Name the setting that an override means without saying `settings`."""
     key = override.partition("=")[0].strip()
     first, _, rest = key.partition(".")
     if first in Machine.model_fields:
         return
-    parts = Settings.parts()
+    parts = Settings.stage_models()
     meant = [f"{stage}.{first}" for stage, part in parts.items() if first in part.model_fields]
     if first in parts and rest:
         meant = [key]

@@ -146,11 +146,11 @@ def migrate_file(path: Path) -> dict[str, str]:
     except OSError as fault:
         raise MachineError(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
-        raise MachineError(f"{path}: is no TOML: not UTF-8") from None
+        raise MachineError(f"{path}: is not TOML: not UTF-8") from None
     except BothNamesError as fault:
         raise MachineError(f"{path}: {fault}") from None
     except ValueError as fault:
-        raise MachineError(f"{path}: is no TOML: {fault}") from None
+        raise MachineError(f"{path}: is not TOML: {fault}") from None
     if renamed:
         target = path.resolve()  # a link stays one
         mode = target.stat().st_mode

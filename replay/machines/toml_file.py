@@ -44,9 +44,9 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
     except OSError as fault:
         raise error(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
-        raise error(f"{path}: is no TOML: not UTF-8") from None
+        raise error(f"{path}: is not TOML: not UTF-8") from None
     except ValueError as fault:  # a TOMLDecodeError, or a number of thousands of digits
-        raise error(f"{path}: is no TOML: {fault}") from None
+        raise error(f"{path}: is not TOML: {fault}") from None
     try:
         renamed = rename_old_keys(content)
     except BothNamesError as fault:
@@ -109,16 +109,16 @@ def validate(
     try:
         return model.model_validate(values)
     except ValidationError as fault:
-        raise error(f"{path}: {explain(fault, model)}") from None
+        raise error(f"{path}: {fault_line(fault, model)}") from None
 
 
-def explain(fault: ValidationError, model: type[BaseModel]) -> str:
+def fault_line(fault: ValidationError, model: type[BaseModel]) -> str:
     """Say in one line what is wrong, where, and what was probably meant."""
     details = fault.errors(include_url=False)
     # a required key that is misspelt is missing as well
     first = next((each for each in details if each["type"] == "extra_forbidden"), details[0])
     location, kind, why = first["loc"], first["type"], first.get("ctx", {})
-    steps, table = _walk(model, location[:-1] if kind == "extra_forbidden" else location)
+    steps, table = keys_and_table(model, location[:-1] if kind == "extra_forbidden" else location)
     key = ".".join(steps)
     if kind == "extra_forbidden":
         key, last = ".".join([*steps, str(location[-1])]), str(location[-1])
@@ -142,14 +142,14 @@ def explain(fault: ValidationError, model: type[BaseModel]) -> str:
     return " ".join(f"{text} (and {others} more)".split() if others else text.split())
 
 
-def _walk(
+def keys_and_table(
     model: type[BaseModel], location: Sequence[int | str]
 ) -> tuple[list[str], type[BaseModel] | None]:
     """The keys of a location, without pydantic's tags of unions, and the table there."""
     here: Any = model
     keys: list[str] = []
     for part in location:
-        table = _table(here, part)
+        table = table_of_annotation(here, part)
         if table is not None and part not in table.model_fields:
             here = table  # the tag that picked it
             continue
@@ -161,18 +161,18 @@ def _walk(
             here = (
                 (arguments[-1] if get_origin(here) is dict else arguments[0]) if arguments else None
             )
-    return keys, _table(here)
+    return keys, table_of_annotation(here)
 
 
-def _table(here: Any, tag: int | str | None = None) -> type[BaseModel] | None:
+def table_of_annotation(here: Any, tag: int | str | None = None) -> type[BaseModel] | None:
     """The table that an annotation allows, among several the one with this tag."""
     if isinstance(here, type) and issubclass(here, BaseModel):
         return here
     if get_origin(here) is Annotated:
-        return _table(get_args(here)[0], tag)
+        return table_of_annotation(get_args(here)[0], tag)
     if get_origin(here) not in (Union, UnionType):
         return None
-    tables = [table for table in map(_table, get_args(here)) if table]
+    tables = [table for table in map(table_of_annotation, get_args(here)) if table]
     if len(tables) == 1:
         return tables[0]
     tagged = [t for t in tables if any(f.default == tag for f in t.model_fields.values())]

@@ -23,7 +23,7 @@ from recordings.notary.notary_list import (
     parse_line,
     split_lines,
 )
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 
 #: The environment variable that names the folder of the second copy.
 STATE_VARIABLE: Final = "PAYSCOPE_NOTARY_STATE"
@@ -94,7 +94,7 @@ class OpenList:
         partial = self.second.with_suffix(f".{os.getpid()}")
         try:
             with partial.open("wb") as file:
-                file.write(canonical(end))
+                file.write(canonical_bytes(end))
                 file.flush()
                 os.fsync(file.fileno())
             partial.replace(self.second)
@@ -104,7 +104,7 @@ class OpenList:
 
 
 @contextmanager
-def opened_list(path: Path) -> Generator[OpenList]:
+def open_list(path: Path) -> Generator[OpenList]:
     """Open a list for this process alone, and compare it with where it ended the last time.
 
     The system takes the lock back from a process that ends, however it ends.
@@ -131,8 +131,8 @@ def opened_list(path: Path) -> Generator[OpenList]:
             raise EvidenceError(f"{path}: is larger than the {MOST_LIST_BYTES} bytes of a list")
         whole, tail = split_lines(_read_all(number, size))
         lines = [parse_line(line, f"{path}: line {k}") for k, line in enumerate(whole, start=1)]
-        second = _second_place(path)
-        _compare_end(path, lines, _kept_end(second))
+        second = second_copy_path(path)
+        _compare_end(path, lines, read_kept_end(second))
         if tail:
             os.ftruncate(number, size - len(tail))
             os.fsync(number)
@@ -184,7 +184,7 @@ def _compare_end(path: Path, lines: list[NotaryLine], end: ListEnd | None) -> No
         )
 
 
-def _second_place(path: Path) -> Path | None:
+def second_copy_path(path: Path) -> Path | None:
     """Where the end of a list is kept a second time; None where that cannot be written."""
     named = os.environ.get(STATE_VARIABLE)
     base = os.environ.get("XDG_STATE_HOME")
@@ -198,7 +198,7 @@ def _second_place(path: Path) -> Path | None:
     return folder / f"{name}.json" if os.access(folder, os.W_OK) else None
 
 
-def _kept_end(second: Path | None) -> ListEnd | None:
+def read_kept_end(second: Path | None) -> ListEnd | None:
     """What is kept there; None where nothing is.
 
     Raises:

@@ -23,7 +23,7 @@ from recordings.notary.notary_list import (
 )
 from recordings.signatures.signing import KEY_VARIABLE, SigningKey, signing_key
 from replay.logs import open_log
-from replay.notary.list_file import OpenList, opened_list
+from replay.notary.list_file import OpenList, open_list
 
 #: The list, where no other place is named.
 LIST_NAME: Final = "notary.jsonl"
@@ -89,7 +89,7 @@ class FoundLog:
         return max(us for _, us in self.files.values()) / 1e6
 
 
-def notarise(
+def notarise_folder(
     folder: Path,
     *,
     key_file: Path | None = None,
@@ -116,8 +116,8 @@ def notarise(
     if key is None:
         raise EvidenceError(f"a notary signs: give --key KEY.pem, or {KEY_VARIABLE}")
     path = list_path or folder / LIST_NAME
-    with opened_list(path) as held:
-        head = _head(held, key, machine_id)
+    with open_list(path) as held:
+        head = begin_list(held, key, machine_id)
         notes = [f"a torn tail of {held.cut_bytes} bytes was cut off"] if held.cut_bytes else []
         if held.second is None:
             notes.append(
@@ -132,7 +132,7 @@ def notarise(
                 continue
             age_s = time.time() - log.written_s  # a log of the future has a wrong clock
             is_quiet = age_s >= quiet_s or age_s < -CLOCK_S
-            entry = _entry(held, log, before) if is_quiet else None
+            entry = make_entry(held, log, before) if is_quiet else None
             if entry is None:
                 waiting.append(log.name)
                 continue
@@ -144,7 +144,7 @@ def notarise(
         )
 
 
-def _head(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
+def begin_list(held: OpenList, key: SigningKey, machine_id: str) -> list[str]:
     """Begin a new list; of another, compare whose it is."""
     if not held.lines:
         head = NotaryHead(
@@ -188,7 +188,7 @@ def found_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
         files = {
             name: about
             for name in sorted(names)
-            if not name.startswith(".") and (about := _about(inside / name)) is not None
+            if not name.startswith(".") and (about := size_and_time(inside / name)) is not None
         }
         if _METADATA in files and inside != folder:
             folders.clear()
@@ -200,7 +200,7 @@ def found_logs(folder: Path, path: Path) -> Iterator[FoundLog]:
                 yield FoundLog(log.relative_to(folder).as_posix(), log, {name: about})
 
 
-def _about(path: Path) -> tuple[int, int] | None:
+def size_and_time(path: Path) -> tuple[int, int] | None:
     """Size and time of writing, in µs, of a regular file; None of anything else."""
     try:
         held = path.lstat()
@@ -213,7 +213,7 @@ def _is_same(entry: NotaryEntry, log: FoundLog) -> bool:
     return {f.name: (f.size_bytes, f.modified_us) for f in entry.files} == dict(log.files)
 
 
-def _entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryEntry | None:
+def make_entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryEntry | None:
     """The line of a log; None where it is written to meanwhile."""
     inside = log.path if log.path.is_dir() else log.path.parent
     try:
@@ -221,7 +221,7 @@ def _entry(held: OpenList, log: FoundLog, before: NotaryEntry | None) -> NotaryE
     except OSError:
         return None
     begins, ends, machine = _describe_log(log.path)
-    if any(_about(inside / name) != about for name, about in log.files.items()):
+    if any(size_and_time(inside / name) != about for name, about in log.files.items()):
         return None
     last = held.lines[-1]
     return NotaryEntry(

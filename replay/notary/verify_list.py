@@ -6,7 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from estimators.errors import EvidenceError, counted
-from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome, verdict_text, worst
+from recordings.calibration.check_outcomes import (
+    BundleFinding,
+    BundleOutcome,
+    verdict_text,
+    worst_outcome,
+)
 from recordings.notary.notary_check import check_list
 from recordings.notary.notary_list import MOST_LIST_BYTES
 from recordings.signatures.keyring import load_keyring
@@ -45,7 +50,7 @@ class VerifiedList:
     @property
     def outcome(self) -> BundleOutcome | None:
         """The exit status; None where nothing is wrong."""
-        return worst(self.findings)
+        return worst_outcome(self.findings)
 
     @property
     def verdict(self) -> str:
@@ -103,7 +108,7 @@ def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = Fals
             by = SignedBy("given", "", by.owner, own.key_id, own.text)
         elif known is not None:
             last = kept.entries[-1].listed if kept.entries else kept.head.begun if kept.head else ""
-            fault = known.fault_on(dt.datetime.fromisoformat(last).date(), None)
+            fault = known.distrust_reason(dt.datetime.fromisoformat(last).date(), None)
             if fault:
                 what = f"the key of {known.owner}, {own.key_id[:12]}…, {fault}"
                 outcome = BundleOutcome.TAMPERED if known.revoked else BundleOutcome.INCOMPLETE
@@ -111,7 +116,7 @@ def verify_list(path: Path, *, key_file: Path | None = None, signed: bool = Fals
     if key is not None and own is not None and key.key_id != own.key_id:
         what = f"is not kept with the key {key.key_id[:12]}… given"
         findings.append(BundleFinding(BundleOutcome.TAMPERED, path.name, what))
-    elif signed and not by.trusted and not findings:
+    elif signed and not by.is_trusted and not findings:
         what = f"is {by}, and one by a known key is asked for"
         findings.append(BundleFinding(BundleOutcome.INCOMPLETE, path.name, what))
     return VerifiedList(path, tuple(findings), tuple(kept.notes), len(kept.lines), by)

@@ -15,7 +15,7 @@ from analysis.paper.simulated_sources import (
     with_paper_noise,
 )
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from recordings.paper.paper_items import Found, Item, find
+from recordings.paper.paper_items import Item, ItemResult, find
 from replay.inputs.memory_log import MemoryLog, reading_memory
 from replay.machines.machine_file import load_machine
 from replay.pipeline import run
@@ -47,7 +47,7 @@ class Reproduction:
         #: A simulation each: their number is the length of the progress.
         self.repetitions: tuple[Repetition, ...] = tuple(repetitions(needs, study, self._digests))
 
-    def find(self, on_stage: Callable[[str], None]) -> list[Found]:
+    def find(self, on_stage: Callable[[str], None]) -> list[ItemResult]:
         """Take all repetitions, then make the items.
 
         Args:

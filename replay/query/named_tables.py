@@ -15,7 +15,7 @@ from estimators.errors import LogError, QueryError
 from recordings.review.shift_ledger import CSV, PARQUET
 from replay.fleet.gathered_tables import fleet_results, fleet_tables
 from replay.fleet.results_layout import MARK
-from replay.frames.scan import lazy_frame, log_paths, topic_source
+from replay.frames.scan import lazy_frame, resolve_log_paths, topic_source
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import TopicSource, opened_log
 from replay.logs import TABLE, Log, TimeAxis
@@ -110,7 +110,7 @@ def named_tables(
         found.add(ledger.stem, partial(_PLAIN[ledger.name], ledger), str(ledger))
     for fleet in fleets:
         for name, table in fleet_tables(fleet_results(fleet)).items():
-            found.add(name, partial(_with_second, table), fleet)
+            found.add(name, partial(add_opening_second, table), fleet)
     found.add_word_names()
     return found
 
@@ -160,7 +160,7 @@ class _TopicOptions:
 
 def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions) -> None:
     named = logs[0] if len(logs) == 1 else logs
-    paths, _ = log_paths(named)
+    paths, _ = resolve_log_paths(named)
     topics: dict[str, list[Path]] = {}
     for path in paths:
         for topic in opened_log(path, options.time).topic_names():
@@ -192,7 +192,7 @@ def _add_topics(found: NamedTables, logs: Sequence[str], options: _TopicOptions)
         found.add(path.stem, partial(topic_rows, TABLE, [path]), str(path))
 
 
-def _with_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
+def add_opening_second(table: Callable[[], pl.LazyFrame]) -> pl.LazyFrame:
     """A table of a fleet with the second that `fleet open --at` takes, where its rows have one."""
     rows = table()
     if _BEGIN not in rows.collect_schema():

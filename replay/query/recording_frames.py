@@ -9,7 +9,7 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from analysis.model.schema import FRAMES
-from recordings.rrd.reader import opened
+from recordings.rrd.reader import open_recording
 from recordings.rrd.stored_frames import StoredFrame
 from replay.frames.topic_source import SOURCE
 
@@ -77,7 +77,7 @@ class RecordingFrame:
             read.append(time)
         if not read:  # rows are counted by some column
             read = own[:1]
-        with opened(self.recording) as held:
+        with open_recording(self.recording) as held:
             rows = held.read(self.stored.name, read)
         if time is not None and AT_S in needed and AT_S not in own:
             begin_ns = self.t0_unix_ns if time == "log_time_ns" else 0
@@ -93,7 +93,7 @@ def recording_frames(path: Path, *, with_source: bool) -> dict[str, RecordingFra
     Raises:
         RecordingError: not a recording that keeps frames.
     """
-    with opened(path) as held:
+    with open_recording(path) as held:
         held.refuse_without_stages()
         t0_unix_ns, frames = held.provenance.t0_unix_ns, held.manifest.frames
     return {each.name: RecordingFrame(path, each, t0_unix_ns, with_source) for each in frames}

@@ -13,7 +13,7 @@ import polars as pl
 
 from estimators.errors import OutputError, QueryError
 from recordings.report.atomic_output import atomic_file, check_output, refuse_input_as_output
-from replay.frames.select_statement import checked_select, query_fault, quoted_names, select_rows
+from replay.frames.select_statement import normalise_select, query_fault, quoted_names, select_rows
 from replay.frames.shape import LOG_TIME
 from replay.frames.topic_source import SOURCE, LossWarning
 from replay.logs import TimeAxis
@@ -43,7 +43,7 @@ class Query:
             rows = self.rows.collect(engine="streaming")
         if apart_s is None:
             return rows
-        return moments(rows, apart_s, self.named.recordings, self.named.fleet)
+        return join_moments(rows, apart_s, self.named.recordings, self.named.fleet)
 
     def write(self, path: Path, file_format: str, *, force: bool) -> None:
         """Write the rows to a file as they are computed, in bounded memory.
@@ -73,10 +73,10 @@ class Query:
                 case _:
                     self.rows.sink_parquet(partial)
 
-    def opens(self, rows: pl.DataFrame) -> str | None:
+    def opening_command(self, rows: pl.DataFrame) -> str | None:
         """The command that opens the first row in the viewer, if any does."""
         first = rows.row(0, named=True) if rows.height else {}
-        return opening(first, self.named.recordings, self.named.fleet)
+        return opening_command(first, self.named.recordings, self.named.fleet)
 
     @contextmanager
     def _faults(self) -> Generator[None]:
@@ -101,14 +101,14 @@ def query(sources: Sequence[str], sql: str, time: TimeAxis | None = None) -> Que
     Raises:
         PayscopeError: a source that cannot be opened, a statement that is no SELECT over them.
     """
-    checked_select(sql)  # before logs are opened
+    normalise_select(sql)  # before logs are opened
     named = named_tables(sources, time, quoted_names(sql))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LossWarning)
         return Query(named, select_rows(sql, named.tables))
 
 
-def moments(
+def join_moments(
     rows: pl.DataFrame, apart_s: float, recordings: Sequence[Path], fleet: str | None
 ) -> pl.DataFrame:
     """Put rows together that are close in time.
@@ -150,13 +150,15 @@ def moments(
         )
         .drop("moment")
     )
-    opens = [opening(row, recordings, fleet) for row in found.iter_rows(named=True)]
+    opens = [opening_command(row, recordings, fleet) for row in found.iter_rows(named=True)]
     if not any(opens):
         return found
     return found.with_columns(pl.Series(OPENS, opens, dtype=pl.String))
 
 
-def opening(row: dict[str, Any], recordings: Sequence[Path], fleet: str | None) -> str | None:
+def opening_command(
+    row: dict[str, Any], recordings: Sequence[Path], fleet: str | None
+) -> str | None:
     """The command that opens a row or a moment; None where there is no recording of it."""
     at = next((row[n] for n in (AT_S, "from_s", LOG_TIME, "from") if row.get(n) is not None), None)
     if at is None:

@@ -97,7 +97,7 @@ def units_by_gravity(log: Log, columns: Sequence[LogColumn]) -> dict[str, tuple[
     return {}
 
 
-def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
+def lacks_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     """Fields of an accelerometer of which no axis shows gravity: a program took it off."""
     axes = [column for column in accelerometer_axes(columns) if column.unit is not None]
     if len(axes) != len(_AXES):
@@ -111,7 +111,7 @@ def without_gravity(log: Log, columns: Sequence[LogColumn]) -> set[str]:
     return {column.field for column in axes} if total < (_GRAVITY_M_S2[0] / 2) ** 2 else set()
 
 
-def show_the_same(log: Log, one: LogColumn, other: LogColumn) -> bool:
+def are_same_readings(log: Log, one: LogColumn, other: LogColumn) -> bool:
     """Whether two columns are readings of one and the same: their difference is small."""
     try:
         (t, x), (at, y) = (read_series(log, c.topic, c.field) for c in (one, other))
@@ -143,11 +143,11 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
         ),
         None,
     )
-    _ask_mirrored_side(log, by_name, found)
+    ask_about_mirrored_side(log, by_name, found)
     channels: list[ChannelProposal] = []
     for each in found.channels:
         reason = each.reason
-        _ask_wrapped(log, each, found)
+        ask_about_wrapped_sign(log, each, found)
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
         if each.field and speed is not None and (is_force or is_acceleration):
@@ -174,7 +174,9 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
     return found
 
 
-def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Recognition) -> None:
+def ask_about_mirrored_side(
+    log: Log, by_name: dict[str, ChannelProposal], found: Recognition
+) -> None:
     """Ask which side turns backwards, where two speeds of one machine go against each other.
 
     A motor is often mounted mirrored; the mean of both would be nothing.
@@ -183,17 +185,17 @@ def _ask_mirrored_side(log: Log, by_name: dict[str, ChannelProposal], found: Rec
         left, right = (by_name.get(name.format(side)) for side in ("left", "right"))
         if left is None or right is None:
             continue
-        (t, x), (at, y) = try_series(log, left), try_series(log, right)
+        (t, x), (at, y) = series_of_proposal(log, left), series_of_proposal(log, right)
         goes = _correlate(x, np.interp(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
         if goes is not None and goes < -_CLEAR:
             found.ask("sign", _MIRRORED.format(left.field, right.field, goes))
 
 
-def _ask_units(log: Log, rate: ChannelProposal, other: ChannelProposal, found: Recognition) -> None:
+def ask_about_units(log: Log, rate: ChannelProposal, other: ChannelProposal, found: Recognition) -> None:
     """Ask for the units of a column and of what it is the change of, where their sizes disagree."""
     if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
         return
-    (t, x), (at, y) = try_series(log, rate), try_series(log, other)
+    (t, x), (at, y) = series_of_proposal(log, rate), series_of_proposal(log, other)
     if min(t.size, at.size) < _FEWEST:
         return
     gains = [to_si(each.unit, _SI[each.column])[0] if each.unit else 1.0 for each in (rate, other)]
@@ -215,9 +217,9 @@ _SI: Final = {
 }
 
 
-def _ask_wrapped(log: Log, each: ChannelProposal, found: Recognition) -> None:
+def ask_about_wrapped_sign(log: Log, each: ChannelProposal, found: Recognition) -> None:
     """Ask which are negative, where integers jump from one end of their bits to the other."""
-    x = try_series(log, each)[1]
+    x = series_of_proposal(log, each)[1]
     if x.size < _FEWEST or x.min() < 0 or (x != np.rint(x)).any():
         return
     largest, jump = float(x.max()), float(np.abs(np.diff(x)).max())
@@ -231,7 +233,7 @@ def _ask_without_sign(
     log: Log, each: ChannelProposal, speed: ChannelProposal, found: Recognition
 ) -> None:
     """Ask for the sign of a force that is never negative, though the machine brakes with it."""
-    (t, x), (at, y) = try_series(log, each), try_series(log, speed)
+    (t, x), (at, y) = series_of_proposal(log, each), series_of_proposal(log, speed)
     if min(t.size, at.size) < _FEWEST or x.min() < -_NOISE * x.max():
         return
     slope = _slope(t, at, y)
@@ -240,7 +242,7 @@ def _ask_without_sign(
         found.ask("sign", _WITHOUT_SIGN.format(each.field))
 
 
-def try_series(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
+def series_of_proposal(log: Log, each: ChannelProposal) -> tuple[Floats, Floats]:
     """Seconds and readings of a proposal; empty where it has none."""
     if each.field is None:
         return np.empty(0), np.empty(0)
@@ -258,7 +260,7 @@ def _slope(t: Floats, at: Floats, y: Floats) -> Floats:
 
 def slope_correlation(log: Log, one: ChannelProposal, other: ChannelProposal) -> float | None:
     """Correlation of a column with the slope of another; None where there is none."""
-    (t, x), (at, y) = try_series(log, one), try_series(log, other)
+    (t, x), (at, y) = series_of_proposal(log, one), series_of_proposal(log, other)
     return _correlate(x, _slope(t, at, y)) if min(t.size, at.size) >= _FEWEST else None
 
 

@@ -16,18 +16,23 @@ _TURNS: Final = ("rpm", "rad/s", "Hz")
 
 def propose_drives(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Sketch force and speed from what motors and wheels report, where no column has them."""
-    if "force_x_N" not in found.named and not _has_both(found, "torque_{}_N_m"):
-        sketches = (_unnamed_sides, _motor_force, _recognise_pressure, _recognise_power)
+    if "force_x_N" not in found.named and not _has_both_sides(found, "torque_{}_N_m"):
+        sketches = (
+            recognise_unnamed_sides,
+            recognise_motor_force,
+            _recognise_pressure,
+            _recognise_power,
+        )
         any(propose(columns, found) for propose in sketches)
-    if "speed_x_m_s" not in found.named and not _has_both(found, "speed_{}_m_s"):
-        any(propose(columns, found) for propose in (_wheel_speeds, _motor_speed))
+    if "speed_x_m_s" not in found.named and not _has_both_sides(found, "speed_{}_m_s"):
+        any(propose(columns, found) for propose in (recognise_wheel_speeds, _recognise_motor_speed))
 
 
-def _has_both(found: Recognition, name: str) -> bool:
+def _has_both_sides(found: Recognition, name: str) -> bool:
     return {name.format(side) for side in _SIDES} <= found.named
 
 
-def _unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def recognise_unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Two torques of wheels without a side."""
     torques = [
         c
@@ -50,7 +55,7 @@ def _unnamed_sides(columns: Sequence[LogColumn], found: Recognition) -> bool:
     return True
 
 
-def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def recognise_motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """A force from a motor's torque, or from its current."""
     for quantity, unit, name, factor in (
         ("torque", "N*m", "motor_torque_N_m", ""),
@@ -74,7 +79,7 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
         if quantity == "torque" and column.said.part == "wheel":
             reason = f"{column.field}: at the wheels of both sides; needs their radius"
             found.sketch_source(column, "wheel_torque_N_m", column.unit, reason)
-            found.sketch("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
+            found.propose_as_comment("force_x_N", "wheel_torque_N_m / wheel_radius_m", reason)
             found.ask("radius", _RADIUS)
             return True
         motors = [c for c in fitting if c.said.part == column.said.part]
@@ -83,7 +88,7 @@ def _motor_force(columns: Sequence[LogColumn], found: Recognition) -> bool:
             found.ask("column", f"which of {names} drive: those that do are added")
         reason = f"{column.field}: at the motor; needs the gear"
         found.sketch_source(column, name, column.unit, reason)
-        found.sketch("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)
+        found.propose_as_comment("force_x_N", f"{name}{factor} * GEAR / wheel_radius_m", reason)
         found.ask("gear", _GEAR.format("force_x_N"))
         if factor:
             word, _, of = factor.removeprefix(" * ").partition(" ")
@@ -103,7 +108,7 @@ def _recognise_pressure(columns: Sequence[LogColumn], found: Recognition) -> boo
         reason = f"{column.field}: a pressure; needs the motor's displacement and the gear"
         found.sketch_source(column, name, column.unit, reason)
     torque = f"({' - '.join(names)})" if len(names) > 1 else names[0]
-    found.sketch(
+    found.propose_as_comment(
         "force_x_N",
         f"{torque} * DISPLACEMENT [m^3/turn] * GEAR / wheel_radius_m",
         "the drive's pressure times its displacement",
@@ -138,12 +143,14 @@ def _recognise_power(columns: Sequence[LogColumn], found: Recognition) -> bool:
         found.sketch_source(voltage, "supply_V", voltage.unit, reason)
         watts = "supply_A * supply_V"
     moving = f"abs(speed_x_m_s) > {_SLOWEST} [m/s]"
-    found.sketch("force_x_N", f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)", reason)
+    found.propose_as_comment(
+        "force_x_N", f"where({moving}, {watts} * EFFICIENCY / speed_x_m_s)", reason
+    )
     found.ask("gear", "the EFFICIENCY from there to the wheels, in channels.force_x_N.derive")
     return True
 
 
-def _wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def recognise_wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
     """Speeds of wheels in revolutions: of both sides, or of one wheel."""
     wheels = [
         c
@@ -165,12 +172,12 @@ def _wheel_speeds(columns: Sequence[LogColumn], found: Recognition) -> bool:
         source = channel.replace("speed", "wheel").replace("m_s", "rpm")
         reason = f"{column.field}: turns of a wheel; needs its radius"
         found.sketch_source(column, source, column.unit, reason)
-        found.sketch(channel, f"{source} * wheel_radius_m", reason)
+        found.propose_as_comment(channel, f"{source} * wheel_radius_m", reason)
     found.ask("radius", _RADIUS)
     return True
 
 
-def _motor_speed(columns: Sequence[LogColumn], found: Recognition) -> bool:
+def _recognise_motor_speed(columns: Sequence[LogColumn], found: Recognition) -> bool:
     turns = next((c for c in columns if c.quantity == "erpm"), None) or next(
         (c for c in columns if c.quantity == "speed" and c.unit in _TURNS), None
     )
@@ -180,7 +187,7 @@ def _motor_speed(columns: Sequence[LogColumn], found: Recognition) -> bool:
     reason = f"{turns.field}: revolutions; needs the gear" + (" and pole pairs" if pairs else "")
     unit = None if turns.unit in (None, "rpm") else turns.unit
     found.sketch_source(turns, "motor_rpm", unit, reason)
-    found.sketch("speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason)
+    found.propose_as_comment("speed_x_m_s", f"motor_rpm{pairs} / GEAR * wheel_radius_m", reason)
     found.ask("gear", _GEAR.format("speed_x_m_s"))
     if pairs:
         found.ask("gear", "the motor's POLE_PAIRS, in the same line")

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from replay.logs import Log
 from replay.recognise.proposals import ChannelProposal, Recognition
-from replay.recognise.words import Meaning, meaning
+from replay.recognise.words import ColumnMeaning, read_column_name
 
 #: Joints of a message that are looked at.
 _MOST_JOINTS: Final = 64
@@ -32,10 +32,10 @@ def recognise_joints(log: Log, topic: str, start_ns: int, found: Recognition) ->
     wheels, turns = _find_wheels(names)
     if wheels:
         for side, joints in wheels.items():
-            _fill_side(log, topic, start_ns, side, joints, found, turns=turns)
+            _fill_channels_of_side(log, topic, start_ns, side, joints, found, turns=turns)
     elif len(names) == 1:
         for column, array in (("position_x_m", "position"), ("force_x_N", "effort")):
-            for field in filled_fields(log, topic, array, names, start_ns):
+            for field in fields_with_values(log, topic, array, names, start_ns):
                 _propose_field(found, column, topic, field)
 
 
@@ -44,12 +44,14 @@ def joint_fields(log: Log, topic: str, start_ns: int) -> list[str]:
     places = [f"name[{place}]" for place in range(_MOST_JOINTS)]
     names = list(dict.fromkeys(str(n) for n in first_values(log, topic, places, start_ns) if n))
     arrays = ("position", "velocity", "effort")
-    return [each for array in arrays for each in filled_fields(log, topic, array, names, start_ns)]
+    return [
+        each for array in arrays for each in fields_with_values(log, topic, array, names, start_ns)
+    ]
 
 
 def _find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     """Joints of each side, where both have as many, and whether their names say that they turn."""
-    said: dict[str, Meaning] = {name: meaning(name) for name in names}
+    said: dict[str, ColumnMeaning] = {name: read_column_name(name) for name in names}
     drives = {name: each for name, each in said.items() if each.side and not each.is_linkage}
     wheels = {name: each for name, each in drives.items() if each.part == "wheel"}
     chosen = wheels or drives
@@ -60,7 +62,7 @@ def _find_wheels(names: Sequence[str]) -> tuple[dict[str, list[str]], bool]:
     return (by_side if alike else {}), bool(wheels)
 
 
-def _fill_side(
+def _fill_channels_of_side(
     log: Log,
     topic: str,
     start_ns: int,
@@ -70,14 +72,14 @@ def _fill_side(
     *,
     turns: bool,
 ) -> None:
-    efforts = filled_fields(log, topic, "effort", joints, start_ns)
+    efforts = fields_with_values(log, topic, "effort", joints, start_ns)
     torque, speed = f"torque_{side}_N_m", f"speed_{side}_m_s"
-    if torque not in found.taken:
+    if torque not in found.taken_columns:
         parts = fill_parts(found, topic, efforts, torque)
         if len(parts) > 1:
             _propose_formula(found, torque, " + ".join(parts), f"the {side} wheels' torques")
-    velocities = filled_fields(log, topic, "velocity", joints, start_ns)
-    if speed in found.taken or not velocities:
+    velocities = fields_with_values(log, topic, "velocity", joints, start_ns)
+    if speed in found.taken_columns or not velocities:
         return
     if not turns:
         _propose_field(found, speed, topic, velocities[0])
@@ -105,7 +107,7 @@ def fill_parts(found: Recognition, topic: str, fields: Sequence[str], whole: str
 
 
 def _propose_field(found: Recognition, column: str, topic: str, field: str) -> None:
-    if column not in found.taken:
+    if column not in found.taken_columns:
         found.channels.append(ChannelProposal(column, topic, field, None, "the name of its joint"))
 
 
@@ -113,7 +115,7 @@ def _propose_formula(found: Recognition, column: str, formula: str, reason: str)
     found.channels.append(ChannelProposal(column, None, None, None, reason, formula))
 
 
-def filled_fields(
+def fields_with_values(
     log: Log, topic: str, array: str, joints: Sequence[str], start_ns: int
 ) -> list[str]:
     """The fields of an array that the first message fills."""

@@ -65,7 +65,7 @@ class FieldProfile:
         }
 
 
-def profiles(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
+def profile_fields(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
     """Every field that holds single values, in the order of the log.
 
     Args:
@@ -92,12 +92,12 @@ def profiles(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile
             whole = [n for n in part if frame[n].dtype.is_float() or frame[n].dtype.is_integer()]
             x = frame.select(pl.col(whole).cast(pl.Float64)).to_numpy(order="fortran")
             known = np.isfinite(x).all(axis=0) if x.size else np.zeros(len(whole), dtype=bool)
-            shapes = dict(zip(np.array(whole)[known], _shapes(x[:, known]), strict=True))
+            shapes = dict(zip(np.array(whole)[known], column_profiles(x[:, known]), strict=True))
             for name in part:
                 of = row["topic"], name, units.get(name), _rate_hz(t, frame[name].count())
                 shape = shapes.get(name)
                 found.append(
-                    _profile(*of, frame[name])
+                    profile_field(*of, frame[name])
                     if shape is None
                     else FieldProfile(*of, t.size, *shape)
                 )
@@ -109,7 +109,7 @@ def _rate_hz(t_ns: NDArray[np.int64], count: int) -> float | None:
     return (count - 1) / span_s if count > 1 and span_s > 0 else None
 
 
-def _shapes(x: Floats) -> list[tuple[float, float, float, str]]:
+def column_profiles(x: Floats) -> list[tuple[float, float, float, str]]:
     """Least, median and largest value and the course of columns without gaps, (rows, columns)."""
     if not x.size:
         return []
@@ -124,7 +124,7 @@ def _shapes(x: Floats) -> list[tuple[float, float, float, str]]:
     return list(zip(low.tolist(), middle.tolist(), high.tolist(), courses, strict=True))
 
 
-def _profile(
+def profile_field(
     topic: str, field: str, unit: str | None, rate_hz: float | None, cells: pl.Series
 ) -> FieldProfile:
     """That of a column which has gaps, or no numbers."""
@@ -146,11 +146,11 @@ def _profile(
         low,
         float(np.median(known)),
         high,
-        _course(x, low, high),
+        sparkline(x, low, high),
     )
 
 
-def _course(x: Floats, low: float, high: float) -> str:
+def sparkline(x: Floats, low: float, high: float) -> str:
     """The mean of each sixteenth of the log as a bar between the least and the largest value."""
     drawn = ""
     for part in np.array_split(x, min(_CELLS, x.size)):

@@ -7,7 +7,7 @@ from typing import Final
 from analysis.model.physical_units import to_si
 from analysis.stages.signals.derive import unit_of
 from estimators.errors import MachineError
-from replay.recognise.words import Meaning
+from replay.recognise.words import ColumnMeaning
 
 #: What the answer needs and no column tells, in the order that it is asked in.
 ORDER: Final = ("gear", "radius", "column", "side", "unit", "sign")
@@ -23,7 +23,7 @@ class LogColumn:
     topic: str | None
     field: str
     unit: str | None
-    said: Meaning
+    said: ColumnMeaning
     quantity: str | None
 
     def fits(self, channel: str) -> bool:
@@ -33,11 +33,11 @@ class LogColumn:
     def is_in(self, unit: str) -> bool:
         """Whether the unit is of the dimension of another; percent are no angle."""
         is_alike = self.unit == unit or "percent" not in (self.unit, unit)
-        return self.unit is not None and is_alike and _converts(self.unit, unit)
+        return self.unit is not None and is_alike and has_dimension_of(self.unit, unit)
 
 
 @cache
-def _converts(unit: str, other: str) -> bool:
+def has_dimension_of(unit: str, other: str) -> bool:
     """Whether a unit is of the dimension of another."""
     try:
         to_si(unit, other)
@@ -83,7 +83,7 @@ class Recognition:
         return list(dict.fromkeys(text for _, text in ranked))
 
     @property
-    def taken(self) -> set[str]:
+    def taken_columns(self) -> set[str]:
         """The channels that are filled."""
         return {each.column for each in self.channels if not each.is_comment}
 
@@ -98,12 +98,12 @@ class Recognition:
 
     def fill(self, column: LogColumn, channel: str, reason: str, unit: str | None = None) -> None:
         """Fill a channel; the first column that does so stands."""
-        if channel in self.taken:
+        if channel in self.taken_columns:
             return
         stated = _not_si(unit or column.unit, channel)
         self.channels.append(ChannelProposal(channel, column.topic, column.field, stated, reason))
 
-    def sketch(self, channel: str, derive: str, reason: str) -> None:
+    def propose_as_comment(self, channel: str, derive: str, reason: str) -> None:
         """Propose a derived channel that needs an answer, as a comment."""
         proposal = ChannelProposal(channel, None, None, None, reason, derive, is_comment=True)
         self.channels.append(proposal)

@@ -17,13 +17,13 @@ from analysis.stages.signals.derive import unit_of
 from replay.logs import TABLE, Log
 from replay.recognise.correlations import (
     add_correlations,
-    show_the_same,
+    are_same_readings,
+    lacks_gravity,
     units_by_gravity,
-    without_gravity,
 )
 from replay.recognise.drives import propose_drives
 from replay.recognise.proposals import LogColumn, Recognition
-from replay.recognise.words import has_side, meaning
+from replay.recognise.words import has_side, read_column_name
 
 #: A column that may fill a channel, why, and the unit that it is in.
 Claim = tuple[LogColumn, str, str | None]
@@ -43,7 +43,7 @@ _CALLED_BY_UNIT: Final = {
 }  # fmt: skip
 
 
-def recognise(log: Log) -> Recognition:
+def recognise_channels(log: Log) -> Recognition:
     """Recognise the channels of a table.
 
     Args:
@@ -55,13 +55,13 @@ def recognise(log: Log) -> Recognition:
         if column.field in _KNOWN:
             found.fill(column, column.field, "its name", unit_of(column.field))
     by_gravity = units_by_gravity(log, columns)
-    kinematic = without_gravity(log, columns)
+    kinematic = lacks_gravity(log, columns)
     claims: defaultdict[str, list[Claim]] = defaultdict(list)
     for quantity, channel_of in _CHANNEL_OF.items():
         for column in columns:
             channel = channel_of(column) if column.quantity == quantity else None
             if channel is None and column.field in by_gravity:
-                channel = _specific_force(column)
+                channel = _recognise_specific_force(column)
             if channel is None:
                 continue
             if column.field in kinematic or (
@@ -78,25 +78,25 @@ def recognise(log: Log) -> Recognition:
             if all(column != claimed for claimed, *_ in claims[channel]):
                 claims[channel].append((column, reason, unit))
     for channel, each in claims.items():
-        _settle(log, channel, each, found)
+        settle_claims(log, channel, each, found)
     _ask_more_torques(columns, found)
-    _by_unit_alone(columns, found)
-    _without_unit(columns, found)
+    recognise_by_unit(columns, found)
+    recognise_without_unit(columns, found)
     propose_drives(columns, found)
     return add_correlations(log, columns, found)
 
 
-def _settle(log: Log, channel: str, claims: Sequence[Claim], found: Recognition) -> None:
+def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recognition) -> None:
     """Fill a channel by the one column that may; ask where there are several.
 
     Of several that show the same the first is taken, but of forces: those add up.
     """
-    if channel in found.taken:
+    if channel in found.taken_columns:
         return
     column, reason, unit = claims[0]
     adds_up = channel.startswith(("force", "torque"))
     others = [other for other, *_ in claims[1:]]
-    if all(not adds_up and show_the_same(log, column, other) for other in others):
+    if all(not adds_up and are_same_readings(log, column, other) for other in others):
         found.fill(column, channel, reason, unit)
         return
     names = ", ".join(f"'{each.field}'" for each, *_ in claims)
@@ -128,7 +128,7 @@ def _list_columns(log: Log) -> list[LogColumn]:
         names = frozenset(row["fields"])
         for name in row["fields"]:
             said, unit = (
-                meaning(_name_without_unit(name)),
+                read_column_name(_name_without_unit(name)),
                 units.get(name) or _CALLED_BY_UNIT.get(name.lower()),
             )
             if said.side and not has_side(name, names):
@@ -138,8 +138,8 @@ def _list_columns(log: Log) -> list[LogColumn]:
                 found.append(LogColumn(topic, name, unit, said, None))
                 continue
             # "Motor Amps": the unit is the only word that names the quantity
-            said = said if said.quantity or unit is None else meaning(name)
-            found.append(LogColumn(topic, name, unit, said, _quantity(said.quantity, unit)))
+            said = said if said.quantity or unit is None else read_column_name(name)
+            found.append(LogColumn(topic, name, unit, said, quantity_of_name(said.quantity, unit)))
     return found
 
 
@@ -151,7 +151,7 @@ def _name_without_unit(name: str) -> str:
     return unit_behind(cut)[0]
 
 
-def _quantity(said: str | None, unit: str | None) -> str | None:
+def quantity_of_name(said: str | None, unit: str | None) -> str | None:
     """The quantity of a name, as far as its unit allows it."""
     if unit is None or unit in _TURNS or said is None:
         return said
@@ -168,7 +168,7 @@ def _quantity_in(unit: str) -> str | None:
     return None
 
 
-def _speed(column: LogColumn) -> str | None:
+def _recognise_speed(column: LogColumn) -> str | None:
     # what is in m/s is no turning of a motor
     if column.said.axis in ("y", "z"):
         return None
@@ -176,35 +176,35 @@ def _speed(column: LogColumn) -> str | None:
     return name if column.fits(name) else None
 
 
-def _force(column: LogColumn) -> str | None:
+def _recognise_force(column: LogColumn) -> str | None:
     off_axis = column.said.axis in ("y", "z") or column.said.side or column.said.is_linkage
     return "force_x_N" if not off_axis and column.fits("force_x_N") else None
 
 
-def _torque(column: LogColumn) -> str | None:
+def _recognise_torque(column: LogColumn) -> str | None:
     side = column.said.side
     name = f"torque_{side}_N_m"
     return name if side and column.said.part != "motor" and column.fits(name) else None
 
 
-def _acceleration(column: LogColumn) -> str | None:
-    return _specific_force(column) if column.fits("acc_x_m_s2") else None
+def _recognise_acceleration(column: LogColumn) -> str | None:
+    return _recognise_specific_force(column) if column.fits("acc_x_m_s2") else None
 
 
-def _specific_force(column: LogColumn) -> str | None:
+def _recognise_specific_force(column: LogColumn) -> str | None:
     return f"specific_force_{column.said.axis}_m_s2" if column.said.axis else None
 
 
-def _position(column: LogColumn) -> str | None:
+def _recognise_position(column: LogColumn) -> str | None:
     along = column.said.axis in (None, "x")
     return "position_x_m" if along and column.fits("position_x_m") else None
 
 
-def _yaw_rate(column: LogColumn) -> str | None:
+def _recognise_yaw_rate(column: LogColumn) -> str | None:
     return "yaw_rate_rad_s" if column.fits("yaw_rate_rad_s") else None
 
 
-def _angle(name: str, column: LogColumn) -> str | None:
+def _recognise_angle(name: str, column: LogColumn) -> str | None:
     return name if column.unit in ("deg", "rad") else None
 
 
@@ -213,28 +213,28 @@ def _degrees(column: LogColumn) -> bool:
 
 
 _CHANNEL_OF: Final[dict[str, Callable[[LogColumn], str | None]]] = {
-    "speed": _speed,
-    "force": _force,
-    "torque": _torque,
-    "acceleration": _acceleration,
-    "position": _position,
-    "yaw rate": _yaw_rate,
-    "boom": lambda column: _angle("boom_rad", column),
-    "bucket": lambda column: _angle("bucket_rad", column),
+    "speed": _recognise_speed,
+    "force": _recognise_force,
+    "torque": _recognise_torque,
+    "acceleration": _recognise_acceleration,
+    "position": _recognise_position,
+    "yaw rate": _recognise_yaw_rate,
+    "boom": lambda column: _recognise_angle("boom_rad", column),
+    "bucket": lambda column: _recognise_angle("bucket_rad", column),
     "latitude": lambda column: "latitude_deg" if _degrees(column) else None,
     "longitude": lambda column: "longitude_deg" if _degrees(column) else None,
 }
 
 
-def _by_unit_alone(columns: Sequence[LogColumn], found: Recognition) -> None:
+def recognise_by_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Columns whose names say nothing, the only ones in a unit of force or of speed."""
     own = [each for each in columns if each.unit and not each.said.is_elsewhere]
-    units = Counter(_quantity("", column.unit) for column in own)
+    units = Counter(quantity_of_name("", column.unit) for column in own)
     for column in own:
         said = column.said
         if said.quantity is not None or column.unit in _TURNS or said.is_no_reading:
             continue
-        quantity = _quantity("", column.unit)
+        quantity = quantity_of_name("", column.unit)
         channel = {"force": "force_x_N", "speed": "speed_x_m_s"}.get(quantity or "")
         is_wheel_load = quantity == "force" and said.part == "wheel"
         if channel and units[quantity] == 1 and said.axis in (None, "x") and not is_wheel_load:
@@ -249,7 +249,7 @@ _WITHOUT_UNIT: Final = {
 }
 
 
-def _without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
+def recognise_without_unit(columns: Sequence[LogColumn], found: Recognition) -> None:
     """A column whose name says what it is, and nothing its unit."""
     given = {each.column for each in found.channels}
     for quantity, channel in _WITHOUT_UNIT.items():

@@ -92,7 +92,7 @@ def has_side(name: str, names: Collection[str]) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class ColumnMeaning:
     """What a column's name says; None where it does not."""
 
     quantity: str | None
@@ -107,7 +107,7 @@ class Meaning:
 
 
 @lru_cache(maxsize=1 << 12)
-def meaning(name: str) -> Meaning:
+def read_column_name(name: str) -> ColumnMeaning:
     """Read a column's name.
 
     Args:
@@ -138,4 +138,4 @@ def meaning(name: str) -> Meaning:
     supply = not of_motor and any(word in _SUPPLY for word in words)
     no_reading = not own.isdisjoint(_NO_READING)
     elsewhere = _ELSEWHERE.search(text) is not None
-    return Meaning(quantity, side, axis, part, linkage, without, supply, no_reading, elsewhere)
+    return ColumnMeaning(quantity, side, axis, part, linkage, without, supply, no_reading, elsewhere)

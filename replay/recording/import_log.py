@@ -8,11 +8,11 @@ import polars as pl
 
 from analysis.stages.signals.timestamps import assign_timestamps
 from estimators.errors import LogError, PayscopeError, counted, one_line
-from recordings.rrd.viewer_stream import ViewerAsks, stream_run, stream_topics
+from recordings.rrd.viewer_stream import ViewerRequest, stream_run, stream_topics
 from replay.logs import Log, open_log
 from replay.machines.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
-from replay.recording.importer_files import VARIABLE, machine_of
+from replay.recording.importer_files import VARIABLE, machine_file_of_log
 
 #: Elements of a list without names that are drawn.
 _ELEMENTS: Final = 12
@@ -20,11 +20,11 @@ _ELEMENTS: Final = 12
 _LEFT_OUT: Final = ("header.", "covariance")
 
 
-def import_log(log: Path, asks: ViewerAsks) -> str | None:
+def import_log(log: Path, asks: ViewerRequest) -> str | None:
     """Write a log to standard output as the viewer reads it.
 
     Args:
-        log: a path that `is_ours`.
+        log: a path that `takes_file`.
         asks: of the viewer.
 
     Returns:
@@ -33,7 +33,7 @@ def import_log(log: Path, asks: ViewerAsks) -> str | None:
     Raises:
         PayscopeError: the log cannot be read.
     """
-    machine_file = machine_of(log)
+    machine_file = machine_file_of_log(log)
     fault: str | None = None
     if machine_file is not None:
         try:
@@ -46,12 +46,12 @@ def import_log(log: Path, asks: ViewerAsks) -> str | None:
             stream_run(replayed, asks)
             return None
     with open_log(log) as opened:
-        topics = dict(_columns(opened))
+        topics = dict(topic_frames(opened))
         stream_topics(topics, _describe_log(opened, machine_file, fault), log.name, asks)
     return fault
 
 
-def _columns(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
+def topic_frames(log: Log) -> Iterator[tuple[str, pl.DataFrame]]:
     """Every topic that can be read, in time: unix_ns, and the fields that are worth a line."""
     for row in log.topics().sort("messages", descending=True).to_dicts():
         if row["problem"] or not row["messages"]:

@@ -11,7 +11,7 @@ _ALONE: Final = (".bag", ".db3", ".csv")
 _WITH_MACHINE: Final = (*_ALONE, ".mcap", ".parquet")
 
 
-def machine_of(log: Path) -> Path | None:
+def machine_file_of_log(log: Path) -> Path | None:
     """The machine file of a log: the one of `PAYSCOPE_MACHINE`, or `shift.toml` beside `shift.bag`.
 
     Returns:
@@ -24,9 +24,9 @@ def machine_of(log: Path) -> Path | None:
     return beside if beside.is_file() else None
 
 
-def is_ours(log: Path) -> bool:
+def takes_file(log: Path) -> bool:
     """Whether a file is for us: what the viewer reads itself only where it has a machine file."""
-    suffixes = _WITH_MACHINE if machine_of(log) is not None else _ALONE
+    suffixes = _WITH_MACHINE if machine_file_of_log(log) is not None else _ALONE
     if log.is_dir():
         return (log / "metadata.yaml").is_file() and any(
             each.suffix in suffixes for each in log.iterdir()

@@ -10,15 +10,15 @@ import polars as pl
 from analysis.model.schema import FRAMES, Frame
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from estimators.errors import RecordingError, nearest
-from recordings import read_frame, read_provenance, stages
+from recordings import read_frame, read_provenance, stage_columns
 from recordings.rrd.recording_window import check_stretch
 
 if TYPE_CHECKING:
-    from replay.calibration.apply_evidence import AskedCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class RecordedStage:
     """A stage of a recording.
 
     Attributes:
@@ -42,7 +42,7 @@ class Stage:
         Raises:
             RecordingError: no recording, or it has no such stage.
         """
-        held = stages(recording)
+        held = stage_columns(recording)
         if name not in held:
             raise RecordingError(f"{recording}: no stage '{name}'; {nearest(name, held)}")
         about = read_provenance(recording)
@@ -57,7 +57,7 @@ class Stage:
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
-    def calibrated(self, asked: "AskedCalibration") -> Self:
+    def with_calibration(self, asked: "CalibrationRequest") -> Self:
         """The loads with their calibrated masses.
 
         Raises:
@@ -71,11 +71,11 @@ class Stage:
         from analysis.calibration.use.later_log import FRAMES as NEEDED
         from replay.calibration.apply_evidence import calibrated_frame
 
-        about, there = read_provenance(self.recording), stages(self.recording)
+        about, there = read_provenance(self.recording), stage_columns(self.recording)
         frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
         return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
 
-    def between(self, start_s: float | None, end_s: float | None) -> Self:
+    def rows_between(self, start_s: float | None, end_s: float | None) -> Self:
         """The rows from one second of the run to another, both included.
 
         Raises:
@@ -93,14 +93,14 @@ class Stage:
             rows = rows.filter(seconds <= end_s)
         return replace(self, rows=rows)
 
-    def at(self, second: float) -> Self:
+    def rows_at(self, second: float) -> Self:
         """The rows that held at a second of the run: those whose span has it in it, or the last.
 
         Raises:
             RecordingError: the stage has no time, or that is no second.
         """
         if not math.isfinite(second):
-            raise RecordingError(f"--at {second}: is no time; name seconds since the start")
+            raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
         column = self._time_to_cut_by()
         begin = self._since_start_ns(column) / 1e9
         if "end_t_ns" in self.rows.columns:

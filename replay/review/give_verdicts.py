@@ -21,14 +21,14 @@ from recordings.review.reviewer_verdicts import (
     CycleVerdict,
     ShiftVerdict,
     VerdictFile,
-    matched,
+    match_verdicts,
     parse_verdicts,
     read_verdict_text,
     verdict_toml,
 )
 from recordings.review.shift_ledger import PARQUET, cycles_of
-from replay.review.review_folder import locked
-from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, track_of, write_review
+from replay.review.review_folder import lock_folder
+from replay.review.write_review import OUTPUTS, ShiftCount, ShiftReview, track_of, write_review
 
 _MODEL_KEYS: Final = {"id", "author", "time"}
 
@@ -61,10 +61,10 @@ class GivenVerdicts:
 
     def __bool__(self) -> bool:
         """Whether anything is said."""
-        return bool(self.named or self.note or self._labels or self.spans)
+        return bool(self.named_cycles or self.note or self._labels or self.spans)
 
     @property
-    def named(self) -> list[tuple[str, bool | None]]:
+    def named_cycles(self) -> list[tuple[str, bool | None]]:
         """The cycles that are named, and whether each is rejected; None: as before."""
         return [
             *((each, True) for each in self.reject),
@@ -82,11 +82,11 @@ class GivenVerdicts:
         Raises:
             ReviewError: in a line.
         """
-        if self.named and not self.author.strip():
+        if self.named_cycles and not self.author.strip():
             raise ReviewError("a verdict on a cycle has an author: add --author NAME")
-        if self.note and not self.named:
+        if self.note and not self.named_cycles:
             raise ReviewError("a note is of a cycle: add --reject, --accept or --cycle WHEN")
-        if (self.begin or self.end) and (self.named or not self._labels):
+        if (self.begin or self.end) and (self.named_cycles or not self._labels):
             raise ReviewError(
                 "--from and --to are of labels of the shift: add --product, --operator, --truck, "
                 "--customer or --stockpile, and no cycle"
@@ -127,13 +127,13 @@ class GivenVerdicts:
             if len(span) == 2 and span["begin"] >= span["end"]:
                 raise ReviewError(f"--to {self.end} is not after --from {self.begin}")
             said = ShiftVerdict.model_validate(self._labels | span | signed)
-            if not any(said.holds_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]):
+            if not any(said.applies_at(ends_ns / NS_PER_S) for ends_ns in rows["end_unix_ns"]):
                 raise ReviewError(
                     f"no load is dumped from {self.begin or 'the beginning'} to "
                     f"{self.end or 'the end'} of the shift"
                 )
             return [said]
-        if not self.named:
+        if not self.named_cycles:
             # labels of a part of the shift may say otherwise: the later one counts
             in_parts = any(each.begin or each.end for each in before.shift)
             said = {
@@ -142,9 +142,9 @@ class GivenVerdicts:
                 if in_parts or getattr(before.shift_labels, name) != text
             }
             return [ShiftVerdict.model_validate(said | signed)] if said else []
-        standing = matched(before, rows["id"], folder)
+        standing = match_verdicts(before, rows["id"], folder)
         found: dict[int, CycleVerdict] = {}
-        for when, reject in self.named:
+        for when, reject in self.named_cycles:
             row = find_cycle(when, rows, state.clock)
             old = found.get(row) or standing.get(row)
             kept = {} if old is None else old.model_dump(exclude=_MODEL_KEYS)
@@ -165,7 +165,7 @@ def is_review(folder: Path) -> bool:
     return read_state(folder) is not None and (folder / PARQUET).is_file()
 
 
-def count_again(folder: Path, given: GivenVerdicts) -> ShiftReview:
+def recount_review(folder: Path, given: GivenVerdicts) -> ShiftReview:
     """Add verdicts to a review's file, and write its ledger and page anew.
 
     Raises:
@@ -178,7 +178,7 @@ def count_again(folder: Path, given: GivenVerdicts) -> ShiftReview:
             f"{folder}: holds no review of this version; make it: payscope review LOG… -m MACHINE "
             f"-o {folder}"
         )
-    with locked(folder):
+    with lock_folder(folder):
         recording = folder / RECORDING
         try:
             if file_sha256(recording) != state.recording_sha256:
@@ -195,7 +195,7 @@ def count_again(folder: Path, given: GivenVerdicts) -> ShiftReview:
         added = given.added_to(parse_verdicts(before, folder), rows, state, folder)
         # what a person wrote stays as it is
         text = "\n".join(filter(None, (before and f"{before.rstrip()}\n", verdict_toml(added))))
-        shift = CountedShift.of(cycles, summary, state.t0_unix_ns, text, folder)
+        shift = ShiftCount.of(cycles, summary, state.t0_unix_ns, text, folder)
         page = shift.page(state, [], track)
         names = [*OUTPUTS, *([VERDICTS] if added else [])]
         with atomic_files([folder / name for name in names], force=True) as stage:

@@ -72,11 +72,11 @@ def read_label_spans(
                     f"{nearest(channel.topic, names)}"
                 )
             parts = {log: log.read(channel.topic, [channel.field]) for log in holders}
-            found += _spans(channel, merge_topics(channel.topic, parts))
+            found += verdicts_of_spans(channel, merge_topics(channel.topic, parts))
     return found
 
 
-def _spans(channel: LabelChannel, frame: pl.DataFrame) -> Iterable[ShiftVerdict]:
+def verdicts_of_spans(channel: LabelChannel, frame: pl.DataFrame) -> Iterable[ShiftVerdict]:
     """A verdict for each stretch in which the text is the same."""
     texts = [_text(each) for each in frame[channel.field]]
     times = frame["log_time_ns"].to_list()

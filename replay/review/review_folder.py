@@ -16,7 +16,7 @@ _STAGE: Final = ".payscope-"
 
 
 @contextmanager
-def locked(folder: Path) -> Generator[None]:
+def lock_folder(folder: Path) -> Generator[None]:
     """The folder for this review alone; what a killed one left half done is swept out.
 
     The system takes the lock back from a process that ends, however it ends.

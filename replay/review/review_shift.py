@@ -12,7 +12,7 @@ import polars as pl
 
 from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.later_log import FRAMES as NEEDED
-from analysis.calibration.use.learnt_priors import contradiction
+from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
 from analysis.cycles.cycles_without_mass import holes
@@ -23,19 +23,23 @@ from analysis.model.run_record import Provenance, Run
 from estimators.errors import DataError, RecordingError
 from estimators.file_digest import file_sha256
 from estimators.threads import map_in_threads
-from recordings import read_frame, stages, write_recording
+from recordings import read_frame, stage_columns, write_recording
 from recordings.report.atomic_output import atomic_files
 from recordings.review.review_state import (
     FORMAT,
     RECORDING,
     ReviewState,
-    changed,
+    changed_values,
     read_state,
     state_of,
 )
 from recordings.review.reviewer_verdicts import parse_verdicts, read_verdict_text
 from recordings.review.torn_logs import TornLog
-from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration, load_calibration
+from replay.calibration.apply_evidence import (
+    CalibrationRequest,
+    MachineCalibration,
+    load_calibration,
+)
 from replay.inputs.channel_inputs import (
     channel_fields,
     input_files,
@@ -48,8 +52,8 @@ from replay.inputs.time_line import begins_ns
 from replay.logs import Log, logs_in, open_log
 from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import run
-from replay.review.review_folder import locked
-from replay.review.write_review import OUTPUTS, CountedShift, ShiftReview, track_of, write_review
+from replay.review.review_folder import lock_folder
+from replay.review.write_review import OUTPUTS, ShiftCount, ShiftReview, track_of, write_review
 
 #: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
 _THINNED: Final = 10
@@ -76,7 +80,7 @@ class ReviewOptions:
     """
 
     overrides: Sequence[str] = ()
-    calibration: AskedCalibration | None = None
+    calibration: CalibrationRequest | None = None
     target_kg: float | None = None
     full: bool = False
     decimal_comma: bool = False
@@ -108,47 +112,47 @@ def review(
     machine, by, logged = load_machine(machine_file, options.overrides), None, ""
     if options.calibration is not None:
         by = load_calibration(options.calibration)
-        machine = by.checked(by.weighing(machine), machine_file)
+        machine = by.require_machine(by.weighing_machine(machine), machine_file)
     logs = logs_in(logs)
-    with locked(folder), ExitStack() as stack:
+    with lock_folder(folder), ExitStack() as stack:
         verdicts = read_verdict_text(folder)
         parse_verdicts(verdicts, folder)  # what is wrong in it is said before the logs are read
         on_stage("open")
-        opened = _in_time(
+        opened = sort_by_first_message(
             [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         )
         if by is not None:
             logged = by.check_logs(opened)
         map_in_threads(lambda log: log.digests, opened)
-        plain = _resolved(machine, options, by)
-        key = _key(opened, machine, full=options.full)
+        plain = _resolved_inputs(machine, options, by)
+        key = digest_of_replay(opened, machine, full=options.full)
         before = read_state(folder)
-        kept = _kept(folder, before, key)
-        made = kept or _replayed(opened, machine, folder, (logs, machine_file), on_stage)
+        kept = read_earlier_replay(folder, before, key)
+        made = kept or _replay_shift(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, against = made.cycles, ""
         if by is not None:
-            told = _told(made, folder)
-            against = contradiction(told["nuisances"])
+            told = frames_for_calibration(made, folder)
+            against = contradicted_priors(told["nuisances"])
             unlike = Unlike.of(told)
             cycles = cycles if against else calibrate_cycles(cycles, by.calibration, unlike)
-        shift = CountedShift.of(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
+        shift = ShiftCount.of(cycles, made.shift, made.t0_unix_ns, verdicts, folder)
         on_stage("write")
         targets = [folder / name for name in (RECORDING, *OUTPUTS)]
         if kept is not None:
             del targets[0]
         with atomic_files(targets, force=True) as stage:
             if made.run is not None:
-                write_recording(_thinned(made.run, full=options.full), stage / RECORDING)
+                write_recording(frames_to_keep(made.run, full=options.full), stage / RECORDING)
                 digest = file_sha256(stage / RECORDING)
                 torn = torn_logs(opened, channel_fields(machine), made.run.provenance)
-                energy = _energy(made.run, machine)
+                energy = _shift_energy(made.run, machine)
                 state = state_of(made.run, key, digest, plain, made.mixed, torn, energy)
             else:
                 assert before is not None
                 state = before
-            says = "" if by is None else by.says(logged)
+            says = "" if by is None else by.describe(logged)
             state = state.model_copy(update={"resolved": plain, "calibration": (says, against)})
-            changes = None if before is None else _changes(before, state)
+            changes = None if before is None else _changes_since(before, state)
             page = shift.page(state, changes, made.track)
             write_review(page, stage)
     return ShiftReview.of(folder, page, replayed=kept is None)
@@ -166,7 +170,7 @@ class ReplayedShift:
     mixed: str = ""
 
 
-def _replayed(
+def _replay_shift(
     opened: list[Log],
     machine: Machine,
     folder: Path,
@@ -190,25 +194,25 @@ def _replayed(
         made.provenance.t0_unix_ns,
         track_of(frames["aligned"]),
         made,
-        _mixed(made, opened, machine),
+        mixed_machines_text(made, opened, machine),
     )
 
 
-def _mixed(made: Run, opened: list[Log], machine: Machine) -> str:
+def mixed_machines_text(made: Run, opened: list[Log], machine: Machine) -> str:
     """That these may be logs of two machines; empty where nothing says so."""
     begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
     found = find_mixed_machine(made.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.text(list(begins)[found.log].path.name)
 
 
-def _energy(made: Run, machine: Machine) -> ShiftEnergy:
+def _shift_energy(made: Run, machine: Machine) -> ShiftEnergy:
     """The energy of the shift, by the settings that it was replayed with."""
     frames, settings = made.frames, made.provenance.settings
     gaps = holes(frames["excitation"], frames["aligned"])
     return shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 
-def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
+def read_earlier_replay(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
     """What an earlier review of the same logs and settings found; None where there is none."""
     recording = folder / RECORDING
     if before is None or before.key != key or not recording.is_file():
@@ -223,7 +227,7 @@ def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift |
     return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
 
 
-def _thinned(made: Run, *, full: bool) -> Run:
+def frames_to_keep(made: Run, *, full: bool) -> Run:
     """The frames that the recording of a shift has."""
     if full:
         return made
@@ -241,7 +245,7 @@ def _thinned(made: Run, *, full: bool) -> Run:
     return Run(frames, made.provenance)
 
 
-def _in_time(logs: list[Log]) -> list[Log]:
+def sort_by_first_message(logs: list[Log]) -> list[Log]:
     """By their first message, so that the order on the command line does not matter."""
 
     def begins(log: Log) -> tuple[int, str]:
@@ -251,15 +255,15 @@ def _in_time(logs: list[Log]) -> list[Log]:
     return sorted(logs, key=begins)
 
 
-def _told(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
+def frames_for_calibration(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
     """What calibrating needs of the replay, or of its recording."""
     if made.run is not None:
         return made.run.frames
-    there = stages(folder / RECORDING)
+    there = stage_columns(folder / RECORDING)
     return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
 
 
-def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:
+def digest_of_replay(logs: list[Log], machine: Machine, *, full: bool) -> str:
     """A digest of all that a replay and its recording depend on."""
     whole = {
         "format": FORMAT,
@@ -272,7 +276,7 @@ def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
 
-def _resolved(
+def _resolved_inputs(
     machine: Machine, options: ReviewOptions, by: MachineCalibration | None
 ) -> dict[str, Any]:
     return {
@@ -285,12 +289,12 @@ def _resolved(
     }
 
 
-def _changes(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
+def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, str, str]]:
     """Settings, options and logs that differ."""
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *changed(before, state.resolved)]
+    return [*logs, *changed_values(before, state.resolved)]
 
 
 def torn_logs(

@@ -13,12 +13,12 @@ from recordings.review.energy_columns import energy_dict
 from recordings.review.ledger_table import TABLE_CSV, XLSX, write_table_csv, write_xlsx
 from recordings.review.review_page import PAGE, ReviewPage, UsedCalibration, review_html
 from recordings.review.review_state import STATE, ReviewState
-from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, matched, parse_verdicts
-from recordings.review.shift_facts import no_tonnes
+from recordings.review.reviewer_verdicts import LABELS, CycleVerdict, match_verdicts, parse_verdicts
+from recordings.review.shift_facts import no_tonnes_reason
 from recordings.review.shift_ledger import (
     CSV,
     PARQUET,
-    identities,
+    cycle_ids,
     ledger,
     with_motion,
     write_ledger,
@@ -55,7 +55,7 @@ class ShiftReview:
     @property
     def no_tonnes(self) -> str:
         """Why no cycle counts; empty where one does."""
-        return no_tonnes(self.state, self.ledger)
+        return no_tonnes_reason(self.state, self.ledger)
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values."""
@@ -80,7 +80,7 @@ class ShiftReview:
 
 
 @dataclass(frozen=True)
-class CountedShift:
+class ShiftCount:
     """The cycles of a shift and its sums, with what reviewers say.
 
     Attributes:
@@ -105,7 +105,7 @@ class CountedShift:
         t0_unix_ns: int,
         text: str,
         folder: Path,
-    ) -> "CountedShift":
+    ) -> "ShiftCount":
         """Count.
 
         Args:
@@ -119,7 +119,7 @@ class CountedShift:
             ReviewError: the file says something else, or a verdict is about no cycle.
         """
         verdicts = parse_verdicts(text, folder)
-        by_row = matched(verdicts, identities(cycles, t0_unix_ns), folder)
+        by_row = match_verdicts(verdicts, cycle_ids(cycles, t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in by_row.items() if each.reject]
         rows = ledger(cycles, t0_unix_ns, by_row, verdicts.labels_at)
         totals = {name: label_totals(cycles, rows[name].to_list(), rejected) for name in LABELS}

@@ -17,7 +17,7 @@ from replay.machines.machine_file import load_machine, time_axis
 from replay.pipeline import STAGES, run
 
 if TYPE_CHECKING:
-    from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest, MachineCalibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ def replay_logs(
     overrides: Sequence[str] = (),
     *,
     strict: bool = False,
-    calibration: "AskedCalibration | None" = None,
+    calibration: "CalibrationRequest | None" = None,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> Answer:
     """Replay logs in one time line and record the run.
@@ -75,7 +75,7 @@ def replay_logs(
         from replay.calibration.apply_evidence import load_calibration
 
         by = load_calibration(calibration)
-        machine = by.checked(by.weighing(machine), machine_file)
+        machine = by.require_machine(by.weighing_machine(machine), machine_file)
     if output.path is not None:
         check_recording(output.path, force=output.force)
         refuse_input_as_output(output.path, (path for path in logs if path.exists()))
@@ -96,7 +96,7 @@ def replay_logs(
             others = f"and {len(more)} more; " if more else ""
             raise LogError(f"{first} ({others}leave out --strict to accept)")
         if by is not None:
-            result = by.of_run(result)
+            result = by.calibrate_run(result)
         if output.path is not None:
             on_stage("record")
             write_recording(result, output.path, force=output.force, viewer=viewer)

@@ -24,7 +24,7 @@ from replay.pipeline import run
 from replay.simulation.log_truth import has_truth, true_trials
 
 if TYPE_CHECKING:
-    from replay.calibration.apply_evidence import AskedCalibration, MachineCalibration
+    from replay.calibration.apply_evidence import CalibrationRequest, MachineCalibration
 
 #: A grid larger than this is a slip of the pen: days of replays.
 _LARGEST = 10_000
@@ -55,7 +55,7 @@ def sweep(
     grid: Sequence[Sequence[str]],
     *,
     reference_kg: float | None,
-    calibration: "AskedCalibration | None" = None,
+    calibration: "CalibrationRequest | None" = None,
     on_stage: Callable[[str], None],
 ) -> list[Row]:
     """Replay logs (in one time line) once a combination; each topic is decoded once.
@@ -83,8 +83,8 @@ def sweep(
         from replay.calibration.apply_evidence import load_calibration
 
         by = load_calibration(calibration)
-        by.checked(by.weighing(load_machine(machine_file, overrides)), machine_file)
-        machines = [by.weighing(machine) for machine in machines]
+        by.require_machine(by.weighing_machine(load_machine(machine_file, overrides)), machine_file)
+        machines = [by.weighing_machine(machine) for machine in machines]
     truth = true_trials(logs) if has_truth(logs) else None
     rows: list[Row] = []
     with ExitStack() as stack:
@@ -100,7 +100,7 @@ def sweep(
                 by.check_logs(opened[machine.log])
             replayed = _replay(opened[machine.log], machine, logs, machine_file, each)
             if by is not None:
-                replayed = by.of_run(replayed, by.other(machine))
+                replayed = by.calibrate_run(replayed, by.differences(machine))
             told = answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:
@@ -158,7 +158,7 @@ def _rms_error(errors: pl.Series) -> float | None:
     return float(np.sqrt((known**2).mean())) if known.size else None
 
 
-def combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
+def value_combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     """Every combination of the values that are asked for.
 
     Args:
@@ -171,7 +171,7 @@ def combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     Raises:
         MachineError: in one line: what is no range or list, a key that is given twice.
     """
-    axes = [_axis(each) for each in over]
+    axes = [_parse_axis(each) for each in over]
     keys = [axis[0].partition("=")[0] for axis in axes]
     for key in keys:
         if keys.count(key) > 1:
@@ -184,7 +184,7 @@ def combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     return list(product(*axes))
 
 
-def _axis(over: str) -> list[str]:
+def _parse_axis(over: str) -> list[str]:
     key, equals, text = (part.strip() for part in over.partition("="))
     if not (key and equals and text):
         raise MachineError(f"--over {over}: {_HOW}")

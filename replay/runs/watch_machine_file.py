@@ -10,7 +10,7 @@ from analysis.compare.run_comparison import ValueChange, changed_settings
 from analysis.model.answer import Answer
 from analysis.model.machine import Machine
 from estimators.errors import PayscopeError
-from recordings.rrd.viewer import follow, recordings_shown, start_viewer
+from recordings.rrd.viewer import recordings_shown, replace_recording, start_viewer
 from recordings.rrd.writer import LiveView
 from replay.machines.machine_file import load_machine, machine_path
 from replay.runs.run_logs import RecordTo
@@ -54,7 +54,7 @@ def watch(
     view = output.viewer or (LiveView(start_viewer()) if output.live else None)
     last: Machine | None = None
     failed = False
-    for _ in _changes(path):
+    for _ in machine_file_changes(path):
         try:
             machine = load_machine(path, overrides)
             changed = [] if last is None else changed_settings(last, machine)
@@ -63,7 +63,7 @@ def watch(
             before = recordings_shown(view.address) if view else ()
             answer = replay(replace(output, viewer=view))
             if view:
-                follow(view.address, before)
+                replace_recording(view.address, before)
         except PayscopeError as error:
             if last is None:
                 raise
@@ -77,13 +77,13 @@ def watch(
         on_answer(answer, changed)
 
 
-def _changes(path: Path) -> Iterator[None]:
+def machine_file_changes(path: Path) -> Iterator[None]:
     """Once now, once after each change when the file has been still for a look, and once gone."""
-    seen, missed = _signature(path), 0
+    seen, missed = _file_signature(path), 0
     yield
     while True:
         time.sleep(_LOOK_S)
-        now = _signature(path)
+        now = _file_signature(path)
         missed = missed + 1 if now is None else 0
         if missed == _GONE_LOOKS:
             seen = None  # the same file again is a change
@@ -92,7 +92,7 @@ def _changes(path: Path) -> Iterator[None]:
             continue
         while True:
             time.sleep(_LOOK_S)
-            settled = _signature(path)
+            settled = _file_signature(path)
             if settled == now:
                 break
             now = settled
@@ -101,7 +101,7 @@ def _changes(path: Path) -> Iterator[None]:
             yield
 
 
-def _signature(path: Path) -> _Signature:
+def _file_signature(path: Path) -> _Signature:
     try:
         about = path.stat()
     except OSError:

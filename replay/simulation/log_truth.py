@@ -67,7 +67,7 @@ def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
     Raises:
         LogError: a truth file cannot be read, or is none.
     """
-    return pl.concat([_trials(truth_path(log)) for log in logs])
+    return pl.concat([_read_trials(truth_path(log)) for log in logs])
 
 
 def _has_trials(path: Path) -> bool:
@@ -78,7 +78,7 @@ def _has_trials(path: Path) -> bool:
         return True
 
 
-def _trials(path: Path) -> pl.DataFrame:
+def _read_trials(path: Path) -> pl.DataFrame:
     try:
         truth = json.loads(path.read_text(encoding="utf-8"))
         zero_ns = truth["time_zero_unix_ns"]

@@ -7,6 +7,7 @@ from typing import Any
 from analysis.simulation import Scenario
 from analysis.simulation.trials.trial_limits import check_limits, check_shift
 from estimators.errors import ScenarioError
+from recordings.report.atomic_output import atomic_file
 from replay.machines.toml_file import read_toml, set_value, toml_value, validate
 
 
@@ -47,12 +48,22 @@ def scenario_text(scenario: Scenario) -> str:
         section.pop("manoeuvres", None)
         # a shift is one by its section alone
         if section or name == "shift":
-            blocks.append(_block(f"[{name}]", section))
-    blocks += [_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
+            blocks.append(_toml_block(f"[{name}]", section))
+    blocks += [_toml_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
     return "\n".join(blocks)
 
 
-def _block(title: str, values: Mapping[str, Any]) -> str:
+def write_scenario(scenario: Scenario, path: Path, *, force: bool = False) -> None:
+    """Write a scenario file that `simulate` accepts.
+
+    Raises:
+        OutputError: the file is there already, or its folder cannot be written to.
+    """
+    with atomic_file(path, force=force) as partial:
+        partial.write_text(scenario_text(scenario), encoding="utf-8")
+
+
+def _toml_block(title: str, values: Mapping[str, Any]) -> str:
     return "".join(
         [f"{title}\n", *(f"{key} = {toml_value(value)}\n" for key, value in values.items())]
     )

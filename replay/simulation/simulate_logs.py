@@ -73,13 +73,13 @@ def write_logs(
         for log, target in zip(logs, targets, strict=True):
             WRITERS[target.suffix](log, stage / target.name)
             if log.torn_share:
-                tear(stage / target.name, log.torn_share)
+                tear_log(stage / target.name, log.torn_share)
             write_truth(log, stage / target.name)
         for target, write in beside.items():
             write(stage / target.name)
 
 
-def tear(log: Path, share: float) -> None:
+def tear_log(log: Path, share: float) -> None:
     """Cut off so much of a log's file, at any byte; a directory loses its metadata as well.
 
     Args:

@@ -76,10 +76,10 @@ def compile_loops(on_stage: Callable[[str], None] = lambda _: None) -> None:
         on_stage("turns")
         replay_logs(turning, _MACHINE)
         on_stage("follow")
-        follow_logs(turning, load_machine(_MACHINE), _ignore, idle_s=0.0)
+        follow_logs(turning, load_machine(_MACHINE), _drop_rows, idle_s=0.0)
         on_stage("review")
         review(shift, _MACHINE, folder / "page", ReviewOptions())
 
 
-def _ignore(following: Following, rows: list[FollowedRow]) -> None:
+def _drop_rows(following: Following, rows: list[FollowedRow]) -> None:
     del following, rows

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis import CheckInputs, verdict
+from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.verdict import Verdict
 from analysis.simulation import Scenario, solve_motion
 from analysis.stages.estimation.masses import masses, withhold
@@ -73,7 +73,7 @@ def pooled(log, machine, method="pooled"):
     settings = machine.settings
     gated = gate(excited, settings)
     table = masses(excited, gated, trace(excited, gated, settings), machine)
-    opinion = Verdict.of(verdict(CheckInputs(excited, gated, machine)))
+    opinion = Verdict.of(judge_checks(CheckInputs(excited, gated, machine)))
     table = withhold(table, opinion, ())
     row = table.row(by_predicate=pl.col("method") == method, named=True)
     return row["mass_kg"], row["mass_std_kg"]

@@ -7,10 +7,10 @@ and Euler ask for (`estimators.planar.planar_rows.regressor` times the loader's 
 import numpy as np
 import polars as pl
 
-from analysis.diagnosis import CheckInputs, verdict
+from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.model.machine import Machine
 from analysis.model.verdict import Verdict
-from analysis.planar.centre_of_mass import planar
+from analysis.planar.centre_of_mass import fit_planar
 from analysis.stages.estimation.masses import masses, withhold
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import gate
@@ -174,7 +174,7 @@ def replayed(said, loader=None):
     noise = channel_noise(aligned, excitation, loader)
     gated = gate(excitation, settings, noise)
     estimates = trace(excitation, gated, settings, noise)
-    judged = verdict(CheckInputs(excitation, gated, loader))
+    judged = judge_checks(CheckInputs(excitation, gated, loader))
     opinion = Verdict.of(judged)
     return {
         "aligned": aligned,
@@ -188,7 +188,7 @@ def replayed(said, loader=None):
         **dict(
             zip(
                 ("planar", "planar_budget"),
-                planar(excitation, gated, opinion, loader, noise),
+                fit_planar(excitation, gated, opinion, loader, noise),
                 strict=True,
             )
         ),

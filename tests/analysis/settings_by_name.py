@@ -2,14 +2,16 @@
 
 from analysis.model.settings import Settings
 
-STAGE_OF = {name: stage for stage, model in Settings.parts().items() for name in model.model_fields}
+STAGE_OF = {
+    name: stage for stage, model in Settings.stage_models().items() for name in model.model_fields
+}
 
 
 def staged(**values):
     """The content of a `[settings]` table; what is named after a stage stays as it is."""
     content = {}
     for name, value in values.items():
-        if name in Settings.parts():
+        if name in Settings.stage_models():
             content[name] = value
         else:
             content.setdefault(STAGE_OF[name], {})[name] = value

@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 from scipy.signal import lfilter
 
-from analysis.model.axes import straight
+from analysis.model.axes import straight_regressor
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.stages.gating.gate import gate
 from analysis.stages.gating.segments import pooled_samples, segments
@@ -80,7 +80,7 @@ def found(seeds, starts, plain):
         gated = gate(excitation, plain.settings)
         table = segments(excitation, gated, plain.settings).filter(pl.col("mass_kg").is_not_null())
         ids = pooled_samples(excitation, gated, plain.settings)
-        textbook = textbook_deviations(*straight(excitation, plain.settings), ids)
+        textbook = textbook_deviations(*straight_regressor(excitation, plain.settings), ids)
         rows.append(np.column_stack([table["mass_kg"], table["mass_std_kg"], textbook]))
     return np.concatenate(rows).T
 

@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from analysis.stages.signals.align import notes
+from analysis.stages.signals.align import alignment_notes
 from analysis.stages.signals.derive import derive, read_measured
 from analysis.stages.signals.timestamps import assign_timestamps
 from tests.analysis import phased
@@ -21,7 +21,9 @@ def in_phase_kg(method):
 
 
 def said(log, machine):
-    return notes(derive(read_measured(assign_timestamps(log)[0], machine)[0], machine)[0], machine)
+    return alignment_notes(
+        derive(read_measured(assign_timestamps(log)[0], machine)[0], machine)[0], machine
+    )
 
 
 @pytest.mark.parametrize("method", ["pooled", "ls"])

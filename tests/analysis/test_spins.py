@@ -5,8 +5,8 @@ import polars as pl
 import pytest
 
 from analysis.model.machine import ImuMounting
-from analysis.model.windows import samples_of
-from analysis.stages.estimation.obstacles import obstacles
+from analysis.model.windows import samples_in_windows
+from analysis.stages.estimation.masses import reasons_for_no_answer
 from tests.analysis.plane_drives import (
     LOADER,
     braked,
@@ -84,7 +84,7 @@ def test_what_spins_add_does_not_change_the_mass(stages):
 
 def test_an_accepted_window_of_spins_holds_spins_and_standstill_alone(stages):
     accepted = stages["gate"]["accepted_z"].to_numpy()
-    inside = samples_of(accepted, 320)
+    inside = samples_in_windows(accepted, 320)
     held = stages["excitation"]["phase"].filter(pl.Series(inside)).unique().to_list()
     assert sorted(held) == ["spinning", "standstill"]
     assert stages["gate"].filter("accepted_z")["mi_z_nat"].min() >= 0.7
@@ -194,11 +194,11 @@ def test_without_a_channel_there_is_no_yaw_axis_and_a_note_names_it(missing):
     stages = replayed(sensors(starts() + spins()), loader)
     for name in ("gate", "masses", "segments", "estimates/ls"):
         assert not [c for c in stages[name].columns if "_z" in c or c == "axis"]
-    (note,) = obstacles(stages["excitation"], stages["gate"], loader.settings)
+    (note,) = reasons_for_no_answer(stages["excitation"], stages["gate"], loader.settings)
     assert note.startswith("the log has spins, but no inertia without ")
     assert f"channels.{missing}" in note
     turned = replayed(sensors(starts()), loader)
-    assert obstacles(turned["excitation"], turned["gate"], loader.settings) == []
+    assert reasons_for_no_answer(turned["excitation"], turned["gate"], loader.settings) == []
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ def house(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def folder(source: Path) -> Path:
     """The folder as a new process would find it."""
     compile_cache._read_module.cache_clear()
-    return compile_cache.folder_of(source)
+    return compile_cache.make_cache_folder(source)
 
 
 def lock(house: Path) -> None:
@@ -135,7 +135,7 @@ def test_an_index_that_two_processes_write_at_once_never_names_the_code_of_anoth
     tmp_path: Path,
 ) -> None:
     """Each has read an empty index; the one that adds its form first writes its index last."""
-    one, other = (compiled._NamedByContent(str(tmp_path), "loop", "stamp") for _ in range(2))
+    one, other = (compiled._ContentNamedIndex(str(tmp_path), "loop", "stamp") for _ in range(2))
     one.save("of floats", "code of floats")
     index = tmp_path / "loop.nbi"
     late = index.read_bytes()
@@ -148,7 +148,7 @@ def test_an_index_that_two_processes_write_at_once_never_names_the_code_of_anoth
 
 
 def test_every_compiled_function_is_kept_under_such_names() -> None:
-    assert type(fit_loss._total_loss.compiled._cache._cache_file) is compiled._NamedByContent
+    assert type(fit_loss._total_loss.compiled._cache._cache_file) is compiled._ContentNamedIndex
 
 
 def test_importing_the_estimators_changes_nothing_of_the_process_and_reads_nothing_above() -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from analysis.model.methods import METHODS, AxisNoise, Feed, MethodOptions
+from analysis.model.methods import METHODS, AxisNoise, FeedKind, MethodOptions
 from estimators.estimate import Trace
 from estimators.methods import fgls, ls, rls, rtls, tls
 from estimators.numerics.autocorrelation import pooled_autocorrelation, window_residuals
@@ -206,7 +206,7 @@ def by_segment(method, options, scaled=None):
 
 
 STEPS = {rls: repeated_steps, rtls: repeated_total_steps}
-FORMS = {Feed.WINDOWS: windowed, Feed.SETTLED: recursive, Feed.SEGMENTS: by_segment}
+FORMS = {FeedKind.WINDOWS: windowed, FeedKind.SETTLED: recursive, FeedKind.SEGMENTS: by_segment}
 
 
 def in_the_table(method):

@@ -106,7 +106,7 @@ def test_neighbours_of_the_first_and_the_last_sample(lags: int, across_later: bo
     # the later sample of a pair has it where its block is no shorter than the lags
     for left in range(min(lags, 6) - 1 if across_later else 1, 6):
         near.fill(np.nan)
-        both_ways(sandwich._neighbours, z, 6, left, across_later, correlation, near)
+        both_ways(sandwich.sum_correlated_neighbours, z, 6, left, across_later, correlation, near)
 
 
 @pytest.mark.parametrize("begin", [0, 3])

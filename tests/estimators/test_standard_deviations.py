@@ -15,7 +15,7 @@ from estimators.numerics.autocorrelation import (
     student_factor,
     window_residuals,
 )
-from estimators.numerics.sandwich import deviations, meat
+from estimators.numerics.sandwich import meat, standard_deviations
 
 TRUTH = np.array([3614.0, 2891.0])
 RUNS, SAMPLES, MEAN = 9, 320, 10
@@ -161,7 +161,7 @@ def test_the_middle_of_the_sandwich_is_the_regressor_around_the_correlation_matr
 def test_fewer_samples_than_a_deviation_needs_give_nan():
     A = np.random.default_rng(5).normal(size=(2, 2))
     B = meat(A, np.zeros(2, np.int64), 0, 0, 1, np.ones(1))
-    assert np.isnan(deviations(A.T @ A, B, 0.0, 2.0)).all()
+    assert np.isnan(standard_deviations(A.T @ A, B, 0.0, 2.0)).all()
 
 
 @pytest.mark.parametrize("seed", range(10))

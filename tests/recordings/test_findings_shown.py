@@ -11,9 +11,9 @@ from recordings.explain.explanation_picture import draw_explanation, plot_explan
 from recordings.explain.explanation_text import finding_lines, gate_lines, verdict_sentence
 from recordings.report.finding_text import findings_text
 from recordings.rrd.display_frames import display_frames
-from recordings.rrd.recording_table import STATE
 from recordings.rrd.recording_texts import answer_text
-from recordings.rrd.writer import scene_of
+from recordings.rrd.stored_names import STATE
+from recordings.rrd.writer import make_scene
 
 S = 10**9
 LANE = "display/states/finding"
@@ -58,7 +58,7 @@ def test_in_the_lane_a_finding_of_a_stretch_stands_before_one_of_the_whole_log(d
 
 def test_the_tab_is_there_only_where_there_are_findings(drives) -> None:
     def tabs(run: Run) -> list[str]:
-        root = scene_of(run).layout.root_container
+        root = make_scene(run).layout.root_container
         return [tab.name for tab in root.contents]
 
     assert tabs(drives(30.0))[1] == "Findings"

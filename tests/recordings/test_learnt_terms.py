@@ -3,7 +3,7 @@
 from typing import get_args
 
 from analysis.calibration.use.learnt_priors import LearntPriors, TermOfLog, learnt_terms
-from analysis.model.settings import LearnableTerm
+from analysis.model.prior_settings import LearnableTerm
 from recordings.calibration.learnt_terms_text import TERMS, learnt_rows
 
 

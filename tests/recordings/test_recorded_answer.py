@@ -3,7 +3,7 @@
 from analysis import Run, Settings
 from analysis.model.answer import answer
 from recordings import read_recording, write_recording
-from recordings.rrd.recording_texts import texts
+from recordings.rrd.recording_texts import recording_markdown
 
 
 def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_path):
@@ -20,7 +20,10 @@ def test_a_recording_from_before_the_joint_fit_is_read_and_answers(drives, tmp_p
     assert [check.consequence for check in said.verdict.checks] == ["withhold"] * 3
     assert said.loads == []
     assert "joint" not in said.rows[0].methods
-    assert "pooled, statistical standard deviation" in texts(read_recording(path))["answer"]
+    assert (
+        "pooled, statistical standard deviation"
+        in recording_markdown(read_recording(path))["answer"]
+    )
 
 
 def test_a_recorded_answer_is_the_answer(drives, tmp_path):

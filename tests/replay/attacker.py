@@ -20,20 +20,20 @@ from recordings.calibration.bundle_folder import (
     REPORT,
     STATEMENT,
     SUMS,
-    listing,
+    list_bundle,
     read_file,
     sums_text,
 )
 from recordings.calibration.bundle_tables import write_table
 from recordings.calibration.calibration_report import report_html
-from recordings.calibration.evidence_document import EvidenceDocument, document_of
-from recordings.signatures.canonical_json import canonical
+from recordings.calibration.evidence_document import EvidenceDocument, parse_document
+from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.signing import (
     PAYLOAD_TYPE,
     SigningKey,
-    envelope,
+    make_envelope,
     make_key_pair,
-    statement,
+    make_statement,
 )
 
 
@@ -107,10 +107,10 @@ def _write(bundle: Bundle) -> None:
         bundle.evidence["tables"][f"{name.partition('.')[0]}_sha256"] = hashlib.sha256(
             data
         ).hexdigest()
-    data = canonical(bundle.evidence)
+    data = canonical_bytes(bundle.evidence)
     (folder / EVIDENCE).write_bytes(data)
     try:
-        document: EvidenceDocument = document_of(data, EVIDENCE)
+        document: EvidenceDocument = parse_document(data, EVIDENCE)
     except EvidenceError:
         return  # the schema will refuse it; the page stays as it was
     (folder / REPORT).write_bytes(report_html(document, bundle.readings, bundle.points).encode())
@@ -118,7 +118,7 @@ def _write(bundle: Bundle) -> None:
 
 def _digest_anew(bundle: Bundle) -> None:
     folder = bundle.folder
-    names, _ = listing(folder)
+    names, _ = list_bundle(folder)
     digests = {n: read_file(folder, n).sha256 for n in names if n not in (SUMS, STATEMENT)}
     sums = sums_text(digests).encode()
     (folder / SUMS).write_bytes(sums)
@@ -136,8 +136,8 @@ def _digest_anew(bundle: Bundle) -> None:
             "counter": evidence["chain"]["counter"],
             "previous": evidence["chain"]["previous"],
         }
-        held["payload"] = base64.b64encode(canonical(said)).decode()
-        (folder / STATEMENT).write_bytes(canonical(held))
+        held["payload"] = base64.b64encode(canonical_bytes(said)).decode()
+        (folder / STATEMENT).write_bytes(canonical_bytes(held))
 
 
 def sign_with_own_key(bundle: Bundle) -> None:
@@ -154,6 +154,8 @@ def sign_with(bundle: Bundle, key: SigningKey) -> None:
         assert held["payloadType"] == PAYLOAD_TYPE
         said = json.loads(base64.b64decode(held["payload"]))
         digests = {each["name"]: each["digest"]["sha256"] for each in said["subject"]}
-        (folder / STATEMENT).write_bytes(envelope(statement(digests, said["predicate"]), key))
+        (folder / STATEMENT).write_bytes(
+            make_envelope(make_statement(digests, said["predicate"]), key)
+        )
 
     bundle.last.append(sign)

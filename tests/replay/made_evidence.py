@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from replay.calibration.calibrate_campaign import calibrate
-from replay.calibration.verify_bundle import Verification, verify
+from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attacker import key_files
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -31,7 +31,7 @@ class Made:
             before = made
 
     def verify(self, bundle: Path, **more: Any) -> Verification:
-        return verify(bundle, key_file=self.public, previous=self.first, **more)
+        return verify_bundle(bundle, key_file=self.public, previous=self.first, **more)
 
 
 def items(found: Verification) -> str:

@@ -11,8 +11,8 @@ from analysis.calibration.use.learnt_priors import learnt_terms
 from recordings.calibration.bundle_folder import EVIDENCE, POINTS, READINGS, RECORDING, REPORT, SUMS
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import estimator_of
-from recordings.calibration.evidence_document import document_of
-from recordings.signatures.canonical_json import canonical
+from recordings.calibration.evidence_document import parse_document
+from recordings.signatures.canonical_json import canonical_bytes
 from tests.replay.attacker import Bundle, Tamper
 
 TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE
@@ -106,13 +106,13 @@ def relearnt(bundle: Bundle) -> None:
     for each in bundle.evidence["learnt"]["logs"]:
         if each["term"] == "const":
             each["posterior"] *= 1.1
-    document = document_of(canonical(bundle.evidence), EVIDENCE)
+    document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
     assert document.learnt is not None
     terms = learnt_terms(document.learnt.logs)
     bundle.evidence["learnt"]["terms"] = {
         name: term.model_dump(mode="json") for name, term in terms.items()
     }
-    document = document_of(canonical(bundle.evidence), EVIDENCE)
+    document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
     estimator = estimator_of(document.campaign, document.weighing)
     bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 

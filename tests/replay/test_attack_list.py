@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from replay.calibration.verify_bundle import verify
+from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attack_list import ATTACKS, Attack
 from tests.replay.made_evidence import Made
 from tests.replay.sledge import Payscope
@@ -32,8 +32,8 @@ def test_an_attack_is_found_and_nothing_of_it_trusted(
     assert attack.words in " ".join((said.out + said.err).split()), said
     if attack.kind in SIGNED_ANEW:
         for folder in forged(tmp_path):
-            by = verify(folder).signed_by
-            assert not by.trusted
+            by = verify_bundle(folder).signed_by
+            assert not by.is_trusted
             assert "signed by T. Signer" not in str(by)
 
 

@@ -91,7 +91,7 @@ class TestShow:
             one_line(
                 payscope("show", recording, "gate", *ends), "is not a time span", "earlier first"
             )
-        one_line(payscope("show", recording, "gate", "--at", "nan"), "is no time")
+        one_line(payscope("show", recording, "gate", "--at", "nan"), "is not a time")
         one_line(payscope("show", recording, "masses", "--at", 2), "no time to cut by")
         one_line(payscope("show", recording, "--at", 2), "name one")
 

@@ -15,7 +15,7 @@ from recordings.calibration.timestamp import timestamp_request
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import public_key
 from replay.calibration.calibrate_campaign import calibrate
-from replay.calibration.verify_bundle import Verification, verify
+from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge import Payscope, one_line
@@ -41,7 +41,7 @@ def test_the_day_is_that_of_the_machines_time_zone(tmp_path: Path) -> None:
     campaign = campaign_folder(tmp_path / "c", loads=(0,), begin_unix_s=BEGIN_UNIX_S)
     made = calibrate(campaign, tmp_path / "evidence")
     assert made.document.logs[0].begins == "2026-04-30 23:30:00 UTC"
-    assert not any("not provable" in each for each in verify(made.folder).unseen)
+    assert not any("not provable" in each for each in verify_bundle(made.folder).unseen)
 
 
 def began(*texts: str) -> Callable[[Bundle], None]:
@@ -68,7 +68,7 @@ def at(name: str, value: str) -> Callable[[Bundle], None]:
 def test_days_that_the_logs_contradict_are_irreproducible(
     made: Made, tmp_path: Path, tamper: Callable[[Bundle], None], words: str
 ) -> None:
-    found = verify(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
+    found = verify_bundle(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
     assert found.outcome is IRREPRODUCIBLE, items(found)
     assert words in items(found)
 
@@ -80,7 +80,7 @@ def test_evidence_made_before_its_last_log_ended_is_irreproducible(
         began(*(f"2026-05-0{k} 12:00:00 UTC" for k in range(1, 5)))(bundle)
         bundle.evidence["made"] = "2026-05-04T11:00:00Z"
 
-    found = verify(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
+    found = verify_bundle(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
     assert found.outcome is IRREPRODUCIBLE
     assert "ends 2026-05-04 12:00 UTC, after the evidence was made" in items(found)
 
@@ -88,7 +88,7 @@ def test_evidence_made_before_its_last_log_ended_is_irreproducible(
 def test_a_run_over_midnight_is_of_either_day(made: Made, tmp_path: Path) -> None:
     folder = tmp_path / "b"
     tamper = began("2026-05-01 21:59:50 UTC")  # ten seconds before midnight in Paris
-    assert verify(tampered(made.bundle, folder, tamper, signed=False)).outcome is None
+    assert verify_bundle(tampered(made.bundle, folder, tamper, signed=False)).outcome is None
 
 
 def test_days_of_logs_without_a_date_are_not_provable_and_said_so(made: Made) -> None:
@@ -177,7 +177,7 @@ def test_the_query_is_one_that_openssl_answers(
     said = payscope("calibrate", campaign, "-o", tmp_path / "e", "--key", made.private, *ask)
     assert said.status == 1, said.err  # one load gives no line
     (tmp_path / "e" / TIMESTAMP).write_bytes(stamped(authority, query.read_bytes()))
-    found = verify(tmp_path / "e", key_file=made.public, tsa=authority / "ca.pem")
+    found = verify_bundle(tmp_path / "e", key_file=made.public, tsa=authority / "ca.pem")
     assert found.outcome is None, items(found)
 
 
@@ -250,7 +250,7 @@ def test_back_dating_a_signature_past_its_time_stamp_is_found(
     folder = tampered(made.bundle, tmp_path / "b", later, signed=True)
     query = timestamp_request((folder / STATEMENT).read_bytes())
     (folder / TIMESTAMP).write_bytes(stamped(authority, query))
-    found = verify(folder, tsa=authority / "ca.pem")
+    found = verify_bundle(folder, tsa=authority / "ca.pem")
     assert "before the evidence says that it was made" in items(found)
 
 
@@ -265,8 +265,8 @@ def test_a_stolen_key_is_worth_nothing_after_its_revocation_but_a_stamp_saves_wh
     tomorrow = dt.datetime.now(dt.UTC).date() + dt.timedelta(days=1)
     key = public_key(made.public).text
     add_key(load_keyring(), KnownKey(key=key, owner="Test lab", revoked=tomorrow))
-    assert verify(bundle).outcome is BundleOutcome.TAMPERED
-    proven = verify(bundle, tsa=authority / "ca.pem")
+    assert verify_bundle(bundle).outcome is BundleOutcome.TAMPERED
+    proven = verify_bundle(bundle, tsa=authority / "ca.pem")
     assert proven.outcome is None, items(proven)
     assert "signed by Test lab" in str(proven.signed_by)
 
@@ -278,4 +278,4 @@ def test_a_certificate_that_is_none_is_refused_in_one_line(
     (tmp_path / "ca.pem").write_text("nothing")
     one_line(payscope("verify", made.bundle, "--tsa", tmp_path / "ca.pem"), "no certificate in PEM")
     with pytest.raises(EvidenceError, match="cannot be read"):
-        verify(made.bundle, tsa=tmp_path / "none.pem")
+        verify_bundle(made.bundle, tsa=tmp_path / "none.pem")

@@ -20,7 +20,7 @@ from recordings.calibration.bundle_folder import (
 from recordings.calibration.bundle_tables import UntrustedTable, read_tables
 from recordings.calibration.check_outcomes import BundleOutcome
 from replay.calibration.calibrate_campaign import calibrate
-from replay.calibration.verify_bundle import Verification, verify
+from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.replay.attack_list import JSON_FORMS, OUTSIDE
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.sledge import Payscope, one_line
@@ -37,7 +37,7 @@ def genuine(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def changed(genuine: Path, tmp_path: Path, name: str, data: bytes) -> Verification:
     folder = Path(shutil.copytree(genuine, tmp_path / "b"))
     (folder / name).write_bytes(data)
-    return verify(folder)
+    return verify_bundle(folder)
 
 
 def findings_text(found: Verification) -> str:
@@ -79,26 +79,26 @@ def test_no_link_is_followed(genuine: Path, tmp_path: Path) -> None:
         folder = Path(shutil.copytree(genuine, tmp_path / name))
         (folder / name).unlink()
         (folder / name).symlink_to(genuine / name)
-        found = verify(folder)
+        found = verify_bundle(folder)
         assert found.outcome is BundleOutcome.TAMPERED
         assert f"{name}: is a link" in findings_text(found)
     folder = Path(shutil.copytree(genuine, tmp_path / "runs-link"))
     (folder / "runs").symlink_to("/etc")
-    assert "runs: is a link" in findings_text(verify(folder))
+    assert "runs: is a link" in findings_text(verify_bundle(folder))
 
 
 def test_a_pipe_is_not_waited_for(genuine: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(genuine, tmp_path / "b"))
     (folder / REPORT).unlink()
     os.mkfifo(folder / REPORT)
-    assert "is no regular file" in findings_text(verify(folder))
+    assert "is no regular file" in findings_text(verify_bundle(folder))
 
 
 def test_a_file_too_large_is_not_held(genuine: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(genuine, tmp_path / "b"))
     with (folder / REPORT).open("wb") as file:
         file.truncate(40 << 20)
-    assert "is larger than" in findings_text(verify(folder))
+    assert "is larger than" in findings_text(verify_bundle(folder))
 
 
 def test_more_entries_than_any_bundle_are_refused(tmp_path: Path, genuine: Path) -> None:
@@ -106,7 +106,7 @@ def test_more_entries_than_any_bundle_are_refused(tmp_path: Path, genuine: Path)
     for number in range(4200):
         (folder / f"{number}.txt").touch()
     with pytest.raises(EvidenceError, match="more than 4096 entries"):
-        verify(folder)
+        verify_bundle(folder)
 
 
 def test_a_folder_without_evidence_is_bad_input(payscope: Payscope, tmp_path: Path) -> None:
@@ -191,10 +191,10 @@ def test_numbers_that_break_a_step_are_findings_and_no_traceback(
     evidence = json.loads((folder / EVIDENCE).read_bytes())
     bundle = Bundle(folder, evidence, None, None)  # pyright: ignore
     tamper(bundle)
-    from recordings.signatures.canonical_json import canonical
+    from recordings.signatures.canonical_json import canonical_bytes
 
-    (folder / EVIDENCE).write_bytes(canonical(evidence))
-    found = verify(folder)
+    (folder / EVIDENCE).write_bytes(canonical_bytes(evidence))
+    found = verify_bundle(folder)
     assert found.outcome is BundleOutcome.TAMPERED
     assert all(finding.item for finding in found.findings)
 
@@ -213,7 +213,7 @@ def test_what_a_log_or_a_name_says_is_text_in_the_report(genuine: Path, tmp_path
     assert "&lt;script&gt;" in page
     assert "<script" not in page
     assert "<img" not in page
-    assert not verify(folder).findings
+    assert not verify_bundle(folder).findings
 
 
 def _signed(genuine: Path, tmp_path: Path) -> Path:

@@ -17,7 +17,7 @@ from rich.console import Console
 from estimators.errors import LogError, ReviewError
 from recordings.review.review_page import UsedCalibration
 from recordings.review.review_state import RECORDING, FailedCheck
-from replay.calibration.apply_evidence import AskedCalibration
+from replay.calibration.apply_evidence import CalibrationRequest
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.commands.review import print_review
 from replay.logs import logs_in
@@ -143,7 +143,7 @@ def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(
     machine: Path, evidence: CalibrationOutcome, tmp_path: Path
 ) -> None:
     sledge_shift((55.0, 95.0, 50.0)).write_csv(tmp_path / "heavy.csv")
-    asked = ReviewOptions(calibration=AskedCalibration(evidence.folder))
+    asked = ReviewOptions(calibration=CalibrationRequest(evidence.folder))
     made = review([tmp_path / "heavy.csv"], machine, tmp_path / "review", asked)
     assert made.ledger["payload_kg"].is_null().to_list() == [False, True, False]
     assert "outside of the calibrated range" in made.ledger["withheld_for"][1]

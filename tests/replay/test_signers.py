@@ -21,12 +21,12 @@ from cryptography.hazmat.primitives.serialization import (
 
 from estimators.errors import EvidenceError
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.signatures.canonical_json import canonical
+from recordings.signatures.canonical_json import canonical_bytes
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
-from recordings.signatures.signing import PublicKey, public_key, signing_key, weakness
-from replay.calibration.apply_evidence import AskedCalibration, load_calibration
-from replay.calibration.calibrate_campaign import before_of
-from replay.calibration.verify_bundle import verify
+from recordings.signatures.signing import PublicKey, key_weakness, public_key, signing_key
+from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
+from replay.calibration.calibrate_campaign import previous_evidence
+from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.machine_setups import NamedFiles, machine_setups
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, key_files, sign_with_own_key, tampered
@@ -70,37 +70,37 @@ def test_an_invented_name_is_never_printed_as_that_of_the_signer(
     assert f"signed by an unknown key {public_id(invented)[:12]}… that calls itself '{PTB}'" in (
         said.out
     )
-    assert load_calibration(AskedCalibration(invented)).says("").count("an unknown key") == 1
+    assert load_calibration(CalibrationRequest(invented)).describe("").count("an unknown key") == 1
 
 
 def public_id(folder: Path) -> str:
-    return verify(folder).signed_by.key_id
+    return verify_bundle(folder).signed_by.key_id
 
 
 def test_a_required_signature_is_one_by_a_known_key(
     invented: Path, made: Made, keyring: Path, payscope: Payscope
 ) -> None:
     with pytest.raises(EvidenceError, match=r"unknown key.*payscope keys add"):
-        load_calibration(AskedCalibration(invented, signed=True))
+        load_calibration(CalibrationRequest(invented, signed=True))
     said = payscope("verify", invented, "--require-signed")
     assert said.status == 5
     assert "a signature by a known key is asked for" in said.out
     add_key(load_keyring(), known(made))
-    held = load_calibration(AskedCalibration(made.bundle, signed=True))
-    assert "signed by Test lab, key" in held.says("")
-    assert "that calls itself 'T. Signer'" in held.says("")
-    assert verify(made.bundle, signed=True).outcome is None
-    assert verify(invented, signed=True).outcome is BundleOutcome.INCOMPLETE
+    held = load_calibration(CalibrationRequest(made.bundle, signed=True))
+    assert "signed by Test lab, key" in held.describe("")
+    assert "that calls itself 'T. Signer'" in held.describe("")
+    assert verify_bundle(made.bundle, signed=True).outcome is None
+    assert verify_bundle(invented, signed=True).outcome is BundleOutcome.INCOMPLETE
     assert keyring.stat().st_mode & 0o077 == 0
 
 
 def test_the_line_that_refuses_a_key_adds_it(made: Made, keyring: Path, payscope: Payscope) -> None:
     with pytest.raises(EvidenceError) as refused:
-        load_calibration(AskedCalibration(made.bundle, signed=True))
+        load_calibration(CalibrationRequest(made.bundle, signed=True))
     line = str(refused.value).partition("payscope keys add ")[2]
     key, _, _ = line.partition(" --owner")
     assert payscope("keys", "add", key, "--owner", "Test lab").status == 0
-    assert load_calibration(AskedCalibration(made.bundle, signed=True)).signed_by.how == "known"
+    assert load_calibration(CalibrationRequest(made.bundle, signed=True)).signed_by.how == "known"
     assert "Test lab" in payscope("keys", "list").out
     one_line(payscope("keys", "add", made.public, "--owner", "Another"), "already, of Test lab")
     assert keyring.exists()
@@ -170,12 +170,12 @@ def test_nothing_is_chained_to_evidence_by_an_unknown_key(
 ) -> None:
     own, _ = key_files(tmp_path, "other")
     with pytest.raises(EvidenceError, match="nothing is chained to what cannot be verified"):
-        before_of(invented, None, signing_key(own))
+        previous_evidence(invented, None, signing_key(own))
     with pytest.raises(EvidenceError, match="nothing is chained"):
-        before_of(made.bundle, None, signing_key(own))
-    before_of(made.bundle, None, signing_key(made.private))
+        previous_evidence(made.bundle, None, signing_key(own))
+    previous_evidence(made.bundle, None, signing_key(made.private))
     add_key(load_keyring(), known(made))
-    before_of(made.bundle, None, signing_key(own))
+    previous_evidence(made.bundle, None, signing_key(own))
 
 
 @pytest.mark.usefixtures("keyring")
@@ -195,19 +195,19 @@ def test_a_key_out_of_its_validity_or_revoked_signs_nothing(
     made: Made, more: dict[str, object], outcome: BundleOutcome, words: str
 ) -> None:
     add_key(load_keyring(), known(made, **more))
-    found = verify(made.bundle)
+    found = verify_bundle(made.bundle)
     assert found.outcome is outcome
     assert words in items(found)
-    assert not found.signed_by.trusted
+    assert not found.signed_by.is_trusted
     with pytest.raises(EvidenceError, match="calibrates nothing"):
-        load_calibration(AskedCalibration(made.bundle, signed=True))
+        load_calibration(CalibrationRequest(made.bundle, signed=True))
 
 
 def test_a_revoked_key_counts_where_a_time_stamp_is_older(made: Made) -> None:
     key = known(made, revoked="2026-06-01")
-    assert key.fault_on(dt.date(2026, 5, 1), None)
-    assert key.fault_on(dt.date(2026, 5, 1), dt.date(2026, 7, 1))
-    assert not key.fault_on(dt.date(2026, 5, 1), dt.date(2026, 5, 2))
+    assert key.distrust_reason(dt.date(2026, 5, 1), None)
+    assert key.distrust_reason(dt.date(2026, 5, 1), dt.date(2026, 7, 1))
+    assert not key.distrust_reason(dt.date(2026, 5, 1), dt.date(2026, 5, 2))
 
 
 def test_keys_are_revoked_from_the_command_line(
@@ -230,9 +230,9 @@ def test_keys_are_revoked_from_the_command_line(
         ("[[keys]]\nkey = 3", "key"),
         ("[[keys]]\nkey = 'AA=='\nowner = 'x'", "32 bytes"),
         ("[[keys]]\nowner = 'x'", "key"),
-        ("keys = 3", "is no keyring"),
-        ("more = 3", "is no keyring"),
-        ("[[keys]", "is no TOML"),
+        ("keys = 3", "is not a keyring"),
+        ("more = 3", "is not a keyring"),
+        ("[[keys]", "is not TOML"),
     ],
 )
 def test_a_damaged_keyring_is_refused_in_one_line(
@@ -288,7 +288,7 @@ def test_a_published_key_neither_signs_nor_verifies(seed: bytes, tmp_path: Path)
 def test_a_key_as_it_should_be_has_no_weakness() -> None:
     for _ in range(20):
         raw = Ed25519PrivateKey.generate().public_key().public_bytes_raw()
-        assert weakness(raw) == ""
+        assert key_weakness(raw) == ""
 
 
 def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) -> None:
@@ -304,10 +304,10 @@ def test_evidence_that_names_a_weak_key_is_tampered(made: Made, tmp_path: Path) 
             held["signatures"] = [
                 {"keyid": weak.key_id, "sig": base64.b64encode(signature).decode()}
             ]
-            (folder / "statement.dsse.json").write_bytes(canonical(held))
+            (folder / "statement.dsse.json").write_bytes(canonical_bytes(held))
 
         bundle.last.append(sign)
 
-    found = verify(tampered(made.bundle, tmp_path / "b", forge, signed=True))
+    found = verify_bundle(tampered(made.bundle, tmp_path / "b", forge, signed=True))
     assert found.outcome is BundleOutcome.TAMPERED
     assert "small order" in items(found)

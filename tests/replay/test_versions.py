@@ -13,15 +13,15 @@ from recordings.calibration import evidence_document
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.derived_values import estimator_of
-from recordings.calibration.evidence_document import document_of
+from recordings.calibration.evidence_document import parse_document
 from recordings.calibration.released_defaults import (
     changed_defaults,
     present_defaults,
     released_defaults,
 )
-from recordings.signatures.canonical_json import canonical
-from replay.calibration.apply_evidence import AskedCalibration, load_calibration
-from replay.calibration.verify_bundle import Verification, verify
+from recordings.signatures.canonical_json import canonical_bytes
+from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
+from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import Made, items
@@ -46,7 +46,7 @@ def released(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRe
 
 def checked(released: Path, folder: Path) -> Verification:
     key = released / "key.pub.pem"
-    return verify(folder, key_file=key, previous=released / "first")
+    return verify_bundle(folder, key_file=key, previous=released / "first")
 
 
 def test_evidence_of_0_1_0_still_verifies_but_for_its_page(
@@ -68,13 +68,13 @@ def test_logs_of_released_evidence_replay_to_all_that_it_has_of_them(tmp_path: P
     logs = campaign_folder(
         tmp_path / "logs", loads=FORMAT_3_LOADS, begin_unix_s=FORMAT_3_BEGIN_S
     ).parent
-    found = verify(folder / "first", key_file=folder / "key.pub.pem", logs=logs)
+    found = verify_bundle(folder / "first", key_file=folder / "key.pub.pem", logs=logs)
     assert {each.outcome for each in found.findings} == {OTHER_VERSION}, items(found)
     assert any("3 logs replayed: every reading" in done for done in found.done)
 
 
 def test_evidence_of_0_1_0_calibrates_as_before(released: Path) -> None:
-    held = load_calibration(AskedCalibration(released / "first", released / "key.pub.pem", True))
+    held = load_calibration(CalibrationRequest(released / "first", released / "key.pub.pem", True))
     kept = json.loads((released / "first" / "evidence.json").read_bytes())
     assert held.calibration.alpha_1 == kept["calibration"]["alpha_1"]
     assert held.signed_by.how == "given"
@@ -123,13 +123,13 @@ def test_a_setting_that_this_version_lacks_is_no_tampering(
     made: Made, tmp_path: Path, payscope: Payscope, place: tuple[str, ...]
 ) -> None:
     folder = tampered(made.bundle, tmp_path / "b", from_later(*place), signed=False)
-    found = verify(folder)
+    found = verify_bundle(folder)
     assert found.outcome is OTHER_VERSION, items(found)
     assert "made by payscope 0.9.0" in items(found)
     assert "nothing in it can be recomputed here" in items(found)
     assert payscope("verify", folder).status == 8
     with pytest.raises(EvidenceError, match=r"calibrates nothing: made by another version"):
-        load_calibration(AskedCalibration(folder))
+        load_calibration(CalibrationRequest(folder))
 
 
 def test_a_setting_that_came_later_takes_its_default(made: Made, tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_a_setting_that_came_later_takes_its_default(made: Made, tmp_path: Path)
         del bundle.evidence["campaign"]["method"]["margin_1"]
         bundle.evidence["software"]["payscope"] = "0.0.9"
 
-    found = verify(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
+    found = verify_bundle(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
     assert found.outcome in (None, OTHER_VERSION), items(found)
     assert any("campaign.method.margin_1" in note for note in found.notes)
 
@@ -150,8 +150,8 @@ def lacking(*place: str) -> Callable[[Bundle], None]:
         for name in place[:-1]:
             inside = inside[name]
         del inside[place[-1]]
-        document = document_of(canonical(bundle.evidence), EVIDENCE)
-        estimator = estimator_of(document.campaign, document.weighing, document.absent)
+        document = parse_document(canonical_bytes(bundle.evidence), EVIDENCE)
+        estimator = estimator_of(document.campaign, document.weighing, document.settings_at_default)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     return tamper
@@ -163,16 +163,18 @@ def test_an_absent_setting_takes_the_default_that_it_came_with(
     """Test: it came with 0.05, and today's default is another. Expected Result: 0.05."""
     place = ("machine", "settings", "priors", "sag_weight_share")
     folder = tampered(made.bundle, tmp_path / "b", lacking(*place), signed=False)
-    today = load_calibration(AskedCalibration(folder)).document.machine.settings.priors
+    today = load_calibration(CalibrationRequest(folder)).document.machine.settings.priors
     released = {"0.0.8": {}, "0.0.9": {".".join(place): 0.05}, "0.1.0": {".".join(place): 0.07}}
     monkeypatch.setattr(evidence_document, "released_defaults", lambda: released)
-    held = load_calibration(AskedCalibration(folder))
+    held = load_calibration(CalibrationRequest(folder))
     assert held.document.machine.settings.priors.sag_weight_share == 0.05 != today.sag_weight_share
     assert held.document.data == (folder / EVIDENCE).read_bytes()
-    assert any("priors.sag_weight_share = 0.05" in note for note in verify(folder).notes)
+    assert any("priors.sag_weight_share = 0.05" in note for note in verify_bundle(folder).notes)
     # and who weighs with today's is told
     machine = load_machine(made.campaign.with_name("sledge.toml"))
-    assert "settings.priors.sag_weight_share = 0.05 there" in held.other(held.weighing(machine))
+    assert "settings.priors.sag_weight_share = 0.05 there" in held.differences(
+        held.weighing_machine(machine)
+    )
 
 
 def test_a_whole_part_that_came_later_takes_the_defaults_that_it_came_with() -> None:
@@ -191,5 +193,5 @@ def test_defaults_of_this_version_are_kept_as_they_are() -> None:
 
 def test_an_unknown_key_under_this_version_is_tampering(made: Made, tmp_path: Path) -> None:
     tamper = in_json("campaign", "method", "later", value=3)
-    found = verify(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
+    found = verify_bundle(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
     assert found.outcome is TAMPERED

@@ -38,7 +38,7 @@ def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
         determine no line.
     """
     rows: list[dict[str, Any]] = []
-    for method, found in by_method(estimates):
+    for method, found in readings_by_method(estimates):
         known, exact = found.references, found.covariance_kg2
         try:
             line = fit_calibration(found.readings, known, exact, CalibrationOptions(method))
@@ -46,7 +46,7 @@ def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
             line, points = None, unfitted_points(found.readings, known)
         else:
             points = line.points
-        rows += point_rows(method, points, line, lambda point: float(point.load_id))
+        rows += method_rows(method, points, line, lambda point: float(point.load_id))
     return calibration_frame(rows)
 
 
@@ -65,7 +65,7 @@ class MethodReadings:
     covariance_kg2: Floats
 
 
-def by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodReadings]]:
+def readings_by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodReadings]]:
     """The readings of each method, in their order of appearance.
 
     Args:
@@ -85,7 +85,7 @@ def by_method(estimates: pl.DataFrame) -> Iterator[tuple[str, MethodReadings]]:
         yield str(method), MethodReadings(readings, known, exact)
 
 
-def point_rows(
+def method_rows(
     method: str,
     points: Iterable[Point],
     line: Calibration | None,

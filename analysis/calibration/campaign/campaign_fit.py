@@ -82,8 +82,8 @@ def fit_campaign(
         options: of the fit.
         responses: of runs to the errors of learnt means.
     """
-    known, covariance_kg2 = references(campaign, body)
-    rule = rule_of(campaign, known)
+    known, covariance_kg2 = load_references(campaign, body)
+    rule = decision_rule(campaign, known)
     try:
         fitted = fit_calibration(readings, known, covariance_kg2, options, responses)
     except DataError as fault:
@@ -93,7 +93,7 @@ def fit_campaign(
     return CampaignFit(fitted, "", fitted.points, limits)
 
 
-def rule_of(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule | None:
+def decision_rule(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule | None:
     """The decision rule that a campaign file asks for.
 
     Args:
@@ -112,7 +112,7 @@ def rule_of(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule 
     return rule
 
 
-def options_of(campaign: CalibrationCampaign, stated: Iterable[StatedPart]) -> CalibrationOptions:
+def fit_options(campaign: CalibrationCampaign, stated: Iterable[StatedPart]) -> CalibrationOptions:
     """The options of the fit that a campaign file asks for.
 
     Args:
@@ -196,7 +196,7 @@ def unfitted_points(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point,
     )
 
 
-def references(
+def load_references(
     campaign: CalibrationCampaign, body: Body
 ) -> tuple[pl.DataFrame, NDArray[np.float64]]:
     """The reference of each load, and how their errors go together.
@@ -222,7 +222,8 @@ def references(
             elif one.source and one.source == other.source:
                 mass_kg2[i, j] = one.shared_u_kg * other.shared_u_kg
     on_board = np.array(
-        [[mass in campaign.on_board(load) for mass in campaign.masses] for load in ids], np.float64
+        [[mass in campaign.masses_on_board(load) for mass in campaign.masses] for load in ids],
+        np.float64,
     ).reshape(len(ids), count)
     values = np.array([mass.value_kg for mass in campaign.masses])
     reference_kg = on_board @ values
@@ -260,7 +261,7 @@ def check_known_mass(
     Returns:
         The calibration with the points of this campaign, and the outcome.
     """
-    known, covariance_kg2 = references(campaign, body)
+    known, covariance_kg2 = load_references(campaign, body)
     (point, *_) = unfitted_points(readings, known)
     drift = check_against(
         calibration,

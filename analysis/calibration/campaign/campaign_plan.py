@@ -2,14 +2,23 @@
 
 import datetime as dt
 from itertools import pairwise
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Any, Final, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+from pydantic import BaseModel, Field, model_validator
 
+from analysis.calibration.campaign.campaign_subjects import (
+    CalibratedMachine,
+    Conditions,
+    EvidenceSubject,
+    Id,
+    Line,
+    Organisation,
+    ReferenceMass,
+)
+from analysis.model.strict_config import STRICT
 from estimators.errors import nearest
 
-_FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 #: What the joint fit gives: the machine's whole mass, or its difference to runs without load.
 JOINT_ESTIMATORS: Final = ("joint_mass", "joint_payload")
 #: The load of a run without any.
@@ -27,143 +36,15 @@ _CERTIFICATE_KEYS: Final = (
 )
 _CONDITION_KEYS: Final = ("temperature_degC", "slope_deg", "surface", "tyres", "fuel")
 
-Id = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
-Text = Annotated[str, StringConstraints(max_length=2000)]
-Line = Annotated[str, StringConstraints(max_length=200)]
 Estimator = Literal[
     "joint_mass", "joint_payload", "pooled", "ls", "rls", "rtls", "fgls", "tls", "huber"
 ]
 
 
-class Organisation(BaseModel):
-    """A laboratory or a customer; with `[laboratory]` the evidence is a certificate."""
-
-    model_config = _FORBID
-
-    name: Line = Field(min_length=1, description="its name")
-    address: Line = Field(min_length=1, description="street and number, or what else finds it")
-    city: Line = Field(min_length=1, description="with the postal code")
-    country: Annotated[str, StringConstraints(pattern=r"^[A-Z]{2}$")] = Field(
-        description="two letters, ISO 3166-1"
-    )
-    email: Line = Field("", description="of whoever answers questions")
-
-    @property
-    def text(self) -> str:
-        """Name and address in a line."""
-        email = f", {self.email}" if self.email else ""
-        return f"{self.name}, {self.address}, {self.city}, {self.country}{email}"
-
-
-class EvidenceSubject(BaseModel):
-    """Who makes the evidence, and what for."""
-
-    model_config = _FORBID
-
-    title: Line = Field("", description="heading of the report")
-    intended_use: Text = Field(min_length=1, description="what the calibration is for")
-    author: Line = Field(min_length=1, description="who made the campaign")
-    authoriser: Line = Field("", description="who answers for it, if another")
-    author_function: Line = Field("", description="the author's function")
-    authoriser_function: Line = Field("", description="the authoriser's function")
-    place: Line = Field("", description="where the runs were made")
-    place_kind: Literal["", "laboratory", "customer", "other"] = Field(
-        "", description="whose place that is"
-    )
-    received: dt.date | None = Field(None, description="day when the machine was handed over")
-    deviations: Text = Field("", description='deviations from the method, or "none"')
-    replaces: Id | Literal[""] = Field("", description="id of the evidence that this one replaces")
-    replaces_reason: Text = Field("", description="why it is replaced")
-    signer: Line = Field("", description="whose signing key it is, by name")
-    valid_days: int = Field(
-        365, ge=1, le=3650, description="days after the last run when the evidence expires"
-    )
-    remark: Text = Field("", description="for the reader, such as repairs since the last")
-
-    @model_validator(mode="after")
-    def _replaced_for_a_reason(self) -> Self:
-        if bool(self.replaces) != bool(self.replaces_reason):
-            raise ValueError("replaces and replaces_reason go together: what is replaced, and why")
-        return self
-
-
-class CalibratedMachine(BaseModel):
-    """Which machine it is about; its machine file says how it is weighed."""
-
-    model_config = _FORBID
-
-    file: Line = Field(min_length=1, description="machine file, from the campaign file's folder")
-    id: Id = Field(description="serial number: evidence is chained by it")
-    make: Line = Field("", description="who built it")
-    model: Line = Field("", description="model of the machine")
-    condition: Line = Field("", description="its condition, such as tyres worn by a third")
-    empty_mass_kg: float | None = Field(
-        None, gt=0, description="its empty mass, where not the machine file's"
-    )
-    empty_mass_u_kg: float | None = Field(
-        None, ge=0, description="standard uncertainty of that, likewise"
-    )
-    empty_certificate: Line = Field("", description="certificate of the machine's empty mass")
-    empty_expires: dt.date | None = Field(None, description="its last day")
-    parts: dict[Line, Line] = Field(
-        default={}, description="ids of sensors, bucket, firmware: a table of texts"
-    )
-
-
-class ReferenceMass(BaseModel):
-    """One reference mass with its certificate."""
-
-    model_config = _FORBID
-
-    id: Id = Field(description="name that runs call it by")
-    value_kg: float = Field(gt=0, le=1e6, description="its mass")
-    u_kg: float = Field(ge=0, le=1e5, description="standard uncertainty (k = 1) of that")
-    certificate: Line = Field("", description="id of its certificate")
-    expires: dt.date | None = Field(None, description="last day of the certificate")
-    stated_by: Literal["", "customer"] = Field(
-        "", description='"customer" where the customer says the mass, and no laboratory'
-    )
-    dcc: Line = Field(
-        "", description="digital certificate and item that it is read from: cert.xml#item"
-    )
-    certificate_sha256: Annotated[str, StringConstraints(pattern=r"^([0-9a-f]{64})?$")] = Field(
-        "", description="digest of the certificate; of a dcc it is computed"
-    )
-    certificate_issuer: Line = Field("", description="laboratory that issued the certificate")
-    certificate_signature: Line = Field(
-        "", description="signer of the dcc; filled in when it is read"
-    )
-    source: Line = Field("", description="scale or certificate that several masses share")
-    shared_u_kg: float = Field(
-        0.0, ge=0, le=1e5, description="part of u_kg that all masses of that source share"
-    )
-
-    @model_validator(mode="after")
-    def _part_of_whole(self) -> Self:
-        if self.shared_u_kg > self.u_kg:
-            raise ValueError(f"'{self.id}': shared_u_kg is a part of u_kg, and cannot exceed it")
-        if self.shared_u_kg and not self.source:
-            raise ValueError(f"'{self.id}': shared_u_kg needs source, what it is shared with")
-        return self
-
-
-class Conditions(BaseModel):
-    """What the runs were made under."""
-
-    model_config = _FORBID
-
-    slope_deg: float | None = Field(None, ge=-45, le=45, description="of the ground, nose up")
-    surface: Line = Field("", description="such as dry concrete")
-    tyres: Line = Field("", description="such as inflation pressure")
-    fuel: Line = Field("", description="such as how full the tank was")
-    temperature_degC: float | None = Field(None, ge=-90, le=90, description="of the air")
-    note: Line = Field("", description="anything else")
-
-
 class CampaignRun(BaseModel):
     """A log, or a stretch of one, with known loads on board."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     id: Id = Field(description="name of the run; its number if it has none")
     log: Line = Field(min_length=1, description="the log, from the campaign file's folder")
@@ -180,13 +61,13 @@ class CampaignRun(BaseModel):
         """The name of what is on board."""
         return "+".join(sorted(self.loads)) or EMPTY
 
-    def holds(self, start_s: float, end_s: float) -> bool:
+    def covers(self, start_s: float, end_s: float) -> bool:
         """Whether the middle of a stretch of its log lies in the run."""
         middle = (start_s + end_s) / 2.0
         return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
 
     @model_validator(mode="after")
-    def _in_order(self) -> Self:
+    def _check_order(self) -> Self:
         if self.to_s is not None and self.to_s <= (self.from_s or 0.0):
             raise ValueError(f"run '{self.id}': to_s is not after from_s")
         if len(set(self.loads)) < len(self.loads):
@@ -197,7 +78,7 @@ class CampaignRun(BaseModel):
 class StatedComponent(BaseModel):
     """A component of the uncertainty budget that no run shows."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     component: Line = Field(min_length=1, description="name, such as tare or local gravity")
     u_kg: float | None = Field(None, ge=0, le=1e5, description="standard uncertainty, if known")
@@ -211,7 +92,7 @@ class StatedComponent(BaseModel):
 class CampaignMethod(BaseModel):
     """Which mass is calibrated, and how far its line is believed."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     estimator: Estimator = Field(
         "joint_mass",
@@ -235,10 +116,10 @@ class CampaignMethod(BaseModel):
     )
 
 
-class AskedLimits(BaseModel):
+class CampaignLimits(BaseModel):
     """Which error limits a calibrated mass is to be within, and how sure the answer has to be."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     accuracy_class: Line = Field(description='such as "OIML R 51 Y(b)" or "OIML R 134 2"')
     scale_interval_kg: float | None = Field(None, gt=0, description="e of R 51")
@@ -254,7 +135,7 @@ class AskedLimits(BaseModel):
 class LeftOutLog(BaseModel):
     """A log of the recorder that is none of the campaign."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     number: int = Field(ge=1, lt=2**53, description="its line number in the list")
     reason: Line = Field(min_length=1, description="why it is none of the campaign")
@@ -263,7 +144,7 @@ class LeftOutLog(BaseModel):
 class NotaryStretch(BaseModel):
     """Which logs the recorder made: a stretch of the list that its notary keeps."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     list: Line = Field(min_length=1, description="list of `payscope notarise`, from this folder")
     first: int = Field(ge=1, lt=2**53, description="number of the first log")
@@ -293,7 +174,7 @@ class NotaryStretch(BaseModel):
 class CalibrationCampaign(BaseModel):
     """A whole campaign file."""
 
-    model_config = _FORBID
+    model_config = STRICT
 
     campaign: EvidenceSubject
     laboratory: Organisation | None = None
@@ -305,7 +186,7 @@ class CalibrationCampaign(BaseModel):
     )
     conditions: Conditions = Conditions.model_validate({})
     method: CampaignMethod = CampaignMethod.model_validate({})
-    decision: AskedLimits | None = None
+    decision: CampaignLimits | None = None
     #: Left out where there is none, so that it changes no campaign of before there was one.
     notary: NotaryStretch | None = Field(None, exclude_if=lambda value: value is None)
     runs: tuple[CampaignRun, ...] = Field(min_length=1, max_length=500)
@@ -349,7 +230,7 @@ class CalibrationCampaign(BaseModel):
                 raise ValueError(f"runs '{first}' and '{second}' overlap in {log}")
 
     @property
-    def learns(self) -> bool:
+    def learns_priors(self) -> bool:
         """Whether its logs narrow the priors of the mass that is calibrated."""
         return self.method.learn and self.method.estimator in JOINT_ESTIMATORS
 
@@ -370,7 +251,7 @@ class CalibrationCampaign(BaseModel):
         return last + dt.timedelta(days=self.campaign.valid_days)
 
     @property
-    def not_stated(self) -> tuple[str, ...]:
+    def missing_statements(self) -> tuple[str, ...]:
         """Keys that ISO/IEC 17025, 7.8 asks for of a certificate, and that the file leaves open."""
         found = [name for name in ("laboratory", "customer") if getattr(self, name) is None]
         asked: tuple[tuple[str, BaseModel, tuple[str, ...]], ...] = (
@@ -390,7 +271,7 @@ class CalibrationCampaign(BaseModel):
         return {n: common[n] if own[n] in ("", None) else own[n] for n in own}
 
     @property
-    def untraceable(self) -> tuple[str, ...]:
+    def untraceable_references(self) -> tuple[str, ...]:
         """What of the references is not traceable, a sentence each."""
         found: list[str] = []
         for mass in self.masses:
@@ -409,16 +290,16 @@ class CalibrationCampaign(BaseModel):
                 found.append("the machine's empty mass has no certificate")
         return tuple(found)
 
-    def on_board(self, load_id: str) -> tuple[ReferenceMass, ...]:
+    def masses_on_board(self, load_id: str) -> tuple[ReferenceMass, ...]:
         """The masses of a load."""
         wanted = () if load_id == EMPTY else load_id.split("+")
         return tuple(each for each in self.masses if each.id in wanted)
 
-    def overdue(self) -> list[str]:
+    def overdue_certificates(self) -> list[str]:
         """Certificates that were not valid on the day of a run, a sentence each."""
         found: list[str] = []
         for run in self.runs:
-            dated = [(f"mass '{m.id}'", m.expires) for m in self.on_board(run.load_id)]
+            dated = [(f"mass '{m.id}'", m.expires) for m in self.masses_on_board(run.load_id)]
             if self.method.estimator != "joint_payload":
                 dated.append(("the machine's empty mass", self.machine.empty_expires))
             found += [

@@ -50,10 +50,10 @@ def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -
         reason.
     """
     joint = estimator in JOINT_ESTIMATORS
-    said = _manoeuvres(replayed) if joint else _of_method(replayed, estimator)
+    said = joint_fit_readings(replayed) if joint else method_readings(replayed, estimator)
     rows: list[dict[str, Any]] = []
     for run in runs:
-        inside = [each for each in said if run.holds(each["start_s"], each["end_s"])]
+        inside = [each for each in said if run.covers(each["start_s"], each["end_s"])]
         about = {
             "run_id": run.id,
             "load_id": run.load_id,
@@ -69,7 +69,7 @@ def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -
             why = f"excluded: {run.excluded}" if run.excluded else _NOTHING
             rows.append({**about, "reading": 1, "used": False, "reason": why})
     found = pl.DataFrame(rows, schema=READINGS, orient="row")
-    return _differences(found) if estimator == "joint_payload" else found
+    return differences_from_empty(found) if estimator == "joint_payload" else found
 
 
 def run_responses(
@@ -92,7 +92,7 @@ def run_responses(
         if not run.excluded
         and (
             inside := [
-                e for e in said if run.holds(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
+                e for e in said if run.covers(e["start_t_ns"] / NS_PER_S, e["end_t_ns"] / NS_PER_S)
             ]
         )
     }
@@ -106,21 +106,21 @@ def run_responses(
     )
 
 
-def _manoeuvres(replayed: Run) -> list[dict[str, Any]]:
+def joint_fit_readings(replayed: Run) -> list[dict[str, Any]]:
     """What the joint fit says, manoeuvre by manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
-    own = replayed.frames["budget"].filter(pl.col("cause").is_in(_no_common_causes(replayed)))
+    own = replayed.frames["budget"].filter(pl.col("cause").is_in(causes_not_in_common(replayed)))
     own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
     found: list[dict[str, Any]] = []
     for row in replayed.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
-        common_kg = _subtract_u(load["u_common_kg"], own_kg.get(row["load_id"]))
+        common_kg = subtract_part_u(load["u_common_kg"], own_kg.get(row["load_id"]))
         found.append(_reading_row(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
     return found
 
 
-def _no_common_causes(replayed: Run) -> list[str]:
+def causes_not_in_common(replayed: Run) -> list[str]:
     """What a log's budget has as common that is not common to the campaign's masses.
 
     What the means of learnt priors have wrong the line takes with it. Their widths are what differs
@@ -133,14 +133,14 @@ def _no_common_causes(replayed: Run) -> list[str]:
     return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
 
 
-def _subtract_u(u_kg: float | None, part_kg: float | None) -> float | None:
+def subtract_part_u(u_kg: float | None, part_kg: float | None) -> float | None:
     """A standard uncertainty less a part of it."""
     if u_kg is None or not part_kg:
         return u_kg
     return float(np.sqrt(max(u_kg**2 - part_kg**2, 0.0)))
 
 
-def _of_method(replayed: Run, method: str) -> list[dict[str, Any]]:
+def method_readings(replayed: Run, method: str) -> list[dict[str, Any]]:
     """What a method of the paper says of each manoeuvre; its ± is statistical alone."""
     about = replayed.provenance
     segments = replayed.frames["segments"]
@@ -188,7 +188,7 @@ def _reading_row(
     }
 
 
-def _differences(found: pl.DataFrame) -> pl.DataFrame:
+def differences_from_empty(found: pl.DataFrame) -> pl.DataFrame:
     """Masses less the mean of the log's readings without load, whose error they share."""
     parts: list[pl.DataFrame] = []
     for log in found.partition_by("log", maintain_order=True):

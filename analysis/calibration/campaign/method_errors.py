@@ -3,9 +3,9 @@
 import numpy as np
 import polars as pl
 
-from analysis.calibration.campaign.by_method import MethodReadings, by_method
+from analysis.calibration.campaign.by_method import MethodReadings, readings_by_method
 from analysis.calibration.line.calibration_points import campaign_of
-from analysis.calibration.line.line_fit import tested_line
+from analysis.calibration.line.line_fit import fit_tested_line
 from analysis.calibration.line.point_errors import lines_left_out
 from estimators.arrays import Floats
 from estimators.errors import DataError
@@ -55,8 +55,8 @@ def run_errors(estimates: pl.DataFrame) -> pl.DataFrame:
         pl.DataFrame({"row": of, "error_kg": within, "error_left_out_kg": without}).with_columns(
             pl.col("row").cast(pl.UInt32), pl.col(*columns).fill_nan(None)
         )
-        for of, (_, found) in zip(rows, by_method(estimates), strict=True)
-        for within, without in (_errors(found),)
+        for of, (_, found) in zip(rows, readings_by_method(estimates), strict=True)
+        for within, without in (point_errors(found),)
     ]
     empty = pl.DataFrame(schema={"row": pl.UInt32, **columns})
     return numbered.join(pl.concat([empty, *frames]), "row", "left", maintain_order="left").select(
@@ -64,7 +64,7 @@ def run_errors(estimates: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def _errors(found: MethodReadings) -> tuple[Floats, Floats]:
+def point_errors(found: MethodReadings) -> tuple[Floats, Floats]:
     """(starts,) errors on the line, and with the start's load left out; NaN where there is none."""
     mass = found.readings["mass_kg"].to_numpy().astype(np.float64)
     loads = {load: k for k, load in enumerate(found.references["load_id"])}
@@ -73,7 +73,7 @@ def _errors(found: MethodReadings) -> tuple[Floats, Floats]:
     within, without = np.full(mass.size, np.nan), np.full(mass.size, np.nan)
     try:
         points = campaign_of(found.readings, found.references, found.covariance_kg2).points
-        line, _ = tested_line(points, None)
+        line, _ = fit_tested_line(points, None)
     except DataError:
         return within, without
     within = (mass - line.level_kg) / line.slope_1 + line.centre_kg - reference

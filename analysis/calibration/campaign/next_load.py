@@ -49,47 +49,51 @@ def next_load(calibration: Calibration, *, same_day: bool = False) -> tuple[Next
     """
     used = [point for point in calibration.points if point.mean_kg is not None]
     ends = [reference.reference_kg for reference in calibration.references]
-    now = _with(calibration, used)
-    now_kg = _widest_kg(calibration, now, ends)
+    now = inversion_with_points(calibration, used)
+    now_kg = _widest_interval_kg(calibration, now, ends)
     found: list[NextLoad] = []
     for reference in calibration.references:
         more = replace(
             used[-1],
             load_id=reference.load_id,
-            day=used[-1].day if same_day else _new_day(used),
+            day=used[-1].day if same_day else unused_day(used),
             reference_kg=reference.reference_kg,
             readings=calibration.budget_at[1],
         )
-        then = _with(calibration, [*used, more])
+        then = inversion_with_points(calibration, [*used, more])
         found.append(
             NextLoad(
                 load_id=reference.load_id,
                 reference_kg=reference.reference_kg,
                 # equal ones stay equal: by rounding alone one would be better
-                determinant_1=round(_determinant(then) / _determinant(now), 9),
-                half_width_kg=_widest_kg(calibration, then, ends),
+                determinant_1=round(
+                    _covariance_determinant(then) / _covariance_determinant(now), 9
+                ),
+                half_width_kg=_widest_interval_kg(calibration, then, ends),
                 half_width_now_kg=now_kg,
             )
         )
     return tuple(sorted(found, key=lambda one: (one.determinant_1, one.load_id)))
 
 
-def _new_day(used: list[Point]) -> str:
+def unused_day(used: list[Point]) -> str:
     """A label that no run has."""
     return max((point.day for point in used), key=len) + "+"
 
 
-def _determinant(inversion: Inversion) -> float:
+def _covariance_determinant(inversion: Inversion) -> float:
     covariance = np.tensordot(inversion.variance_kg2, inversion.on_line, 1)
     return float(np.linalg.det(covariance))
 
 
-def _widest_kg(calibration: Calibration, inversion: Inversion, at_kg: list[float]) -> float:
+def _widest_interval_kg(
+    calibration: Calibration, inversion: Inversion, at_kg: list[float]
+) -> float:
     confidence_1, readings = calibration.confidence_1, float(calibration.budget_at[1])
-    return max(inversion.half_kg(mass_kg, confidence_1, readings) for mass_kg in at_kg)
+    return max(inversion.half_interval_kg(mass_kg, confidence_1, readings) for mass_kg in at_kg)
 
 
-def _with(calibration: Calibration, points: list[Point]) -> Inversion:
+def inversion_with_points(calibration: Calibration, points: list[Point]) -> Inversion:
     """The calibration's line with its variances, as if it had been fitted to these points."""
     loads = {one.load_id: k for k, one in enumerate(calibration.references)}
     days = list(dict.fromkeys(point.day for point in points))
@@ -115,14 +119,14 @@ def _with(calibration: Calibration, points: list[Point]) -> Inversion:
     mean_squares: Floats = np.linalg.solve(scatter.squares, value).astype(np.float64)
     information = expected_information(
         design,
-        scatter.by_squares,
+        scatter.mean_square_covariances,
         scatter.known + slope**2 * x_cov,
         as_points.within,
         mean_squares,
     )
     covariance = np.asarray(np.linalg.pinv(information, hermitian=True), np.float64)
-    variances = Variances(mean_squares, covariance).transformed(scatter.squares)
-    effects = scatter.on_line(variances, design, slope, x_cov)
+    variances = Variances(mean_squares, covariance).transform(scatter.squares)
+    effects = scatter.effects_on_line(variances, design, slope, x_cov)
     several_days = DAY in names and len(days) < DAYS_ENOUGH
     return replace(
         calibration.inversion,

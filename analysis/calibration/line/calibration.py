@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from analysis.calibration.line.line_inversion import Inversion
 from analysis.calibration.line.line_model import DAY
-from analysis.model.settings import LearnableTerm
+from analysis.model.prior_settings import LearnableTerm
 from estimators.errors import DataError
 
 _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
@@ -246,7 +246,7 @@ class Calibration:
     responses: tuple[LineResponse, ...] = ()
 
     @property
-    def of_one_day(self) -> bool:
+    def is_of_one_day(self) -> bool:
         """Whether nothing tells how the machine changes from day to day."""
         days = {point.day for point in self.points if point.readings}
         return len(days) == 1 and (self.day_kg is None or self.day_freedom is not None)
@@ -265,7 +265,9 @@ class Calibration:
             scatters=np.array([float(part.scatters) for part in parts]),
             estimated=np.flatnonzero([part.estimated for part in parts]).astype(np.int64),
             covariance=np.array(self.variance_covariance),
-            extra_kg2=extra_kg2(self.stated, self.common_kg if self.common_counts else 0.0),
+            extra_kg2=extra_variance_kg2(
+                self.stated, self.common_kg if self.common_counts else 0.0
+            ),
             apart={} if self.few_days is None else {DAY: self.few_days},
             most_readings=self.most_readings,
         )
@@ -291,8 +293,8 @@ class Calibration:
             interval that says less than the valid range does, or lies outside of it.
         """
         if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
-            return _refusal_reason("no estimate")
-        found = self.inversion.with_more(unlike_u_kg / abs(self.c1_1)).inverted(
+            return _withheld_mass("no estimate")
+        found = self.inversion.with_extra_u(unlike_u_kg / abs(self.c1_1)).invert(
             np.array([mass_kg]),
             np.array([float(readings)]),
             np.array([np.nan if u_random_kg is None else u_random_kg]),
@@ -302,15 +304,15 @@ class Calibration:
             float(x[0]) for x in (found.mass_kg, found.u_kg, found.low_kg, found.high_kg)
         )
         if not np.isfinite([low, high]).all():
-            return _refusal_reason("the calibration's slope cannot be told from 0")
+            return _withheld_mass("the calibration's slope cannot be told from 0")
         least, most = self.range_kg
         half = (high - low) / 2.0
         if half > most - least:
-            return _refusal_reason(
+            return _withheld_mass(
                 f"± {half:.3g} kg is more than the calibrated range, {least:.6g} to {most:.6g} kg"
             )
         if high < least or low > most:
-            return _refusal_reason(
+            return _withheld_mass(
                 f"{mass:.6g} kg is outside of the calibrated range, {least:.6g} to {most:.6g} kg"
             )
         return CalibratedMass(mass, u, low, high, "")
@@ -335,13 +337,13 @@ class Calibration:
             raise DataError(f"calibration: {where}: {what}") from error
 
 
-def extra_kg2(stated: tuple[StatedPart, ...], common_kg: float) -> float:
+def extra_variance_kg2(stated: tuple[StatedPart, ...], common_kg: float) -> float:
     """Variance of every later m̂ that the points do not show."""
     anew = (one.u_kg for one in stated if not one.absorbed and one.u_kg is not None)
     return common_kg**2 + sum(u_kg**2 for u_kg in anew)
 
 
-def _refusal_reason(reason: str) -> CalibratedMass:
+def _withheld_mass(reason: str) -> CalibratedMass:
     return CalibratedMass(None, None, None, None, reason)
 
 

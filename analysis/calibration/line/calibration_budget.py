@@ -23,7 +23,7 @@ _MEANINGS: Final = {
 }
 
 
-def budget(
+def calibration_budget_rows(
     inversion: Inversion,
     components: Sequence[Component],
     stated: Sequence[StatedPart],
@@ -40,7 +40,7 @@ def budget(
         common_kg: common error that counts, in kg of m̂; None where the line absorbs it.
     """
     mass_kg, readings = at
-    anew = _none_negative(inversion.parts_kg2(readings), components)
+    anew = clip_negative_parts(inversion.parts_kg2(readings), components)
     size = abs(inversion.slope_1)
     rows = [
         BudgetRow(
@@ -86,7 +86,7 @@ def budget(
     return tuple(rows)
 
 
-def _none_negative(parts_kg2: Floats, components: Sequence[Component]) -> Floats:
+def clip_negative_parts(parts_kg2: Floats, components: Sequence[Component]) -> Floats:
     """(effects,) deviations; what days or runs scatter too little is taken off the next finer."""
     parts = parts_kg2.copy()
     names = [component.name for component in components]

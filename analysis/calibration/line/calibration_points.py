@@ -47,7 +47,7 @@ def campaign_of(
     Raises:
         DataError: what no line can be fitted to.
     """
-    _check(readings, references, covariance_kg2)
+    _check_frames(readings, references, covariance_kg2)
     references = references.select("load_id", pl.col("reference_kg").cast(pl.Float64))
     mass = pl.col("mass_kg").cast(pl.Float64)
     used = pl.col("used") & mass.is_finite().fill_null(value=False)
@@ -88,7 +88,7 @@ def campaign_of(
     )
 
 
-def _check(readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats) -> None:
+def _check_frames(readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats) -> None:
     loads = references.height
     if references["load_id"].n_unique() != loads:
         raise DataError("calibration: two references have one load_id")

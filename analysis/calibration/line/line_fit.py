@@ -14,9 +14,9 @@ from analysis.calibration.line.calibration import (
     Component,
     LackOfFit,
     Reference,
-    extra_kg2,
+    extra_variance_kg2,
 )
-from analysis.calibration.line.calibration_budget import budget
+from analysis.calibration.line.calibration_budget import calibration_budget_rows
 from analysis.calibration.line.calibration_points import Campaign, campaign_of
 from analysis.calibration.line.distance_regression import distance_regression
 from analysis.calibration.line.line_inversion import Inversion
@@ -30,8 +30,13 @@ from analysis.calibration.line.line_model import (
     fit_line,
     scatter_of,
 )
-from analysis.calibration.line.outliers import outliers
-from analysis.calibration.line.point_errors import attenuation, point_rows, rms, stated_ratio
+from analysis.calibration.line.outliers import find_outliers
+from analysis.calibration.line.point_errors import (
+    attenuation,
+    point_rows,
+    rms,
+    scatter_over_stated_std,
+)
 from analysis.calibration.line.unlike_driving import RunResponse, line_responses
 from analysis.calibration.line.variance_components import restricted_likelihood
 from estimators.arrays import Floats
@@ -67,9 +72,9 @@ def lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
         )
     scatter = scatter_of(points, names, day_known_kg)
     found = restricted_likelihood(
-        points.y_kg, design, scatter.by_squares, scatter.known, points.within
+        points.y_kg, design, scatter.mean_square_covariances, scatter.known, points.within
     )
-    y_cov = scatter.covariance(found.transformed(scatter.squares).value)
+    y_cov = scatter.covariance(found.transform(scatter.squares).value)
     x_cov = points.x_cov_kg2
     fitted = distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
     weight = np.linalg.inv(y_cov + fitted.slope**2 * x_cov)
@@ -113,17 +118,17 @@ def fit_calibration(
         raise DataError(f"calibration: the readings have no column '{missing[0]}'")
     campaign = campaign_of(readings, references, covariance_kg2)
     points = campaign.points
-    line, test = tested_line(points, options.day_known_kg)
+    line, test = fit_tested_line(points, options.day_known_kg)
     day_unknown = options.day_known_kg is None and points.days == 1
-    common_kg = _common_kg(campaign.readings)
+    common_kg = largest_common_kg(campaign.readings)
     counted_kg = common_kg if day_unknown else 0.0
-    inversion = Inversion.of(line, extra_kg2(options.stated, counted_kg))
-    components = _components(line, campaign)
+    inversion = Inversion.from_line(line, extra_variance_kg2(options.stated, counted_kg))
+    components = estimate_components(line, campaign)
     low, high = float(points.x_kg.min()), float(points.x_kg.max())
     margin = options.margin_1 * (high - low)
     at = (high + margin, int(np.median(points.readings)))
     u_kg = inversion.u_kg(*at)
-    half_kg = inversion.half_kg(at[0], options.confidence_1, at[1])
+    half_kg = inversion.half_interval_kg(at[0], options.confidence_1, at[1])
     rows = point_rows(campaign, line)
     left_out = [row.error_left_out_kg for row in rows]
     c0 = line.level_kg - line.slope_1 * line.centre_kg
@@ -140,7 +145,7 @@ def fit_calibration(
         beta_interval_kg=_beta_interval(inversion, options.confidence_1),
         c0_kg=c0,
         c1_1=line.slope_1,
-        covariance=_three(covariance),
+        covariance=_upper_entries(covariance),
         centre_kg=line.centre_kg,
         level_kg=line.level_kg,
         chi2_1=line.chi2,
@@ -162,13 +167,13 @@ def fit_calibration(
         references=tuple(Reference(*row) for row in campaign.references.iter_rows()),
         references_covariance_kg2=tuple(tuple(map(float, row)) for row in points.covariance_kg2),
         points=rows,
-        outliers=outliers(campaign, line),
+        outliers=find_outliers(campaign, line),
         rms_error_kg=rms([row.error_kg for row in rows]) or 0.0,
         rms_error_left_out_kg=rms(left_out),
         attenuation_1=attenuation(campaign),
-        stated_ratio_1=stated_ratio(campaign),
+        stated_ratio_1=scatter_over_stated_std(campaign),
         range_kg=(low - margin, high + margin),
-        budget=budget(
+        budget=calibration_budget_rows(
             inversion, components, options.stated, at, common_kg if day_unknown else None
         ),
         budget_at=at,
@@ -181,10 +186,10 @@ def fit_calibration(
             line.centre_kg,
         ),
     )
-    return replace(calibration, says=sentences(calibration))
+    return replace(calibration, says=calibration_notes(calibration))
 
 
-def tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
+def fit_tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
     """Fit the line, with a deviation of each load from it where the points show one.
 
     Args:
@@ -199,21 +204,21 @@ def tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedLine,
     return line, test
 
 
-def _components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
+def estimate_components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
     """The effects as plain numbers."""
     found: list[Component] = []
     place = 0
     for effect in line.effects:
         freedom: float | None = None
         if effect.estimated:
-            freedom = _freedom(effect.name, effect.variance_kg2, line, campaign, place)
+            freedom = degrees_of_freedom(effect.name, effect.variance_kg2, line, campaign, place)
             place += 1
         found.append(
             Component(
                 name=effect.name,
                 variance_kg2=effect.variance_kg2,
                 freedom=freedom,
-                on_line=_three(effect.on_line),
+                on_line=_upper_entries(effect.on_line),
                 estimated=effect.estimated,
                 scatters=effect.scatters,
             )
@@ -221,7 +226,7 @@ def _components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:
     return tuple(found)
 
 
-def _freedom(
+def degrees_of_freedom(
     name: str, variance_kg2: float, line: FittedLine, campaign: Campaign, place: int
 ) -> float:
     """Degrees of freedom of an estimated variance; those of the readings are counted."""
@@ -231,11 +236,11 @@ def _freedom(
     return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0
 
 
-def _three(covariance: Floats) -> tuple[float, float, float]:
+def _upper_entries(covariance: Floats) -> tuple[float, float, float]:
     return float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])
 
 
-def _common_kg(used: pl.DataFrame) -> float:
+def largest_common_kg(used: pl.DataFrame) -> float:
     """The largest common uncertainty of a run, 0 where none is stated."""
     if "common_u_kg" not in used.columns:
         return 0.0
@@ -251,14 +256,14 @@ def _alpha_interval(inversion: Inversion, confidence_1: float) -> tuple[float | 
 
 def _beta_interval(inversion: Inversion, confidence_1: float) -> tuple[float | None, float | None]:
     """Interval of the mass at which the line is 0."""
-    found = inversion.exact(0.0, confidence_1)
+    found = inversion.invert_exact(0.0, confidence_1)
     low, high = float(found.low_kg[0]), float(found.high_kg[0])
     return (low, high) if np.isfinite(low) and np.isfinite(high) else (None, None)
 
 
-def sentences(calibration: Calibration) -> tuple[str, ...]:
+def calibration_notes(calibration: Calibration) -> tuple[str, ...]:
     """One sentence a matter, the heaviest first."""
-    found = [*_about_days(calibration), *_about_line(calibration)]
+    found = [*_notes_on_days(calibration), *_notes_on_line(calibration)]
     found += [
         f"{one.test}: {one.about} stands out (p = {one.p_1:.2g}); it is in the fit"
         for one in calibration.outliers
@@ -266,7 +271,7 @@ def sentences(calibration: Calibration) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _about_days(calibration: Calibration) -> list[str]:
+def _notes_on_days(calibration: Calibration) -> list[str]:
     days = len({point.day for point in calibration.points if point.readings})
     if calibration.day_freedom is None and calibration.day_kg is not None:
         return []
@@ -288,7 +293,7 @@ def _about_days(calibration: Calibration) -> list[str]:
     return []
 
 
-def _about_line(calibration: Calibration) -> list[str]:
+def _notes_on_line(calibration: Calibration) -> list[str]:
     found: list[str] = []
     middle_kg = sum(calibration.range_kg) / 2.0
     share = calibration.beta_kg / middle_kg if middle_kg else 0.0

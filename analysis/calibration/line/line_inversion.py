@@ -63,7 +63,7 @@ class Inversion:
     most_readings: int
 
     @classmethod
-    def of(cls, line: FittedLine, extra_kg2: float = 0.0) -> "Inversion":
+    def from_line(cls, line: FittedLine, extra_kg2: float = 0.0) -> "Inversion":
         """The inverse of a fitted line."""
         effects = line.effects
         return cls(
@@ -81,7 +81,7 @@ class Inversion:
             most_readings=line.most_readings,
         )
 
-    def inverted(
+    def invert(
         self, y_kg: Floats, readings: Floats, u_random_kg: Floats, confidence_1: float
     ) -> InverseReading:
         """The mass of each later m̂.
@@ -98,11 +98,11 @@ class Inversion:
         Source:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
-        new = self._new(readings)
-        beyond = self._beyond_kg2(new, u_random_kg)
+        new = self._new_value_effects(readings)
+        beyond = self._excess_random_kg2(new, u_random_kg)
         return self._solve_estimates(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
-    def exact(self, y_kg: float, confidence_1: float) -> InverseReading:
+    def invert_exact(self, y_kg: float, confidence_1: float) -> InverseReading:
         """Where the line itself has the value `y_kg`: nothing scatters it."""
         none = np.zeros((1, self.variance_kg2.size))
         return self._solve_estimates(np.array([y_kg]), none, np.zeros(1), confidence_1)
@@ -116,17 +116,19 @@ class Inversion:
 
     def parts_kg2(self, readings: float) -> Floats:
         """(effects,) what each gives anew to the variance of a later mass, in kg² of mass."""
-        return self._new(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
+        return (
+            self._new_value_effects(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
+        )
 
-    def with_more(self, u_kg: float) -> "Inversion":
+    def with_extra_u(self, u_kg: float) -> "Inversion":
         """The same with an uncertainty of later masses besides, in kg of mass."""
         return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
 
     def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
         """Standard uncertainty of a later mass."""
-        return self._half_kg(mass_kg, None, readings, u_random_kg)
+        return self._half_interval_kg(mass_kg, None, readings, u_random_kg)
 
-    def half_kg(
+    def half_interval_kg(
         self, mass_kg: float, confidence_1: float, readings: float, u_random_kg: float = 0.0
     ) -> float:
         """Half of the interval of a later mass, without what the slope's doubt skews it by.
@@ -137,31 +139,31 @@ class Inversion:
             readings: whose mean it is.
             u_random_kg: its own random standard uncertainty in kg of m̂, 0 where it has none.
         """
-        return self._half_kg(mass_kg, confidence_1, readings, u_random_kg)
+        return self._half_interval_kg(mass_kg, confidence_1, readings, u_random_kg)
 
-    def beyond(
+    def exceedance_probability(
         self, distance_kg: float, mass_kg: float, readings: float, u_random_kg: float = 0.0
     ) -> float:
         """Probability that a later mass errs to one side by more than a distance, 0.5 at 0."""
         if distance_kg < 0.0:
-            return 1.0 - self.beyond(-distance_kg, mass_kg, readings, u_random_kg)
+            return 1.0 - self.exceedance_probability(-distance_kg, mass_kg, readings, u_random_kg)
 
         def missing_kg(tail: float) -> float:
             confidence_1 = 1.0 - 2.0 * tail
-            return self.half_kg(mass_kg, confidence_1, readings, u_random_kg) - distance_kg
+            return self.half_interval_kg(mass_kg, confidence_1, readings, u_random_kg) - distance_kg
 
         if missing_kg(_TAIL_MIN) <= 0.0:
             return _TAIL_MIN
         return float(brentq(missing_kg, _TAIL_MIN, 0.5, xtol=1e-12)) if distance_kg else 0.5
 
-    def _half_kg(
+    def _half_interval_kg(
         self, mass_kg: float, confidence_1: float | None, readings: float, u_random_kg: float
     ) -> float:
         """Half of an interval; one standard uncertainty where it has no confidence."""
         away = np.array([1.0, mass_kg - self.centre_kg])
-        new = self._new(np.array([readings]))
+        new = self._new_value_effects(np.array([readings]))
         gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
-        more_kg2 = self._beyond_kg2(new, np.array([u_random_kg])) + self.extra_kg2
+        more_kg2 = self._excess_random_kg2(new, np.array([u_random_kg])) + self.extra_kg2
         scaled, of_more = gradient, 1.0
         if confidence_1 is not None:
             squared, of_rest = self._squared_factors(gradient, more_kg2, confidence_1)
@@ -169,16 +171,16 @@ class Inversion:
         variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
         return float(np.sqrt(variance)) / abs(self.slope_1)
 
-    def _beyond_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
+    def _excess_random_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
         """(n,) what a random uncertainty has beyond that of the campaign's readings."""
-        random = new[:, self._random()] * self.variance_kg2[self._random()]
+        random = new[:, self._random_effect()] * self.variance_kg2[self._random_effect()]
         return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
 
-    def _random(self) -> int:
+    def _random_effect(self) -> int:
         """The effect that readings average out, or else the one that has it in it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
 
-    def _new(self, readings: Floats) -> Floats:
+    def _new_value_effects(self, readings: Floats) -> Floats:
         """(n, effects) of each variance in a later value."""
         new = np.tile(self.scatters, (readings.size, 1))
         if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
@@ -232,24 +234,24 @@ class Inversion:
             k = self.effects[name]
             if self.variance_kg2[k] > 0.0:
                 rest[:, k] = 0.0
-                squared[:, k] = student(confidence_1, np.array([float(freedom)]))[0] ** 2
-        common = student(confidence_1, self._freedom(rest, rest @ self.variance_kg2 + more_kg2))
+                squared[:, k] = student_factor(confidence_1, np.array([float(freedom)]))[0] ** 2
+        common = student_factor(confidence_1, self._dof(rest, rest @ self.variance_kg2 + more_kg2))
         return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
 
-    def _freedom(self, gradient: Floats, total: Floats) -> Floats:
+    def _dof(self, gradient: Floats, total: Floats) -> Floats:
         """(n,) degrees of freedom of variances (n,) with gradients (n, effects)."""
         if self.covariance.size == 0:
             return np.full(total.size, np.inf)
         variances = Variances(self.variance_kg2[self.estimated], self.covariance)
         return np.array(
             [
-                variances.freedom(row[self.estimated], float(all_kg2))
+                variances.dof(row[self.estimated], float(all_kg2))
                 for row, all_kg2 in zip(gradient, total, strict=True)
             ]
         )
 
 
-def student(confidence_1: float, freedom: Floats) -> Floats:
+def student_factor(confidence_1: float, freedom: Floats) -> Floats:
     """Student's factor of a two-sided interval; the normal one where the freedom is infinite."""
     level = 0.5 + 0.5 * confidence_1
     finite = np.isfinite(freedom)

@@ -68,7 +68,7 @@ class Points:
         """How many days there are."""
         return np.unique(self.day).size
 
-    def effect(self, name: str) -> Floats:
+    def effect_covariance(self, name: str) -> Floats:
         """(points, points) covariance of the points for a variance of 1 of an effect."""
         if name == REPEATABILITY:
             return np.diag(1.0 / self.readings)
@@ -171,7 +171,7 @@ class Scatter:
     known: Floats
 
     @property
-    def by_squares(self) -> Floats:
+    def mean_square_covariances(self) -> Floats:
         """(effects, points, points) covariance for a mean square of 1 of each."""
         return np.asarray(np.tensordot(self.squares.T, self.each, 1), np.float64)
 
@@ -179,7 +179,7 @@ class Scatter:
         """(points, points) covariance for such variances."""
         return np.asarray(np.tensordot(value, self.each, 1) + self.known, np.float64)
 
-    def on_line(
+    def effects_on_line(
         self, variances: Variances, design: Floats, slope: float, x_cov: Floats
     ) -> tuple[Effect, ...]:
         """Each effect, and what it does to a line that is fitted by generalised least squares."""
@@ -200,11 +200,11 @@ class Scatter:
 
 def scatter_of(points: Points, names: tuple[str, ...], day_known_kg: float | None) -> Scatter:
     """The scatter of points by these effects."""
-    day = points.effect(DAY)
+    day = points.effect_covariance(DAY)
     known = np.eye(points.y_kg.size) * (_ROUNDING * np.abs(points.y_kg).max()) ** 2
     if day_known_kg is not None:
         known = known + day_known_kg**2 * day
-    each = np.array([points.effect(name) for name in names])
+    each = np.array([points.effect_covariance(name) for name in names])
     return Scatter(names, each, mean_squares(points, names), day, day_known_kg, known)
 
 
@@ -220,7 +220,7 @@ def fit_line(
     """
     names = estimated_effects(points, 2, day_known=day_known_kg is not None)
     scatter = scatter_of(points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg)
-    by_squares = scatter.by_squares
+    by_squares = scatter.mean_square_covariances
     x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2
     centre_kg = float(x.mean())
     slope = float(np.polyfit(x - centre_kg, y, 1)[0])
@@ -231,7 +231,7 @@ def fit_line(
         found = restricted_likelihood(
             residual, design, by_squares, scatter.known + slope**2 * x_cov, points.within, start
         )
-        start, variances = found.value, found.transformed(scatter.squares)
+        start, variances = found.value, found.transform(scatter.squares)
         line = distance_regression(x - centre_kg, y, x_cov, scatter.covariance(variances.value))
         moved, slope = abs(line.slope - slope), line.slope
         design = np.column_stack([np.ones_like(x), line.x])
@@ -244,7 +244,7 @@ def fit_line(
         centre_kg=centre_kg,
         level_kg=line.intercept,
         slope_1=slope,
-        effects=scatter.on_line(variances, design, slope, x_cov),
+        effects=scatter.effects_on_line(variances, design, slope, x_cov),
         variances=variances,
         chi2=line.chi2,
         freedom=line.freedom,

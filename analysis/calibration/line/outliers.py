@@ -16,7 +16,7 @@ _LEVEL: Final = 0.05
 _READINGS_MIN: Final = 3
 
 
-def grubbs(values: Floats) -> tuple[int, float, float]:
+def grubbs_test(values: Floats) -> tuple[int, float, float]:
     """Grubbs' test for one outlier on either side.
 
     Args:
@@ -43,7 +43,7 @@ def grubbs(values: Floats) -> tuple[int, float, float]:
     return farthest, distance, min(2.0 * n * float(stdtr(n - 2, -t)), 1.0)
 
 
-def studentise(line: FittedLine) -> Floats:
+def studentised_residuals(line: FittedLine) -> Floats:
     """(points,) residuals over their own deviations."""
     design = np.column_stack([np.ones_like(line.adjusted_kg), line.adjusted_kg - line.centre_kg])
     covariance = line.point_covariance_kg2
@@ -54,7 +54,7 @@ def studentise(line: FittedLine) -> Floats:
     return np.where(alone, 0.0, line.residual_kg / np.sqrt(np.where(alone, 1.0, variance)))
 
 
-def outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
+def find_outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
     """Name the readings (Grubbs within a run) and runs (studentised residuals) that stand out."""
     found: list[Outlier] = []
     runs = campaign.runs["run_id"]
@@ -63,13 +63,13 @@ def outliers(campaign: Campaign, line: FittedLine) -> tuple[Outlier, ...]:
         if part.height < _READINGS_MIN:
             continue
         tested += 1
-        place, distance, p = grubbs(part["mass_kg"].to_numpy())
+        place, distance, p = grubbs_test(part["mass_kg"].to_numpy())
         number = part["reading"][place] if "reading" in part.columns else place
         found.append(Outlier("Grubbs", f"reading {number} of run '{run_id}'", distance, p))
     found = [Outlier(one.test, one.about, one.value_1, min(tested * one.p_1, 1.0)) for one in found]
     freedom = line.freedom
     if freedom > 1:
-        for place, residual in zip(campaign.fitted, studentise(line), strict=True):
+        for place, residual in zip(campaign.fitted, studentised_residuals(line), strict=True):
             left = freedom - residual**2
             t = abs(residual) * np.sqrt((freedom - 1) / left) if left > 0.0 else np.inf
             p = min(2.0 * line.residual_kg.size * float(stdtr(freedom - 1, -t)), 1.0)

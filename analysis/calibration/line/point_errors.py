@@ -14,7 +14,7 @@ from analysis.calibration.line.calibration import Point
 from analysis.calibration.line.calibration_points import Campaign
 from analysis.calibration.line.distance_regression import StraightLine, distance_regression
 from analysis.calibration.line.line_model import FittedLine, Points
-from analysis.calibration.line.outliers import studentise
+from analysis.calibration.line.outliers import studentised_residuals
 from estimators.arrays import Floats
 
 #: A spread of estimates below this share of their size is rounding, not information.
@@ -30,8 +30,8 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     values = {
         "calibrated_kg": calibrated,
         "error_kg": calibrated - reference,
-        "error_left_out_kg": _left_out(campaign, line),
-        "studentised_1": studentise(line),
+        "error_left_out_kg": left_out_errors(campaign, line),
+        "studentised_1": studentised_residuals(line),
     }
     place = {int(row): k for k, row in enumerate(campaign.fitted)}
     rows: list[Point] = []
@@ -45,7 +45,7 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     return tuple(rows)
 
 
-def _left_out(campaign: Campaign, line: FittedLine) -> Floats:
+def left_out_errors(campaign: Campaign, line: FittedLine) -> Floats:
     """(points,) error of each under the line through the other loads; NaN where they give none."""
     points = campaign.points
     errors = np.full(points.y_kg.size, np.nan)
@@ -91,14 +91,14 @@ def attenuation(campaign: Campaign) -> float | None:
         pl.col("mass_kg", "reference_kg").mean()
     )
     lines = [
-        line_of_19(*(part[name].to_numpy().astype(np.float64) for name in _OF_19))
+        fit_error_line(*(part[name].to_numpy().astype(np.float64) for name in _OF_19))
         for part in (single, means)
     ]
     slopes = [line[0] if line else 0.0 for line in lines]
     return slopes[0] / slopes[1] if slopes[1] else None
 
 
-def stated_ratio(campaign: Campaign) -> float | None:
+def scatter_over_stated_std(campaign: Campaign) -> float | None:
     """How much more single readings scatter within runs than their own deviations say."""
     if "std_kg" not in campaign.readings.columns:
         return None
@@ -114,7 +114,7 @@ def stated_ratio(campaign: Campaign) -> float | None:
     return ratio if np.isfinite(ratio) else None
 
 
-def line_of_19(
+def fit_error_line(
     estimate_kg: NDArray[np.float64], reference_kg: NDArray[np.float64]
 ) -> tuple[float, float] | None:
     """Fit m_c = alpha m + beta by least squares.

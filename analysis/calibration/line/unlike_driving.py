@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from analysis.calibration.line.calibration import LineResponse
+from analysis.model.prior_settings import LearnableTerm
 from analysis.model.schema import SCALE
-from analysis.model.settings import LearnableTerm
 from estimators.arrays import Floats
 
 
@@ -132,7 +132,7 @@ class Unlike:
         """What the log does not know of the errors moves an estimate by."""
         return float(np.sqrt(max(float(moved_kg @ self.covariance_1 @ moved_kg), 0.0)))
 
-    def taken_kg(self, moved_kg: Floats) -> float:
+    def learnt_part_kg(self, moved_kg: Floats) -> float:
         """The part of the log's own uncertainty that is of the errors."""
         told = np.where(self.told, moved_kg, 0.0)
         return float(np.hypot(self.u_kg(told), np.linalg.norm(moved_kg - told)))

@@ -42,11 +42,11 @@ class Variances:
     value: Floats
     covariance: Floats
 
-    def transformed(self, by: Floats) -> "Variances":
-        """Those of `by` @ value."""
+    def transform(self, by: Floats) -> "Variances":
+        """The variances of the linear combinations `by` @ value."""
         return Variances(by @ self.value, by @ self.covariance @ by.T)
 
-    def freedom(self, weight: Floats, total: float) -> float:
+    def dof(self, weight: Floats, total: float) -> float:
         """Degrees of freedom of a variance that is `total`, of which `weight` @ value is estimated.
 
         Source:
@@ -88,8 +88,8 @@ def restricted_likelihood(
     value = np.maximum(value, floor)
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
-        score, information = _score(residual, design, effects, known, within, value)
-        stepped = _scoring_step(value, score, information, floor)
+        score, information = reml_score(residual, design, effects, known, within, value)
+        stepped = scoring_step(value, score, information, floor)
         settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
         value = stepped
         if settled:
@@ -122,23 +122,25 @@ def expected_information(
         within: likewise; its sum of squares is not looked at.
         value: (effects,) the variances.
     """
-    return _information(_projection(design, effects, known, value) @ effects, within, value)
+    return _fisher_information(
+        _reml_projection(design, effects, known, value) @ effects, within, value
+    )
 
 
-def _projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
+def _reml_projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
     weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
     weighted = weight @ design
     return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
 
 
-def _information(through: Floats, within: WithinRunVariance, value: Floats) -> Floats:
+def _fisher_information(through: Floats, within: WithinRunVariance, value: Floats) -> Floats:
     information = 0.5 * np.einsum("kij,lji->kl", through, through)
     if within.freedom:
         information[0, 0] += 0.5 * within.freedom / value[0] ** 2
     return information
 
 
-def _score(
+def reml_score(
     residual: Floats,
     design: Floats,
     effects: Floats,
@@ -147,7 +149,7 @@ def _score(
     value: Floats,
 ) -> tuple[Floats, Floats]:
     """Derivative of the restricted log-likelihood, and its expected information."""
-    projection = _projection(design, effects, known, value)
+    projection = _reml_projection(design, effects, known, value)
     projected = projection @ residual
     through = projection @ effects
     score = 0.5 * (
@@ -155,10 +157,10 @@ def _score(
     )
     if within.freedom:
         score[0] += 0.5 * (within.squares / value[0] - within.freedom) / value[0]
-    return score, _information(through, within, value)
+    return score, _fisher_information(through, within, value)
 
 
-def _scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
+def scoring_step(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
     """A scoring step that takes no variance below a share of itself."""
     try:
         step = np.linalg.solve(information, score)

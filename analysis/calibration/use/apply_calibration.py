@@ -73,8 +73,8 @@ def calibrate_loads(
         )
     mass, u_random = ESTIMATORS[calibration.method]
     rows = loads.with_columns(estimate_kg=mass, estimate_u_random_kg=u_random).to_dicts()
-    check = _empty_machine(rows, calibration, log)
-    refused = log.refused or _change_reason(check, log)
+    check = find_empty_machine(rows, calibration, log)
+    refused = log.refused or reason_of_change(check, log)
     told = check is not None and check.drifted is not None
     empties = sum(row["manoeuvres"] for row in rows if row["empty"])
     found = [
@@ -98,7 +98,7 @@ def _calibrated_columns(
 ) -> dict[str, Any]:
     """The calibrated columns of a load."""
     off_kg, unlike_u_kg = _unlike_driving_shift(row, calibration, log.unlike)
-    one = _mass(row, calibration, refused, off_kg, unlike_u_kg)
+    one = _calibrate_load(row, calibration, refused, off_kg, unlike_u_kg)
     said = {
         "calibrated_kg": one.mass_kg,
         "calibrated_u_kg": one.u_kg,
@@ -110,9 +110,9 @@ def _calibrated_columns(
     if one.mass_kg is None:
         return said
     said["calibrated_unlike_u_kg"] = unlike_u_kg / abs(calibration.c1_1)
-    if calibration.of_one_day and not told:
+    if calibration.is_of_one_day and not told:
         said["calibrated_said"] = log.unseen.get(row["load_id"], "")
-    payload = _payload(row, calibration, log, one, empties)
+    payload = payload_interval(row, calibration, log, one, empties)
     if payload is not None:
         mass_kg, u_kg, half_kg = payload
         said |= {
@@ -136,7 +136,7 @@ def _unlike_driving_shift(
     return unlike.off_kg(unlike.moved_kg[key], line_kg)
 
 
-def _mass(
+def _calibrate_load(
     row: Mapping[str, Any],
     calibration: Calibration,
     refused: str,
@@ -154,7 +154,7 @@ def _mass(
     return calibration.calibrated(estimate_kg - off_kg, random_kg, count, unlike_u_kg)
 
 
-def _payload(
+def payload_interval(
     row: Mapping[str, Any],
     calibration: Calibration,
     log: LaterLog,
@@ -189,7 +189,7 @@ def _payload(
     return float(found.payload_kg[0]), u_kg, max(calibration.coverage_k_1, NORMAL) * u_kg
 
 
-def _empty_machine(
+def find_empty_machine(
     rows: list[dict[str, Any]], calibration: Calibration, log: LaterLog
 ) -> DriftCheck | None:
     """The log's empty part against the known mass; None where it has none."""
@@ -210,7 +210,7 @@ def _empty_machine(
     return check_against(calibration, log.empty_kg, u_kg, point)
 
 
-def _change_reason(check: DriftCheck | None, log: LaterLog) -> str:
+def reason_of_change(check: DriftCheck | None, log: LaterLog) -> str:
     """Why the calibration is no longer that of this machine; "" where nothing says so."""
     if check is None or check.p_1 is None or check.p_1 > _RARE or log.empty_kg is None:
         return ""

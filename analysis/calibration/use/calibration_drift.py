@@ -81,16 +81,18 @@ def check_against(
     low, high = calibration.range_kg
     # a drifted machine may well say a mass outside of the range: the known mass has to be in it
     if not low <= reference_kg <= high:
-        return _nothing(f"{reference_kg:g} kg is outside of the range, {low:g} to {high:g} kg")
+        return _no_drift_check(
+            f"{reference_kg:g} kg is outside of the range, {low:g} to {high:g} kg"
+        )
     if point.mass_kg is None or point.readings < 1:
-        return _nothing("no estimate")
-    inversion = calibration.inversion.with_more(reference_u_kg)
+        return _no_drift_check("no estimate")
+    inversion = calibration.inversion.with_extra_u(reference_u_kg)
     run = (float(point.readings), point.u_random_kg or 0.0)
     mass = calibration.alpha_1 * point.mass_kg + calibration.beta_kg
     difference = mass - reference_kg
     u = inversion.u_kg(reference_kg, *run)
-    limit = inversion.half_kg(reference_kg, calibration.confidence_1, *run)
-    tail = inversion.beyond(abs(difference), reference_kg, *run)
+    limit = inversion.half_interval_kg(reference_kg, calibration.confidence_1, *run)
+    tail = inversion.exceedance_probability(abs(difference), reference_kg, *run)
     matters = 2.0 * limit if matters_kg is None else matters_kg
     # the limit is given by then, so that what a drift leaves within it is as good as normal
     missed = float(ndtr((limit - matters) / u) - ndtr((-limit - matters) / u))
@@ -107,5 +109,5 @@ def check_against(
     )
 
 
-def _nothing(reason: str) -> DriftCheck:
+def _no_drift_check(reason: str) -> DriftCheck:
     return DriftCheck(None, None, None, None, None, None, None, None, reason)

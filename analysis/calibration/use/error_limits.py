@@ -139,11 +139,11 @@ def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
     readings = float(calibration.budget_at[1])
     inversion = calibration.inversion
     rows: list[LimitRow] = []
-    for load_id, reference_kg, error_kg in _errors(calibration):
+    for load_id, reference_kg, error_kg in errors_of_points(calibration):
         limit = limit_kg(rule, reference_kg - rule.tare_kg)
         outside = min(
-            inversion.beyond(limit - error_kg, reference_kg, readings)
-            + inversion.beyond(limit + error_kg, reference_kg, readings),
+            inversion.exceedance_probability(limit - error_kg, reference_kg, readings)
+            + inversion.exceedance_probability(limit + error_kg, reference_kg, readings),
             1.0,
         )
         one_sided = 1.0 - 2.0 * rule.risk_1
@@ -154,15 +154,15 @@ def error_limits(calibration: Calibration, rule: DecisionRule) -> ErrorLimits:
                 limit_kg=limit,
                 error_kg=error_kg,
                 u_kg=inversion.u_kg(reference_kg, readings),
-                guard_kg=inversion.half_kg(reference_kg, one_sided, readings),
-                verdict=_verdict(outside, rule.risk_1),
+                guard_kg=inversion.half_interval_kg(reference_kg, one_sided, readings),
+                verdict=_row_verdict(outside, rule.risk_1),
                 outside_1=outside,
             )
         )
     return _overall_verdict(rule, tuple(rows))
 
 
-def _errors(calibration: Calibration) -> list[tuple[str, float, float]]:
+def errors_of_points(calibration: Calibration) -> list[tuple[str, float, float]]:
     """Of each load that was on board: its reference, and the mean error of its runs."""
     found: list[tuple[str, float, float]] = []
     for reference in calibration.references:
@@ -177,7 +177,7 @@ def _errors(calibration: Calibration) -> list[tuple[str, float, float]]:
     return found
 
 
-def _verdict(outside_1: float, risk_1: float) -> str:
+def _row_verdict(outside_1: float, risk_1: float) -> str:
     if outside_1 <= risk_1:
         return WITHIN
     return OUTSIDE if outside_1 >= 1.0 - risk_1 else UNDECIDED

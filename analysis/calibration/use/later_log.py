@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.calibration.line.unlike_driving import Unlike
 from analysis.calibration.use.apply_calibration import LaterLog
-from analysis.calibration.use.learnt_priors import contradiction, unseen_changes
+from analysis.calibration.use.learnt_priors import contradicted_priors, undetectable_changes
 from analysis.model.machine import Body
 
 #: What it takes of a replay; the last two a replay under learnt priors has.
@@ -24,9 +24,9 @@ def later_log(frames: Mapping[str, pl.DataFrame], body: Body, refused: str = "")
     """
     nuisances, unlike = frames["nuisances"], Unlike.of(frames)
     return LaterLog(
-        refused or contradiction(nuisances),
+        refused or contradicted_priors(nuisances),
         unlike,
         body.empty_mass_kg,
         body.empty_mass_u_kg or 0.0,
-        unseen_changes(nuisances, unlike),
+        undetectable_changes(nuisances, unlike),
     )

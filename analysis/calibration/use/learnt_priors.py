@@ -16,7 +16,8 @@ from scipy.special import chdtrc
 
 from analysis.calibration.line.unlike_driving import RunResponse, Unlike
 from analysis.model.machine import Machine
-from analysis.model.settings import LearnableTerm, LearntTerm
+from analysis.model.prior_settings import LearnableTerm, LearntTerm
+from analysis.model.strict_config import STRICT
 
 #: With fewer logs nothing tells what differs between them.
 LOGS_MIN: Final = 3
@@ -41,7 +42,7 @@ _NAMES: Final = get_args(LearnableTerm)
 class TermOfLog(BaseModel):
     """What one log says of one term, in the term's unit."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = STRICT
 
     log: str = Field(max_length=200)
     term: LearnableTerm
@@ -67,7 +68,7 @@ class LearntPriors(BaseModel):
     responses: tuple[RunResponse, ...] = Field(default=(), max_length=100_000)
 
 
-def terms_of(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
+def learnable_terms(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     """The terms of a log that can be learnt.
 
     Args:
@@ -108,9 +109,9 @@ def learnt_terms(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
 def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
     # all floats are Python's own: evidence is written and read back to the last bit
     prior = float(max(each.prior_std for each in said))
-    told = [own for each in said if (own := _of_data(each)) is not None]
+    told = [own for each in said if (own := estimate_without_prior(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
-    between = _between(value, variance) if len(told) >= LOGS_MIN else 0.0
+    between = between_log_variance(value, variance) if len(told) >= LOGS_MIN else 0.0
     weight = 1.0 / (variance + between)
     # the prior counts once, not once a log
     total = float(weight.sum()) + prior**-2
@@ -121,7 +122,7 @@ def _pool_term(said: Sequence[TermOfLog]) -> LearntTerm:
     )
 
 
-def _of_data(said: TermOfLog) -> tuple[float, float] | None:
+def estimate_without_prior(said: TermOfLog) -> tuple[float, float] | None:
     """What the log says of a term without its prior, and the deviation of that."""
     prior = (said.prior_mean, said.prior_std)
     return without_prior((said.posterior, said.posterior_std), prior)
@@ -138,7 +139,7 @@ def without_prior(
     return (value * std**-2 - mean * width**-2) / information, float(information**-0.5)
 
 
-def _between(value: np.ndarray, variance: np.ndarray) -> float:
+def between_log_variance(value: np.ndarray, variance: np.ndarray) -> float:
     """Variance between logs, 0 where chance explains what they differ by."""
     weight = 1.0 / variance
     mean = float(weight @ value / weight.sum())
@@ -149,7 +150,7 @@ def _between(value: np.ndarray, variance: np.ndarray) -> float:
     return max(squares - freedom, 0.0) / spare
 
 
-def with_learnt(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> Machine:
+def with_learnt_priors(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> Machine:
     """The machine with priors that a calibration learnt; those that its file states stay."""
     if not terms:
         return machine
@@ -158,23 +159,23 @@ def with_learnt(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> 
     content = {
         "priors.learnt": {name: learnt[name].model_dump() for name in sorted(learnt)},
     }
-    return machine.model_copy(update={"settings": machine.settings.changed(content)})
+    return machine.model_copy(update={"settings": machine.settings.with_changes(content)})
 
 
-def as_later_log(machine: Machine) -> Machine:
+def machine_for_later_log(machine: Machine) -> Machine:
     """The machine as later logs are weighed: one of several loads tells what means have wrong."""
     told = {"priors.learnt_means": "told"}
-    return machine.model_copy(update={"settings": machine.settings.changed(told)})
+    return machine.model_copy(update={"settings": machine.settings.with_changes(told)})
 
 
-def contradiction(nuisances: pl.DataFrame) -> str:
+def contradicted_priors(nuisances: pl.DataFrame) -> str:
     """What a later log says against the priors that its calibration learnt; "" where nothing.
 
     Args:
         nuisances: the frame; without learnt priors there is nothing to contradict.
     """
     worst, said = CONTRADICTS, ""
-    for row, own, std in _own_words(nuisances):
+    for row, own, std in estimates_of_log(nuisances):
         deviations = abs(own - row["prior_mean"]) / std
         if deviations > worst:
             worst = deviations
@@ -186,7 +187,7 @@ def contradiction(nuisances: pl.DataFrame) -> str:
     return said
 
 
-def _own_words(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float, float]]:
+def estimates_of_log(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float, float]]:
     """Of each learnt term its row, what the log says alone, and the deviation of that to expect."""
     if "alone" not in nuisances.columns:
         return
@@ -199,7 +200,7 @@ def _own_words(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float,
             yield row, own[0], std
 
 
-def unseen_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, str]:
+def undetectable_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, str]:
     """What could have changed since a calibration without this log contradicting it, by load.
 
     Args:
@@ -210,7 +211,7 @@ def unseen_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, 
         return {}
     place = {term: k for k, term in enumerate(unlike.terms)}
     times = np.zeros(len(place))
-    for row, _, std in _own_words(nuisances):
+    for row, _, std in estimates_of_log(nuisances):
         if row["term"] in place and row["term"] in _CHANGES:
             times[place[row["term"]]] = CONTRADICTS * std / row["prior_mean_u"]
     return {

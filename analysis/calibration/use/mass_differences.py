@@ -91,7 +91,7 @@ def difference_on_line(
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
         scale_kg = np.array([unlike.scale_kg.get(each, 0.0) for each in numbers])
-        taken_kg = np.hypot(share * unlike.taken_kg(moved.sum(axis=0)), scale_kg)
+        taken_kg = np.hypot(share * unlike.learnt_part_kg(moved.sum(axis=0)), scale_kg)
         shared_u_kg = share * unlike.u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope
     variance = gain.variance_1 * mass_kg**2
@@ -109,7 +109,7 @@ def difference_on_line(
 
 
 @dataclass(frozen=True)
-class _Gain:
+class DifferenceGain:
     """From a mass to its estimate, in differences.
 
     Attributes:
@@ -123,12 +123,12 @@ class _Gain:
     by_level_1: float
 
 
-def line_gain(calibration: Calibration) -> _Gain:
+def line_gain(calibration: Calibration) -> DifferenceGain:
     """The slope of the line alone."""
-    return _Gain(calibration.c1_1, calibration.covariance[2], 0.0)
+    return DifferenceGain(calibration.c1_1, calibration.covariance[2], 0.0)
 
 
-def _gain(calibration: Calibration, unlike: Unlike | None) -> _Gain:
+def _gain(calibration: Calibration, unlike: Unlike | None) -> DifferenceGain:
     """The gain by slope and by level of the line, combined by their uncertainties."""
     if unlike is None or not calibration.responses:
         return line_gain(calibration)
@@ -143,4 +143,4 @@ def _gain(calibration: Calibration, unlike: Unlike | None) -> _Gain:
         return line_gain(calibration)
     share = float(variances[1] / variances.sum())
     variance = share**2 * max(own, 0.0) / at_kg**2 + (1.0 - share) ** 2 * float(variances[1])
-    return _Gain(share * by_level + (1.0 - share) * slope, variance, share)
+    return DifferenceGain(share * by_level + (1.0 - share) * slope, variance, share)

@@ -34,9 +34,9 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
     Raises:
         ScenarioError: a machine does not start, does not stop, or goes too fast.
     """
-    driver = _TrialDriver(scenario, load_kg, load_index)
-    asked_s = sum(_asked_s(each) for each in scenario.campaign.trial)
-    driver.expect(scenario.campaign.runs * asked_s)
+    driver = TrialDriver(scenario, load_kg, load_index)
+    asked_s = sum(expected_duration_s(each) for each in scenario.campaign.trial)
+    driver.reserve_rows(scenario.campaign.runs * asked_s)
     trial_s = [0.0]
     for trial in range(scenario.campaign.runs):
         for number, manoeuvre in enumerate(scenario.campaign.trial):
@@ -52,7 +52,7 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
     )
 
 
-def _asked_s(manoeuvre: Manoeuvre) -> float:
+def expected_duration_s(manoeuvre: Manoeuvre) -> float:
     """About how long a manoeuvre takes, its stop included."""
     match manoeuvre:
         case Rest():
@@ -63,7 +63,7 @@ def _asked_s(manoeuvre: Manoeuvre) -> float:
             return manoeuvre.duration_s + 2.0 if isinstance(manoeuvre, Excite | Travel) else 0.0
 
 
-class _TrialDriver(MachineDriver):
+class TrialDriver(MachineDriver):
     """Drives the manoeuvres of a trial."""
 
     def __init__(self, scenario: Scenario, load_kg: float, load_index: int) -> None:
@@ -121,8 +121,8 @@ class _TrialDriver(MachineDriver):
                 raise ScenarioError(
                     f"campaign.manoeuvres.{number}: a {manoeuvre.kind} cannot be integrated"
                 )
-        since = times.since(trial_begin_s)
-        body = self.warm_body(body, times.start_s)
+        since = times.counted_from(trial_begin_s)
+        body = self.body_at(body, times.start_s)
         self.driven.append(
             DrivenManoeuvre(trial, number, since, body, load_kg, load_end_kg, direction, throttle)
         )
@@ -165,7 +165,7 @@ class _TrialDriver(MachineDriver):
             )
             if travel.in_motion and self.time_s == begin_s:
                 self.state[[plant.WHEEL, plant.BODY]] = leg.wanted_m_s[0]
-                self.state[plant.DRIVE] = self._keeping(stage, full_N)
+                self.state[plant.DRIVE] = self._cruise_force(stage, full_N)
             duration_s = (leg.wanted_m_s.size - 1) * WAVE_STEP_S
             self.advance(
                 FREE, stage, duration_s, way * leg.wanted_m_s, steps=self._pedal_steps(duration_s)
@@ -204,7 +204,7 @@ class _TrialDriver(MachineDriver):
         return -sign if turned else sign
 
 
-class Leg(NamedTuple):
+class TravelLeg(NamedTuple):
     """From standing, or from where the log begins, to the next stand, or to where the log ends.
 
     Attributes:
@@ -216,7 +216,7 @@ class Leg(NamedTuple):
     stand_s: float | None
 
 
-def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Iterator[Leg]:
+def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Iterator[TravelLeg]:
     """The legs of a travel, which together take about its duration."""
     left_s = travel.duration_s
     speed = 0.0
@@ -235,11 +235,11 @@ def travel_legs(travel: Travel, dice: np.random.Generator, step_s: float) -> Ite
         ends = left_s <= 0.0
         if stands or (ends and not travel.in_motion):
             parts.append(_ramp(speed, 0.0, travel, step_s))
-            yield Leg(np.concatenate(parts), 0.0 if ends else stand_s)
+            yield TravelLeg(np.concatenate(parts), 0.0 if ends else stand_s)
             left_s -= parts[-1].size * step_s + stand_s
             parts, speed = [], 0.0
     if parts:
-        yield Leg(np.concatenate(parts), None)
+        yield TravelLeg(np.concatenate(parts), None)
 
 
 def _ramp(begin_m_s: float, end_m_s: float, travel: Travel, step_s: float) -> Floats:

@@ -11,7 +11,7 @@ from analysis.simulation.motion.solved_motion import ManoeuvreTimes
 from analysis.simulation.plant import plant
 from analysis.simulation.plant.integrated_motion import BRAKING, FREE, OPEN, REST, STEADY, TURNING
 from analysis.simulation.plant.plant_inputs import DriveStage, plant_of
-from analysis.simulation.plant.resistance import left_of_cold, rolling_resistance
+from analysis.simulation.plant.resistance import cold_friction_share, rolling_resistance
 from analysis.simulation.plant.row_buffer import RowBuffer
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.random_streams import generator
@@ -66,7 +66,7 @@ class MachineDriver:
         self.time_s = 0.0
         self.kept = RowBuffer()
         self.scenario = scenario
-        self.state = plant.still()
+        self.state = plant.state_at_rest()
         self.starts = 0
         #: 1 or -1: whether the machine looks uphill or downhill where the ground slopes up.
         self.facing = 1.0
@@ -90,7 +90,7 @@ class MachineDriver:
         """How far along the way the machine is."""
         return float(self.state[plant.POSITION])
 
-    def expect(self, duration_s: float) -> None:
+    def reserve_rows(self, duration_s: float) -> None:
         """Make room for what is kept of so long a drive."""
         self.kept.reserve(math.ceil((duration_s + 2.0 * _LONGEST_STOP_S) / self._step_s))
 
@@ -180,9 +180,11 @@ class MachineDriver:
         steady = now(opened)._replace(one_way=0.0, stick_share=0.0)
         cruise_s = order.cruise_s
         if order.distance_m is not None:
-            cruise_s = self._until(abs(self.position_m - begin_m), order.distance_m, body)
+            cruise_s = self._cruise_duration_s(
+                abs(self.position_m - begin_m), order.distance_m, body
+            )
         lead_s = min(brakes.gentle_lead_s, cruise_s) if brakes.gentle_m_s2 else 0.0
-        keeping = steady._replace(drive_N=self._keeping(steady, full_N))
+        keeping = steady._replace(drive_N=self._cruise_force(steady, full_N))
         self.advance(STEADY, keeping, cruise_s - lead_s)
         filled_kg += order.fill_kg_s * (cruise_s - lead_s)
         braking_s = self.time_s
@@ -237,7 +239,7 @@ class MachineDriver:
             ScenarioError: the machine goes too fast.
         """
         steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
-        rows = self.kept.room(2 * steps + 4)
+        rows = self.kept.free_rows(2 * steps + 4)
         self.time_s, kept, self._moved = plant.advance(
             stage.begin_s + duration_s,
             steps,
@@ -253,7 +255,7 @@ class MachineDriver:
             raise ScenarioError(
                 f"campaign.throttle_force_N: drives the machine beyond {_TOP_SPEED_M_S:g} m/s"
             )
-        self.kept.keep(kept, kind)
+        self.kept.commit_rows(kept, kind)
         return rows[:kept]
 
     def uphill_m_s2(self) -> float:
@@ -261,20 +263,22 @@ class MachineDriver:
         slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
         return self.facing * self._plant.gravity_m_s2 * math.sin(slope_rad)
 
-    def warm_body(self, body: RigidBody, time_s: float) -> RigidBody:
+    def body_at(self, body: RigidBody, time_s: float) -> RigidBody:
         """A body with the friction that is left at a time."""
-        viscous, coulomb = self._left_of_cold(time_s)
+        viscous, coulomb = self._cold_friction_shares(time_s)
         return replace(
             body,
             friction_x_N_s_m=body.friction_x_N_s_m * viscous,
             coulomb_x_N=body.coulomb_x_N * coulomb,
         )
 
-    def _left_of_cold(self, time_s: float) -> tuple[float, float]:
+    def _cold_friction_shares(self, time_s: float) -> tuple[float, float]:
         """The shares of viscous and Coulomb friction that are left at a time."""
         viscous, coulomb = self._plant.friction_warming, self._plant.coulomb_warming
         warming_s = self._plant.warming_s
-        return left_of_cold(time_s, viscous, warming_s), left_of_cold(time_s, coulomb, warming_s)
+        return cold_friction_share(time_s, viscous, warming_s), cold_friction_share(
+            time_s, coulomb, warming_s
+        )
 
     def draw_coulomb(self) -> float:
         """Draw the Coulomb friction of the next start, on a cold machine."""
@@ -292,7 +296,7 @@ class MachineDriver:
     def _random(self, stream: str) -> np.random.Generator:
         return generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
 
-    def _until(self, gone_m: float, distance_m: float, body: RigidBody) -> float:
+    def _cruise_duration_s(self, gone_m: float, distance_m: float, body: RigidBody) -> float:
         """How long to cruise so that the machine stands about so far from where it started."""
         speed = abs(float(self.state[plant.WHEEL]))
         campaign = self.scenario.campaign
@@ -303,7 +307,7 @@ class MachineDriver:
 
     def _gentle_stop_m(self, speed_m_s: float, body: RigidBody) -> float:
         """How far the machine goes under gentle brakes, which friction helps."""
-        gripping = body.gripping[0] / body.mass_kg
+        gripping = body.standstill_grip[0] / body.mass_kg
         braking_m_s2 = self.scenario.brakes.gentle_m_s2 + gripping
         viscous_1_s = max(body.friction_x_N_s_m / body.mass_kg, 1e-3)
         slowed = braking_m_s2 / viscous_1_s
@@ -327,11 +331,11 @@ class MachineDriver:
             self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._plant
         )
 
-    def _keeping(self, stage: DriveStage, full_N: float) -> float:
+    def _cruise_force(self, stage: DriveStage, full_N: float) -> float:
         """The drive force that keeps the speed on this slope, within that of the throttle."""
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
-        viscous, coulomb = self._left_of_cold(self.time_s)
+        viscous, coulomb = self._cold_friction_shares(self.time_s)
         resistance_N = stage.coulomb_N * coulomb + self._plant.drag_N
         resistance_N += stage.scrub_N_s_rad * turned
         resistance_N += self.rolling_resistance(stage.mass_kg, speed, turned)

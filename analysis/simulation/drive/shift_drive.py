@@ -110,7 +110,7 @@ class ShiftDriver(MachineDriver):
         self._burnt_until_s = 0.0
         self._had_break = not shift.break_after_h
         self._cycle, self._number = 0, 0
-        self._boom(_DRIVE, at_s=0.0)
+        self._note_boom(_DRIVE, at_s=0.0)
 
     @property
     def is_over(self) -> bool:
@@ -125,7 +125,7 @@ class ShiftDriver(MachineDriver):
         operator = self._draw_load("shift_operator")
         self._rest(operator)
         pours = bool(self._draw_load("shift_pour").random() < shift.pour_cycles)
-        self._legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
+        self._drive_legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
         dig_s = self.time_s
         self._dig(operator)
         load_kg, machine_kg = self._load_kg, self.scenario.machine.mass_kg - self._burnt_kg
@@ -134,7 +134,7 @@ class ShiftDriver(MachineDriver):
         self._start(-1.0, shift.back_m, operator)
         if not reverse:
             self._turn(operator)
-        self._legs(-1.0, _REACH_M, shift.haul_starts_most, operator, pours=pours)
+        self._drive_legs(-1.0, _REACH_M, shift.haul_starts_most, operator, pours=pours)
         dump_s = self._dump()
         if not reverse:
             self._start(1.0, shift.back_m, operator)
@@ -161,7 +161,7 @@ class ShiftDriver(MachineDriver):
                 poured_kg=poured_kg,
             )
         )
-        self._interrupt()
+        self._take_due_breaks()
 
     def _body(self) -> RigidBody:
         """Machine, fuel and load as they are now."""
@@ -172,7 +172,7 @@ class ShiftDriver(MachineDriver):
     def _draw_load(self, stream: str) -> np.random.Generator:
         return generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
 
-    def _legs(
+    def _drive_legs(
         self,
         way: float,
         until_m: float,
@@ -215,11 +215,11 @@ class ShiftDriver(MachineDriver):
         times, _, spilled_kg = self.start(order, body)
         if spilled_kg:
             self._load_kg -= spilled_kg
-            self._lose("spill", spilled_kg, times.start_s, from_m)
-        self._note(times, body, sign, throttle, begin_kg)
+            self._note_spill("spill", spilled_kg, times.start_s, from_m)
+        self._note_manoeuvre(times, body, sign, throttle, begin_kg)
         self._rest(operator)
 
-    def _lose(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
+    def _note_spill(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
         """Keep what has left the bucket since a time and a place."""
         lost = Dump(self._cycle, kind, since_s, self.time_s, from_m, self.position_m, mass_kg)
         self.dumps.append(lost)
@@ -228,15 +228,15 @@ class ShiftDriver(MachineDriver):
         """Stand, and pour a part of the load halfway."""
         half_s, loaded = self.shift.dump_s / 2.0, self._body()
         times = self.rest(half_s, loaded.mass_kg)
-        self._boom(_CARRY, at_s=times.start_s)
-        self._boom(_POUR, at_s=self.time_s)
-        self._note(times, loaded)
+        self._note_boom(_CARRY, at_s=times.start_s)
+        self._note_boom(_POUR, at_s=self.time_s)
+        self._note_manoeuvre(times, loaded)
         poured_kg = self._load_kg * self.shift.pour_share
         self._load_kg -= poured_kg
-        self._lose("pour", poured_kg, self.time_s, self.position_m)
+        self._note_spill("pour", poured_kg, self.time_s, self.position_m)
         left = self._body()
-        self._note(self.rest(half_s, left.mass_kg), left)
-        self._boom(_CARRY, at_s=self.time_s)
+        self._note_manoeuvre(self.rest(half_s, left.mass_kg), left)
+        self._note_boom(_CARRY, at_s=self.time_s)
 
     def _dig(self, operator: np.random.Generator) -> None:
         """Drive into the pile; the bucket fills, and closes when the machine stands."""
@@ -244,7 +244,7 @@ class ShiftDriver(MachineDriver):
         drawn = self._draw_load("shift_load").normal(shift.load_kg, shift.load_std_kg)
         wanted_kg = float(np.clip(drawn, shift.load_least_kg, shift.load_most_kg))
         body = replace(self._body(), coulomb_x_N=self.draw_coulomb())
-        self._boom(_DIG, at_s=self.time_s)
+        self._note_boom(_DIG, at_s=self.time_s)
         digging_s = shift.dig_s + _DIGGING_CRUISE_S
         order = StartOrder(
             1.0,
@@ -257,13 +257,13 @@ class ShiftDriver(MachineDriver):
         )
         times, filled_kg, _ = self.start(order, body)
         begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
-        self._note(times, body, 1.0, 1.0, begin_kg)
-        self._boom(_CARRY, at_s=self.time_s + _LIFT_S)
+        self._note_manoeuvre(times, body, 1.0, 1.0, begin_kg)
+        self._note_boom(_CARRY, at_s=self.time_s + _LIFT_S)
         self._rest(operator)
 
     def _turn(self, operator: np.random.Generator) -> None:
         body, side = self._body(), 1.0 if operator.random() < 0.5 else -1.0
-        self._note(self.half_turn(side * self.shift.turn_rad_s, body.mass_kg), body)
+        self._note_manoeuvre(self.half_turn(side * self.shift.turn_rad_s, body.mass_kg), body)
         self._rest(operator)
 
     def _dump(self) -> float:
@@ -271,58 +271,58 @@ class ShiftDriver(MachineDriver):
         shift, loaded = self.shift, self._body()
         drawn = self._draw_load("shift_carry_back").exponential(shift.carry_back_kg)
         times = self.rest(shift.dump_s / 2.0, loaded.mass_kg)
-        self._boom(_CARRY, at_s=times.start_s)
-        self._boom(_DUMP, at_s=self.time_s)
-        self._note(times, loaded)
+        self._note_boom(_CARRY, at_s=times.start_s)
+        self._note_boom(_DUMP, at_s=self.time_s)
+        self._note_manoeuvre(times, loaded)
         dumped_s, load_kg = self.time_s, self._load_kg
         self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg, load_kg))
-        self._lose("dump", load_kg - self._load_kg, dumped_s, self.position_m)
+        self._note_spill("dump", load_kg - self._load_kg, dumped_s, self.position_m)
         empty = self._body()
-        self._note(self.rest(shift.dump_s / 2.0, empty.mass_kg), empty)
-        self._boom(_DRIVE, at_s=self.time_s)
+        self._note_manoeuvre(self.rest(shift.dump_s / 2.0, empty.mass_kg), empty)
+        self._note_boom(_DRIVE, at_s=self.time_s)
         return dumped_s
 
     def _rest(self, operator: np.random.Generator) -> None:
         body = self._body()
-        self._note(
+        self._note_manoeuvre(
             self.rest(float(self.shift.pause_s * operator.uniform(0.5, 1.5)), body.mass_kg), body
         )
 
-    def _interrupt(self) -> None:
+    def _take_due_breaks(self) -> None:
         """Idle, a break, refuelling: each where it is due after a cycle."""
         shift, idles = (
             self.shift,
             generator(self.scenario.sensors.seed, 0, len(self.cycles), "shift_idle"),
         )
-        self._burn()
+        self._burn_fuel()
         if idles.random() < shift.idle_share:
-            self._stand("idle", max(float(idles.exponential(shift.idle_s)), _SHORTEST_IDLE_S))
+            self._note_stand("idle", max(float(idles.exponential(shift.idle_s)), _SHORTEST_IDLE_S))
         if not self._had_break and self.time_s >= shift.break_after_h * 3600.0:
             self._had_break = True
-            self._stand("break", shift.break_s)
+            self._note_stand("break", shift.break_s)
         if shift.fuel_tank_kg - self._burnt_kg < shift.refuel_share * shift.fuel_tank_kg:
-            self._stand("refuelling", shift.refuel_s)
+            self._note_stand("refuelling", shift.refuel_s)
             self._burnt_kg = 0.0
 
-    def _burn(self) -> None:
+    def _burn_fuel(self) -> None:
         """Fuel is taken off at the end of each cycle; nobody burns any in a break."""
         hours = (self.time_s - self._burnt_until_s) / 3600.0
         self._burnt_until_s = self.time_s
         self._burnt_kg = min(self._burnt_kg + hours * self.shift.fuel_kg_h, self.shift.fuel_tank_kg)
 
-    def _stand(self, kind: str, duration_s: float) -> None:
+    def _note_stand(self, kind: str, duration_s: float) -> None:
         body, begin_s = self._body(), self.time_s
-        self._note(self.rest(duration_s, body.mass_kg), body)
+        self._note_manoeuvre(self.rest(duration_s, body.mass_kg), body)
         self.stands.append(Stand(kind, begin_s, self.time_s))
         if kind != "idle":
             self._burnt_until_s = self.time_s
 
-    def _boom(self, angles: tuple[float, float], at_s: float) -> None:
+    def _note_boom(self, angles: tuple[float, float], at_s: float) -> None:
         """Boom and bucket reach their angles at a time; not before the last ones."""
         after_s = self.angles[-1].time_s if self.angles else 0.0
         self.angles.append(BoomAngle(max(at_s, after_s), *angles))
 
-    def _note(
+    def _note_manoeuvre(
         self,
         times: ManoeuvreTimes,
         body: RigidBody,
@@ -338,7 +338,7 @@ class ShiftDriver(MachineDriver):
                 self._cycle,
                 self._number,
                 times,
-                self.warm_body(body, times.start_s),
+                self.body_at(body, times.start_s),
                 begin_kg,
                 self._load_kg,
                 directions[math.copysign(1.0, sign) if sign else 0.0],

@@ -18,7 +18,7 @@ from analysis.simulation.plant.integrated_motion import IntegratedLog
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
 from analysis.simulation.sensors.random_streams import generator
-from analysis.simulation.sensors.recorder import phase_s, topics_of
+from analysis.simulation.sensors.recorder import phase_s, recorded_topics
 from analysis.simulation.sensors.sensors import measure
 from analysis.simulation.trials.trial_limits import check_shift
 from estimators.arrays import Floats
@@ -81,7 +81,7 @@ class ShiftSimulation:
         heading_rad = 0.0
         for index, span in enumerate(planned):
             is_last = index == len(planned) - 1
-            self._driver.expect(max(span.end_s - self._driver.time_s, 0.0))
+            self._driver.reserve_rows(max(span.end_s - self._driver.time_s, 0.0))
             while not self._driver.is_over and (is_last or self._driver.time_s < span.end_s):
                 self._driver.cycle()
             end_s = self._driver.time_s if is_last else min(span.end_s, self._driver.time_s)
@@ -115,10 +115,10 @@ class ShiftSimulation:
         )
         spans = pl.DataFrame([each._asdict() for each in self._spans])
         return ShiftTruth(
-            _unix(cycles, start_ns).hstack(logs),
-            _unix(stands, start_ns),
-            _unix(spans, start_ns),
-            _unix(dumps, start_ns),
+            to_unix_ns(cycles, start_ns).hstack(logs),
+            to_unix_ns(stands, start_ns),
+            to_unix_ns(spans, start_ns),
+            to_unix_ns(dumps, start_ns),
         )
 
     def _log(self, index: int, span: LogSpan, heading_rad: float, start_ns: int) -> SimulatedLog:
@@ -136,11 +136,11 @@ class ShiftSimulation:
             start_ns + nanoseconds(span.start_s),
             start_ns + nanoseconds(span.end_s),
             start_ns + np.rint(begins * 1e9).astype(np.int64),
-            _in_cycles(mine, begins),
-            _Clock(motion, start_ns).sample,
-            _WayAndBoom(motion, tuple(driver.angles), start_ns).hints,
+            times_within_cycles(mine, begins),
+            _ShiftTimeline(motion, start_ns).sample,
+            _PositionAndBoom(motion, tuple(driver.angles), start_ns).hints,
         )
-        topics = topics_of(scenario)
+        topics = recorded_topics(scenario)
         return SimulatedLog(
             scenario=scenario,
             load_kg=0.0,
@@ -153,7 +153,7 @@ class ShiftSimulation:
         )
 
 
-class _Clock(NamedTuple):
+class _ShiftTimeline(NamedTuple):
     """The motion by unix time."""
 
     motion: IntegratedLog
@@ -163,7 +163,7 @@ class _Clock(NamedTuple):
         return self.motion.sample((time_ns - self.start_ns) * np.float64(1e-9))
 
 
-class _WayAndBoom(NamedTuple):
+class _PositionAndBoom(NamedTuple):
     """Where the machine is and how its boom stands, by unix time."""
 
     motion: IntegratedLog
@@ -178,10 +178,12 @@ class _WayAndBoom(NamedTuple):
         return Hints(position, np.interp(time_s, known, boom), np.interp(time_s, known, bucket))
 
 
-def _in_cycles(driven: tuple[DrivenManoeuvre, ...], begins: Floats) -> tuple[DrivenManoeuvre, ...]:
+def times_within_cycles(
+    driven: tuple[DrivenManoeuvre, ...], begins: Floats
+) -> tuple[DrivenManoeuvre, ...]:
     """The same manoeuvres, their times since their cycle began."""
     return tuple(
-        each._replace(times=each.times.since(float(begins[each.trial]))) for each in driven
+        each._replace(times=each.times.counted_from(float(begins[each.trial]))) for each in driven
     )
 
 
@@ -202,7 +204,7 @@ def _plan_log_spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
     return spans
 
 
-def _unix(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
+def to_unix_ns(frame: pl.DataFrame, start_ns: int) -> pl.DataFrame:
     """Columns of seconds since the shift began as unix ns."""
     seconds = [name for name in frame.columns if name.endswith("_s")]
     return frame.with_columns(

@@ -10,9 +10,14 @@ from functools import cached_property
 import polars as pl
 
 from analysis.model.schema import PHASE
-from analysis.simulation.motion.timeline import Timeline, continuous, nanoseconds, repeat_trial
+from analysis.simulation.motion.timeline import (
+    Timeline,
+    continuous_timeline,
+    nanoseconds,
+    repeat_trial,
+)
 from analysis.simulation.scenario.scenario import Scenario
-from analysis.simulation.sensors.recorder import TOPICS, instants_ns, phase_s
+from analysis.simulation.sensors.recorder import TOPICS, phase_s, sample_times_ns
 from analysis.simulation.sensors.sensors import measure
 from analysis.simulation.trials.solve_trial import solve_motion
 from analysis.simulation.trials.switches import integrate_for
@@ -57,7 +62,7 @@ class SimulatedLog:
 
         `time_ns` (unix) and the fields of `Channels`.
         """
-        time_ns = instants_ns(self.timeline, self.scenario.sensors.rate_hz, 0.0)
+        time_ns = sample_times_ns(self.timeline, self.scenario.sensors.rate_hz, 0.0)
         now = self.timeline.sample(time_ns)
         return pl.DataFrame({"time_ns": time_ns, **now._asdict()}).with_columns(
             pl.col("phase").cast(PHASE)
@@ -81,7 +86,7 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
             the first log.
     """
     if scenario.shift is not None:
-        raise ScenarioError("shift: is no campaign; use ShiftSimulation")
+        raise ScenarioError("shift: is not a campaign; use ShiftSimulation")
     check_limits(scenario, scenario.campaign.loads_kg)
     return _logs(scenario)
 
@@ -109,4 +114,4 @@ def _timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> 
     from analysis.simulation.drive.log_drive import integrate_log
 
     whole = integrate_log(scenario, load_kg, index)
-    return continuous(scenario, whole.trial_s, whole.driven, whole.sample, start_ns)
+    return continuous_timeline(scenario, whole.trial_s, whole.driven, whole.sample, start_ns)

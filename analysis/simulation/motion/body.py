@@ -23,7 +23,7 @@ from analysis.simulation.scenario.scenario import Scenario
 Values: TypeAlias = float | NDArray[np.float64]
 
 
-class Pair(NamedTuple):
+class AxisPair(NamedTuple):
     """Something along x (force, speed, acceleration) and about z (torque, yaw rate, …)."""
 
     x: Values
@@ -71,7 +71,7 @@ class RigidBody:
         )
 
     @property
-    def gripping(self) -> tuple[float, float]:
+    def standstill_grip(self) -> tuple[float, float]:
         """What grips at standstill, along x and about z: Coulomb friction, rolling resistance."""
         return self.coulomb_x_N + self.rolling_x_N, self.coulomb_z_N_m
 
@@ -85,13 +85,13 @@ class RigidBody:
         """Centre of mass, to the left of the origin."""
         return self.first_moment_y_kg_m / self.mass_kg
 
-    def gravity(self, heading: Values) -> tuple[Values, Values]:
+    def gravity_along_heading(self, heading: Values) -> tuple[Values, Values]:
         """Specific force of the slope along x and y at a heading, in m/s²."""
         if isinstance(heading, float):  # numpy's are slow on single numbers
             return self.uphill_m_s2 * math.cos(heading), -self.uphill_m_s2 * math.sin(heading)
         return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)
 
-    def net(self, applied: Pair, rate: Pair, heading: Values) -> Pair:
+    def net_drive(self, applied: AxisPair, rate: AxisPair, heading: Values) -> AxisPair:
         """Force and torque that are left for acceleration and Coulomb friction.
 
         Args:
@@ -99,9 +99,9 @@ class RigidBody:
             rate: v and ω.
             heading: in rad.
         """
-        gravity_x, gravity_y = self.gravity(heading)
+        gravity_x, gravity_y = self.gravity_along_heading(heading)
         v, omega = rate
-        return Pair(
+        return AxisPair(
             applied.x
             - self.friction_x_N_s_m * v
             - self.mass_kg * gravity_x
@@ -112,24 +112,26 @@ class RigidBody:
             + self.first_moment_y_kg_m * gravity_x,
         )
 
-    def accelerations(self, net: Pair, moves: tuple[bool, bool]) -> Pair:
+    def accelerations(self, net: AxisPair, moves: tuple[bool, bool]) -> AxisPair:
         """dv/dt and ω̇ under `net` force and torque; an axis that does not move has none."""
         m, mc_y = self.mass_kg, self.first_moment_y_kg_m
         if not any(moves):
-            return Pair(0.0 * net.x, 0.0 * net.z)
+            return AxisPair(0.0 * net.x, 0.0 * net.z)
         if not moves[0]:
-            return Pair(0.0 * net.x, net.z / self.inertia_z_kg_m2)
+            return AxisPair(0.0 * net.x, net.z / self.inertia_z_kg_m2)
         if not moves[1]:
-            return Pair(net.x / m, 0.0 * net.z)
+            return AxisPair(net.x / m, 0.0 * net.z)
         turn = (net.z + mc_y * net.x / m) / (self.inertia_z_kg_m2 - mc_y * mc_y / m)
-        return Pair((net.x + mc_y * turn) / m, turn)
+        return AxisPair((net.x + mc_y * turn) / m, turn)
 
-    def needed(self, rate: Pair, acceleration: Pair, heading: Values, friction: Pair) -> Pair:
+    def required_drive(
+        self, rate: AxisPair, acceleration: AxisPair, heading: Values, friction: AxisPair
+    ) -> AxisPair:
         """F and T that a motion takes; `friction` has the signs of what grips on each."""
-        left = self.net(Pair(0.0 * rate.x, 0.0 * rate.z), rate, heading)
+        left = self.net_drive(AxisPair(0.0 * rate.x, 0.0 * rate.z), rate, heading)
         dv, turn = acceleration
         mc_y = self.first_moment_y_kg_m
-        return Pair(
-            self.mass_kg * dv - mc_y * turn - left.x + self.gripping[0] * friction.x,
-            self.inertia_z_kg_m2 * turn - mc_y * dv - left.z + self.gripping[1] * friction.z,
+        return AxisPair(
+            self.mass_kg * dv - mc_y * turn - left.x + self.standstill_grip[0] * friction.x,
+            self.inertia_z_kg_m2 * turn - mc_y * dv - left.z + self.standstill_grip[1] * friction.z,
         )

@@ -51,7 +51,7 @@ class ManoeuvreTimes(NamedTuple):
     braking_s: float | None
     end_s: float
 
-    def since(self, begin_s: float) -> "ManoeuvreTimes":
+    def counted_from(self, begin_s: float) -> "ManoeuvreTimes":
         """The same times, counted from `begin_s`."""
 
         def later(time_s: float | None) -> float | None:
@@ -132,7 +132,7 @@ class SolvedMotion:
                 name[inside] = _phases_of(state) if phase.name is None else phase.name
                 rows[:, inside] = np.stack(state)
         state = MotionState(*[rows[i] for i in range(len(rows))])
-        gravity_x, gravity_y = self.body.gravity(state.heading_rad)
+        gravity_x, gravity_y = self.body.gravity_along_heading(state.heading_rad)
         seen = self.brake_measured_share
         return Channels(
             phase=name,

@@ -81,9 +81,9 @@ class Timeline:
                 {
                     "run": trial,
                     "start_ns": begin_ns,
-                    "throttle_ns": _after(begin_ns, times.drive_s),
-                    "cruise_ns": _after(begin_ns, times.steady_s),
-                    "braking_ns": _after(begin_ns, times.braking_s),
+                    "throttle_ns": _unix_ns_after(begin_ns, times.drive_s),
+                    "cruise_ns": _unix_ns_after(begin_ns, times.steady_s),
+                    "braking_ns": _unix_ns_after(begin_ns, times.braking_s),
                     "end_ns": int(self.trial_ns[trial + 1]),
                     "load_kg": first.load_kg,
                     "mass_kg": body.mass_kg,
@@ -112,9 +112,9 @@ class Timeline:
                     "manoeuvre": each.number,
                     "kind": times.kind,
                     "start_ns": begin_ns + nanoseconds(times.start_s),
-                    "drive_ns": _after(begin_ns, times.drive_s),
-                    "steady_ns": _after(begin_ns, times.steady_s),
-                    "braking_ns": _after(begin_ns, times.braking_s),
+                    "drive_ns": _unix_ns_after(begin_ns, times.drive_s),
+                    "steady_ns": _unix_ns_after(begin_ns, times.steady_s),
+                    "braking_ns": _unix_ns_after(begin_ns, times.braking_s),
                     "end_ns": begin_ns + nanoseconds(times.end_s),
                     "load_kg": each.load_kg,
                     "load_end_kg": each.load_end_kg,
@@ -160,7 +160,7 @@ def repeat_trial(
     return Timeline(start_ns, end_ns, trial_ns, driven, sample)
 
 
-def continuous(
+def continuous_timeline(
     scenario: Scenario,
     trial_s: Floats,
     driven: tuple[DrivenManoeuvre, ...],
@@ -185,7 +185,7 @@ def continuous(
     return Timeline(start_ns, end_ns, trial_ns, driven, sample)
 
 
-def _after(start_ns: int, seconds: float | None) -> int | None:
+def _unix_ns_after(start_ns: int, seconds: float | None) -> int | None:
     return None if seconds is None else start_ns + nanoseconds(seconds)
 
 

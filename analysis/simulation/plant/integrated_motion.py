@@ -147,7 +147,7 @@ def _row_before(rows: Floats, time_s: float, known: int) -> int:
 
 
 @inlined
-def _row_value(row: Floats, which: int) -> float:
+def _value_or_rate(row: Floats, which: int) -> float:
     if which == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
     if which == FILLING:
@@ -164,7 +164,7 @@ def _rate_at_row(rows: Floats, at: int, which: int) -> float:
             span = rows[first + 1, plant.TIME] - rows[first, plant.TIME]
             if span > 0.0:
                 total += (
-                    _row_value(rows[first + 1], which) - _row_value(rows[first], which)
+                    _value_or_rate(rows[first + 1], which) - _value_or_rate(rows[first], which)
                 ) / span
                 known += 1.0
     return total / max(known, 1.0)

@@ -17,9 +17,9 @@ import numpy as np
 
 from analysis.simulation.plant.plant_inputs import DriveStage, Plant
 from analysis.simulation.plant.resistance import (
+    cold_friction_share,
+    friction_capacity,
     gentle_braking,
-    held_by_friction,
-    left_of_cold,
     rolling_resistance,
 )
 from estimators.arrays import Floats
@@ -58,7 +58,9 @@ def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
 
 
 @inlined
-def _demand(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
+def commanded_force_or_speed(
+    t: float, stage: DriveStage, wave: Floats, wave_step_s: float
+) -> float:
     """The commanded drive force; of a pedal, the speed that its wave wants."""
     since_s = t - stage.begin_s
     if wave.size:
@@ -91,7 +93,7 @@ def _rotating(speed_m_s: float, plant: Plant) -> float:
 
 
 @inlined
-def _mass(t: float, stage: DriveStage) -> float:
+def _mass_at(t: float, stage: DriveStage) -> float:
     """Machine and load, of which some may fall in or off."""
     mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
     if stage.spill_1_s > 0.0:
@@ -123,7 +125,7 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
 ) -> None:
     """Fill `out` with the derivatives of the state, and with the forces of the instant."""
     wheel, body = y[WHEEL], y[BODY]
-    mass = _mass(t, stage)
+    mass = _mass_at(t, stage)
     slope = plant.slope_rad + plant.hills_rad * math.sin(
         plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
     )
@@ -132,7 +134,7 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
     force = _motor(y[DRIVE], wheel, plant)
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
-    capacity = held_by_friction(t, turn, plant, stage)
+    capacity = friction_capacity(t, turn, plant, stage)
     capacity += rolling_resistance(y[POSITION], wheel, turn, mass, slope, plant) + gentle_braking(
         t, grip, mass, gravity, plant, stage
     )
@@ -142,7 +144,9 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
     share = plant.wheel_share if soft else 1.0
     wheel_kg = share * mass + _rotating(wheel, plant)
     body_kg = (1.0 - share) * mass
-    friction = plant.friction_N_s_m * left_of_cold(t, plant.friction_warming, plant.warming_s)
+    friction = plant.friction_N_s_m * cold_friction_share(
+        t, plant.friction_warming, plant.warming_s
+    )
     pull = ground - friction * wheel - share * mass * gravity
     pull -= plant.air_N_s2_m2 * abs(wheel) * wheel
     pull -= stage.facing * plant.spring_N_m * y[POSITION]
@@ -171,7 +175,7 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
     out[WHEEL] = wheel_acc
     out[BODY] = body_acc
     out[STRETCH] = wheel - body if soft else 0.0
-    asked, braking = _demand(t, stage, wave, wave_step_s), stage.brake_N
+    asked, braking = commanded_force_or_speed(t, stage, wave, wave_step_s), stage.brake_N
     if stage.pedal_N_s_m > 0.0:
         asked, braking = _pedal_force(asked, wheel, stage)
     out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
@@ -188,7 +192,7 @@ def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does no
 
 
 @inlined
-def _keep(row: Floats, t: float, y: Floats, out: Floats, stands: float) -> None:
+def _write_row(row: Floats, t: float, y: Floats, out: Floats, stands: float) -> None:
     row[TIME] = t
     for i in range(STATES):
         row[1 + i] = y[i]
@@ -278,7 +282,7 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
                 moved = True
                 _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
         stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
-        _keep(rows[kept], t, y, k[0], stands)
+        _write_row(rows[kept], t, y, k[0], stands)
         kept += 1
         dt = stage.begin_s + (number + 1) * step - t
         _integrate_step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
@@ -305,7 +309,7 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
             blocked = least <= 1e-9 * step
             y[:] = made
             _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
-            _keep(rows[kept], t, y, k[0], 0.0)
+            _write_row(rows[kept], t, y, k[0], 0.0)
             kept += 1
             if stops:
                 return t, kept, moved
@@ -316,10 +320,10 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
             y[:] = made
     _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
     stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
-    _keep(rows[kept], t, y, k[0], stands)
+    _write_row(rows[kept], t, y, k[0], stands)
     return t, kept + 1, moved
 
 
-def still() -> Floats:
+def state_at_rest() -> Floats:
     """The state (8,) of a machine that stands."""
     return np.zeros(STATES)

@@ -11,7 +11,7 @@ _AXLES_APART_M: Final = 1.2
 
 
 @inlined
-def left_of_cold(t: float, warming: float, warming_s: float) -> float:
+def cold_friction_share(t: float, warming: float, warming_s: float) -> float:
     """The share of a cold machine's friction that is left at a time."""
     if warming == 0.0:
         return 1.0
@@ -19,9 +19,9 @@ def left_of_cold(t: float, warming: float, warming_s: float) -> float:
 
 
 @inlined
-def held_by_friction(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
+def friction_capacity(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
     """What friction in newtons can hold, and slides with, at a time and a yaw rate."""
-    coulomb_N = stage.coulomb_N * left_of_cold(t, plant.coulomb_warming, plant.warming_s)
+    coulomb_N = stage.coulomb_N * cold_friction_share(t, plant.coulomb_warming, plant.warming_s)
     capacity = coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
     if stage.release_s > 0.0:
         since_s = t - stage.release_from_s

@@ -26,7 +26,7 @@ class RowBuffer:
         """(n,) the kind of stage of each row."""
         return np.repeat(np.array(self._kinds, np.int8), self._counts)
 
-    def room(self, count: int) -> Floats:
+    def free_rows(self, count: int) -> Floats:
         """(at least count, 16) memory behind the rows, to be filled and then kept."""
         if self._size + count > len(self._rows):
             self.reserve(self._size + 2 * count)
@@ -60,7 +60,7 @@ class RowBuffer:
             self._counts = [int(ends[stage]) - first, *self._counts[stage + 1 :]]
         return float(turned.sum())
 
-    def keep(self, count: int, kind: int) -> None:
+    def commit_rows(self, count: int, kind: int) -> None:
         """Keep so many rows of the room, all of one kind of stage."""
         self._size += count
         self._kinds.append(kind)

@@ -16,7 +16,7 @@ from estimators.arrays import Floats
 TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
 
 
-def topics_of(scenario: Scenario) -> tuple[TopicName, ...]:
+def recorded_topics(scenario: Scenario) -> tuple[TopicName, ...]:
     """The topics that are recorded."""
     return TOPICS if scenario.shift is None else (*TOPICS, *scenario.shift.topics)
 
@@ -37,7 +37,7 @@ def phase_s(scenario: Scenario, topic: TopicName, load_index: int) -> float:
     return float(drawn) / rate_hz(scenario, topic)
 
 
-def instants_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[np.int64]:
+def sample_times_ns(timeline: Timeline, rate_hz: float, phase_s: float) -> NDArray[np.int64]:
     """The unix times (n,) at which a topic is sampled from `phase_s` on until the log ends."""
     first_ns = timeline.start_ns + round(phase_s * 1e9)
     period_ns = 1e9 / rate_hz
@@ -66,7 +66,7 @@ def record(
     log = scenario.log
     latency_s = log.latency_s + log.latency_jitter_s * streams.uniform(f"{topic}_latency")
     log_time_ns = at_ns + np.rint(latency_s * 1e9).astype(np.int64)
-    keeps = ~_dark(scenario, at_ns, streams, timeline)
+    keeps = ~find_dropouts(scenario, at_ns, streams, timeline)
     if log.dropout_share:
         keeps &= streams.uniform(f"{topic}_dropout") >= log.dropout_share
     frame = pl.DataFrame(
@@ -108,7 +108,7 @@ def _swap_order(time_ns: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArra
     return swapped
 
 
-def _dark(
+def find_dropouts(
     scenario: Scenario, at_ns: NDArray[np.int64], streams: Streams, timeline: Timeline
 ) -> NDArray[np.bool_]:
     """Where nothing is recorded (n,): stretches that begin at any sample with one probability."""
@@ -116,7 +116,7 @@ def _dark(
     if not log.blackout_every_s:
         return np.zeros(at_ns.shape, np.bool_)
     # the same stretches in all topics, whatever their rates
-    grid_ns = instants_ns(timeline, rate, 0.0)
+    grid_ns = sample_times_ns(timeline, rate, 0.0)
     common = Streams(streams.seed, streams.load_index, timeline.trial(grid_ns))
     begins = common.uniform("blackout") < -math.expm1(-1.0 / rate / log.blackout_every_s)
     begins_ns = np.concatenate([[np.int64(-(2**62))], grid_ns[begins]])

@@ -17,7 +17,13 @@ from analysis.simulation.motion.timeline import Hints, Timeline
 from analysis.simulation.scenario.sampling import TopicName
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.sensors.random_streams import Streams
-from analysis.simulation.sensors.recorder import instants_ns, phase_s, rate_hz, record, topics_of
+from analysis.simulation.sensors.recorder import (
+    phase_s,
+    rate_hz,
+    record,
+    recorded_topics,
+    sample_times_ns,
+)
 from estimators.arrays import Floats
 
 #: Between two steps of the filter a signal is taken for a straight line.
@@ -43,26 +49,26 @@ def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str
         of recording.
     """
     frames: dict[str, pl.DataFrame] = {}
-    for topic in topics_of(scenario):
+    for topic in recorded_topics(scenario):
         phase = phase_s(scenario, topic, load_index)
-        at_ns = instants_ns(timeline, rate_hz(scenario, topic), phase)
+        at_ns = sample_times_ns(timeline, rate_hz(scenario, topic), phase)
         streams = Streams(scenario.sensors.seed, load_index, timeline.trial(at_ns))
         readings = _READERS[topic](scenario, timeline, at_ns, streams)
         if scenario.defects.frozen_topic == topic:
-            held = _frozen(scenario, at_ns - timeline.start_ns)
+            held = frozen_sample_indices(scenario, at_ns - timeline.start_ns)
             readings = {name: values[held] for name, values in readings.items()}
         frames[topic] = record(scenario, topic, at_ns, streams, timeline, readings)
     return frames
 
 
-class _White(NamedTuple):
+class WhiteNoise(NamedTuple):
     """White noise of a channel, and its resolution."""
 
     std: float
     lsb: float
 
 
-def _measure(value: Floats, streams: Streams, name: str, white: _White) -> Floats:
+def _measure(value: Floats, streams: Streams, name: str, white: WhiteNoise) -> Floats:
     reading = value + streams.normal(name, white.std)
     return np.rint(reading / white.lsb) * white.lsb if white.lsb else reading
 
@@ -71,7 +77,7 @@ def _signals(
     timeline: Timeline,
     at_ns: NDArray[np.int64],
     times_s: tuple[float, float],
-    of: Callable[[Channels, Floats], Mapping[str, Floats]],
+    motion_signals: Callable[[Channels, Floats], Mapping[str, Floats]],
 ) -> Mapping[str, Floats]:
     """Signals (n,) of a motion behind their delay and low-pass (`times_s`).
 
@@ -81,7 +87,7 @@ def _signals(
     length_ns = timeline.end_ns - timeline.start_ns
 
     def signals(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
-        return of(timeline.sample(time_ns), (time_ns - timeline.start_ns) / length_ns)
+        return motion_signals(timeline.sample(time_ns), (time_ns - timeline.start_ns) / length_ns)
 
     return low_pass(signals, at_ns - round(delay_s * 1e9), lag_s)
 
@@ -100,11 +106,11 @@ def _imu(
         made["specific_force_x_m_s2"] = made["specific_force_x_m_s2"] + np.where(
             moving, _vibration(scenario, seconds, streams), 0.0
         )
-    acc = _White(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
-    gyro = _White(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
+    acc = WhiteNoise(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
+    gyro = WhiteNoise(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
     white = {
-        "pitch_rad": _White(sensors.pitch_noise_rad, sensors.angle_lsb_rad),
-        "roll_rad": _White(sensors.roll_noise_rad, sensors.angle_lsb_rad),
+        "pitch_rad": WhiteNoise(sensors.pitch_noise_rad, sensors.angle_lsb_rad),
+        "roll_rad": WhiteNoise(sensors.roll_noise_rad, sensors.angle_lsb_rad),
     }
     return {
         name: _measure(value, streams, name, white.get(name, acc if "force" in name else gyro))
@@ -180,11 +186,11 @@ def _torque(
             sensors.force_drift_s * rate_hz(scenario, "torque"),
         )
         reading = _measure(
-            signals[name] + drift, streams, name, _White(noise, sensors.torque_lsb_N_m)
+            signals[name] + drift, streams, name, WhiteNoise(noise, sensors.torque_lsb_N_m)
         )
         readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
     readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain
-    return _sides(scenario, "torque_{}_N_m", readings)
+    return _split_by_side(scenario, "torque_{}_N_m", readings)
 
 
 def _torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
@@ -210,9 +216,9 @@ def _speed(
     times_s = (sensors.speed_delay_s, scenario.defects.speed_lag_s)
     signals = _signals(timeline, at_ns, times_s, lambda motion, _: _speed_signals(scenario, motion))
     # the mean of both sides has the scenario's noise
-    white = _White(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
+    white = WhiteNoise(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
     readings = {name: _measure(value, streams, name, white) for name, value in signals.items()}
-    return _sides(scenario, "speed_{}_m_s", readings)
+    return _split_by_side(scenario, "speed_{}_m_s", readings)
 
 
 def _speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
@@ -237,14 +243,14 @@ def _speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     return signals
 
 
-def _sides(scenario: Scenario, name: str, readings: dict[str, Floats]) -> dict[str, Floats]:
+def _split_by_side(scenario: Scenario, name: str, readings: dict[str, Floats]) -> dict[str, Floats]:
     left, right = name.format("left"), name.format("right")
     if scenario.defects.sides_swapped:
         return {left: readings[right], right: readings[left]}
     return readings
 
 
-def _frozen(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+def frozen_sample_indices(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     """Index (n,) of the sample whose values each message repeats: its own, unless it is frozen."""
     defects = scenario.defects
     every_ns = round(defects.frozen_every_s * 1e9)
@@ -290,7 +296,7 @@ def boom(
     scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
 ) -> dict[str, Floats]:
     """Angles of boom and bucket, positive up, in rad."""
-    hints, noise = _hints(timeline, at_ns), _shift_noise(scenario)
+    hints, noise = _require_hints(timeline, at_ns), _shift_noise(scenario)
     return {
         "boom_rad": hints.boom_rad + streams.normal("boom_rad", noise),
         "bucket_rad": hints.bucket_rad + streams.normal("bucket_rad", noise),
@@ -305,7 +311,7 @@ def odometry(
     speed = motion.wheel_speed_x_m_s + streams.normal("odometry_speed", sensors.speed_noise_m_s)
     rate = motion.yaw_rate_rad_s + streams.normal("odometry_yaw", sensors.gyro_noise_rad_s)
     return {
-        "position_x_m": _hints(timeline, at_ns).position_m,
+        "position_x_m": _require_hints(timeline, at_ns).position_m,
         "heading_rad": motion.heading_rad,
         "speed_x_m_s": speed,
         "yaw_rate_rad_s": rate,
@@ -319,7 +325,7 @@ def gnss(
     shift = scenario.shift
     assert shift is not None
     bearing = math.radians(shift.bearing_deg)
-    along = _hints(timeline, at_ns).position_m
+    along = _require_hints(timeline, at_ns).position_m
     north = along * math.cos(bearing) + streams.normal("gnss_north", shift.gnss_noise_m)
     east = along * math.sin(bearing) + streams.normal("gnss_east", shift.gnss_noise_m)
     parallel_m = _EARTH_M * math.cos(math.radians(shift.latitude_deg))
@@ -329,7 +335,7 @@ def gnss(
     }
 
 
-def _hints(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
+def _require_hints(timeline: Timeline, at_ns: NDArray[np.int64]) -> Hints:
     assert timeline.hints is not None
     return timeline.hints(at_ns)
 

@@ -7,7 +7,7 @@ from the brakes, each axis by itself.
 
 import numpy as np
 
-from analysis.simulation.motion.body import Pair, RigidBody, Values
+from analysis.simulation.motion.body import AxisPair, RigidBody, Values
 from analysis.simulation.motion.solved_motion import ManoeuvreTimes, MotionPhase, MotionState
 from analysis.simulation.scenario.manoeuvres import Arc
 from estimators.arrays import Floats
@@ -25,14 +25,18 @@ def arc_phases(
         up = np.clip((time_s - begin_s) / manoeuvre.ramp_s, 0.0, None)
         down = np.clip((time_s - down_s) / manoeuvre.ramp_s, 0.0, None)
         level = _smooth_step(up) - _smooth_step(down)
-        slope = (_rate(up) - _rate(down)) / manoeuvre.ramp_s
-        turned = manoeuvre.yaw_rate_rad_s * manoeuvre.ramp_s * (_area(up) - _area(down))
-        rate = Pair(manoeuvre.speed_m_s * level, manoeuvre.yaw_rate_rad_s * level)
-        acceleration = Pair(manoeuvre.speed_m_s * slope, manoeuvre.yaw_rate_rad_s * slope)
+        slope = (_smooth_step_rate(up) - _smooth_step_rate(down)) / manoeuvre.ramp_s
+        turned = (
+            manoeuvre.yaw_rate_rad_s
+            * manoeuvre.ramp_s
+            * (smooth_step_integral(up) - smooth_step_integral(down))
+        )
+        rate = AxisPair(manoeuvre.speed_m_s * level, manoeuvre.yaw_rate_rad_s * level)
+        acceleration = AxisPair(manoeuvre.speed_m_s * slope, manoeuvre.yaw_rate_rad_s * slope)
         heading = heading_rad + turned
-        sign = Pair(np.sign(rate.x), np.sign(rate.z))
-        total = body.needed(rate, acceleration, heading, sign)
-        drive = Pair(_along(total.x, rate.x), _along(total.z, rate.z))
+        sign = AxisPair(np.sign(rate.x), np.sign(rate.z))
+        total = body.required_drive(rate, acceleration, heading, sign)
+        drive = AxisPair(_driving_part(total.x, rate.x), _driving_part(total.z, rate.z))
         values: list[Values] = [
             rate.x,
             acceleration.x,
@@ -55,7 +59,7 @@ def arc_phases(
     return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
 
 
-def _along(total: Values, rate: Values) -> Values:
+def _driving_part(total: Values, rate: Values) -> Values:
     return np.where(total * rate >= 0.0, total, 0.0)
 
 
@@ -64,12 +68,12 @@ def _smooth_step(part: Floats) -> Floats:
     return part**3 * (10.0 + part * (6.0 * part - 15.0))
 
 
-def _rate(part: Floats) -> Floats:
+def _smooth_step_rate(part: Floats) -> Floats:
     part = np.minimum(part, 1.0)
     return 30.0 * part**2 * (1.0 - part) ** 2
 
 
-def _area(part: Floats) -> Floats:
+def smooth_step_integral(part: Floats) -> Floats:
     """The integral of `_step`."""
     ramp = np.minimum(part, 1.0)
     return ramp**4 * (2.5 + ramp * (ramp - 3.0)) + (part - ramp)

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulation.motion.body import Pair, RigidBody
+from analysis.simulation.motion.body import AxisPair, RigidBody
 from analysis.simulation.motion.solved_motion import (
     ManoeuvreTimes,
     MotionPhase,
@@ -37,7 +37,7 @@ from estimators.errors import DataError, ScenarioError
 _LONGEST_STOP_S: Final = 86_400.0
 #: Friction that changes so often in no time has no motion that obeys it.
 _MOST_CHANGES_AT_ONCE: Final = 20
-_STILL = Pair(0.0, 0.0)
+_STILL = AxisPair(0.0, 0.0)
 
 
 def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
@@ -60,13 +60,13 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
     if asked is not None:
         raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
     trial = _Trial(scenario, RigidBody.loaded(scenario, load_kg))
-    phases = [trial.standing(-math.inf, 0.0, heading_rad=0.0)]
+    phases = [trial.stand(-math.inf, 0.0, heading_rad=0.0)]
     windows: list[ManoeuvreTimes] = []
     for manoeuvre in scenario.campaign.trial:
         parts, window = trial.solve(manoeuvre, phases[-1].end_s, _end_heading_rad(phases))
         phases.extend(parts)
         windows.append(window)
-    phases.append(trial.standing(phases[-1].end_s, math.inf, _end_heading_rad(phases)))
+    phases.append(trial.stand(phases[-1].end_s, math.inf, _end_heading_rad(phases)))
     seen = scenario.campaign.brake_measured_share
     return SolvedMotion(trial.body, seen, tuple(phases), tuple(windows))
 
@@ -87,7 +87,7 @@ class _Trial:
         match manoeuvre:
             case Rest():
                 end_s = begin_s + manoeuvre.duration_s
-                phases = [self.standing(begin_s, end_s, heading_rad)]
+                phases = [self.stand(begin_s, end_s, heading_rad)]
                 return phases, ManoeuvreTimes("rest", begin_s, None, None, None, end_s)
             case Start():
                 sign = 1.0 if manoeuvre.direction == "forward" else -1.0
@@ -102,9 +102,9 @@ class _Trial:
             case Travel():
                 raise AssertionError("needs a whole log, which `integrate_for` says")
 
-    def standing(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
+    def stand(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Stand at a heading; the brakes hold."""
-        hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
 
         def state(time_s: Floats) -> MotionState:
             zero = np.zeros_like(time_s)
@@ -126,29 +126,29 @@ class _Trial:
         names = ("accelerating", "cruising", "braking") if axis == 0 else ("spinning",) * 3
         machine = DrivenMotion(self.body, lag_s, (axis == 0, axis == 1))
 
-        stalled, state = self._is_stalled(axis, sign, full, begin_s, heading_rad)
-        asked = Commands(_constant(axis, sign * full))
+        stalled, state = self._solve_stalled_trial(axis, sign, full, begin_s, heading_rad)
+        asked = Commands(_constant_drive(axis, sign * full))
         opened, state = machine.move(names[0], stalled.end_s, steady_s, state, asked)
-        signs = Pair(sign, 0.0) if axis == 0 else Pair(0.0, sign)
-        rate = Pair(float(state[0]), float(state[3]))
-        keeping = self.body.needed(rate, _STILL, float(state[6]), signs)[axis]
-        asked = Commands(_constant(axis, float(keeping)))
+        signs = AxisPair(sign, 0.0) if axis == 0 else AxisPair(0.0, sign)
+        rate = AxisPair(float(state[0]), float(state[3]))
+        keeping = self.body.required_drive(rate, _STILL, float(state[6]), signs)[axis]
+        asked = Commands(_constant_drive(axis, float(keeping)))
         kept, state = machine.move(names[1], steady_s, braking_s, state, asked)
         braked = machine.stop(names[2], braking_s, state, self._brakes(state))
         phases = [stalled, *opened, *kept, *braked]
         kind = manoeuvre.kind
         return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
 
-    def _is_stalled(
+    def _solve_stalled_trial(
         self, axis: int, sign: float, full: float, begin_s: float, heading_rad: float
     ) -> tuple[MotionPhase, Floats]:
         """The throttle opens until the drive overcomes slope and friction: that, and the state.
 
         The brakes let go as the drive takes over the slope.
         """
-        hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
         against = sign * float(hold[axis])
-        coulomb = self.body.gripping[axis]
+        coulomb = self.body.standstill_grip[axis]
         lag_s = self.scenario.campaign.valve_lag_s
         breakaway_s = begin_s - lag_s * math.log1p(-max((coulomb + against) / full, 0.0))
 
@@ -184,7 +184,7 @@ class _Trial:
             )
 
         kinks = [begin_s + kink for wave in waves for kink in wave.kinks_s(manoeuvre.duration_s)]
-        hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
+        hold = self.body.required_drive(_STILL, _STILL, heading_rad, _STILL)
         state = np.array([0.0, 0.0, -hold.x, 0.0, 0.0, -hold.z, heading_rad])
         machine = DrivenMotion(
             self.body, self.scenario.campaign.valve_lag_s, (force is not None, torque is not None)
@@ -200,7 +200,7 @@ class _Trial:
         braking = self.scenario.campaign.braking_m_s2
         spin = braking / (self.scenario.machine.track_width_m / 2.0)
         return Commands(
-            _constant(0, 0.0),
+            _constant_drive(0, 0.0),
             brake=(
                 float(np.sign(state[0])) * (self.body.mass_kg * braking),
                 float(np.sign(state[3])) * (self.body.inertia_z_kg_m2 * spin),
@@ -208,7 +208,7 @@ class _Trial:
         )
 
 
-def _constant(axis: int, value: float) -> Callable[[float], tuple[float, float]]:
+def _constant_drive(axis: int, value: float) -> Callable[[float], tuple[float, float]]:
     pair = (value, 0.0) if axis == 0 else (0.0, value)
 
     def asked(_time_s: float) -> tuple[float, float]:
@@ -280,13 +280,13 @@ class DrivenMotion:
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
             rate = float(state[RATES[axis]])
-            if not free[axis] or rate != 0.0 or self.body.gripping[axis] <= LEAST_GRIP:
+            if not free[axis] or rate != 0.0 or self.body.standstill_grip[axis] <= LEAST_GRIP:
                 choices.append((float(np.sign(rate)),))
             else:
                 choices.append((1.0, -1.0) if axis in loose else (None, 1.0, -1.0))
         grips = product(choices[0], choices[1])
         machines = [Stiction(self.body, self.valve_lag_s, free, grip) for grip in grips]
-        return min(machines, key=lambda machine: machine.contradiction(state))
+        return min(machines, key=lambda machine: machine.grip_inconsistency(state))
 
 
 def _check_progress(phases: Sequence[MotionPhase]) -> None:

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.simulation.motion.body import Pair, RigidBody
+from analysis.simulation.motion.body import AxisPair, RigidBody
 from analysis.simulation.motion.solved_motion import MotionPhase, MotionState
 from estimators.arrays import Floats
 
@@ -46,46 +46,46 @@ class Stiction:
     free: tuple[bool, bool]
     grip: tuple[float | None, float | None]
 
-    def net(self, state: Floats | tuple[float, ...]) -> Pair:
+    def net(self, state: Floats | tuple[float, ...]) -> AxisPair:
         """Force and torque on the state, 7 numbers or (7, n), Coulomb friction that slides in."""
         v, drive_x, brake_x, omega, drive_z, brake_z, heading = state
-        applied = Pair(drive_x - brake_x, drive_z - brake_z)
+        applied = AxisPair(drive_x - brake_x, drive_z - brake_z)
         body, grip = self.body, self.grip
-        net_x, net_z = body.net(applied, Pair(v, omega), heading)
-        return Pair(
-            net_x - body.gripping[0] * (grip[0] or 0.0),
-            net_z - body.gripping[1] * (grip[1] or 0.0),
+        net_x, net_z = body.net_drive(applied, AxisPair(v, omega), heading)
+        return AxisPair(
+            net_x - body.standstill_grip[0] * (grip[0] or 0.0),
+            net_z - body.standstill_grip[1] * (grip[1] or 0.0),
         )
 
-    def accelerations(self, net: Pair) -> Pair:
+    def accelerations(self, net: AxisPair) -> AxisPair:
         """dv/dt and ω̇ of the axes that are free and not held."""
-        return self.body.accelerations(net, self._moves)
+        return self.body.accelerations(net, self._moves_freely)
 
     @property
-    def _moves(self) -> tuple[bool, bool]:
+    def _moves_freely(self) -> tuple[bool, bool]:
         x, z = (self.free[axis] and self.grip[axis] is not None for axis in (0, 1))
         return x, z
 
-    def pull(self, state: Floats) -> tuple[float, float]:
+    def force_to_hold(self, state: Floats) -> tuple[float, float]:
         """Force and torque on the state (7,) that friction has to hold where it holds."""
         net = self.net(state)
         acceleration = self.accelerations(net)
         mc_y = self.body.first_moment_y_kg_m
         return float(net.x + mc_y * acceleration.z), float(net.z + mc_y * acceleration.x)
 
-    def contradiction(self, state: Floats) -> float:
+    def grip_inconsistency(self, state: Floats) -> float:
         """How far the grip is from what it does to the axes that stand in the state (7,).
 
         0 where friction that holds has no more to hold than it can, and friction that slides
         opposes the motion that begins. The inertia is positive definite, so one grip fits.
         """
-        pull, acceleration = self.pull(state), self.accelerations(self.net(state))
+        pull, acceleration = self.force_to_hold(state), self.accelerations(self.net(state))
         inertia = (self.body.mass_kg, self.body.inertia_z_kg_m2)
         wrong = 0.0
         for axis in (0, 1):
             sign = self.grip[axis]
             if sign is None:
-                wrong += max(abs(pull[axis]) - self.body.gripping[axis], 0.0)
+                wrong += max(abs(pull[axis]) - self.body.standstill_grip[axis], 0.0)
             elif state[RATES[axis]] == 0.0:
                 wrong += max(-sign * float(acceleration[axis]) * inertia[axis], 0.0)
         return wrong
@@ -119,7 +119,7 @@ class Stiction:
         changes = [
             axis
             for axis in (0, 1)
-            if self.free[axis] and (stop or self.body.gripping[axis] > LEAST_GRIP)
+            if self.free[axis] and (stop or self.body.standstill_grip[axis] > LEAST_GRIP)
         ]
         solution = solve_ivp(
             self._rates(state, asked),
@@ -129,7 +129,7 @@ class Stiction:
             rtol=1e-12,
             atol=1e-12,
             dense_output=True,
-            events=[_Change(self, axis, full) for axis in changes] or None,
+            events=[_GripChange(self, axis, full) for axis in changes] or None,
         )
         assert solution.sol is not None
         last_s = float(solution.t[-1])
@@ -142,7 +142,7 @@ class Stiction:
         still: list[float] = state.tolist()
         lag_s, (brake_x, brake_z) = self.valve_lag_s, asked.brake
         free_x, free_z = self.free
-        moves = self._moves
+        moves = self._moves_freely
         net_of, accelerations, drive = self.net, self.body.accelerations, asked.drive
 
         def rates(time_s: float, part: Floats) -> list[float]:
@@ -167,7 +167,9 @@ class Stiction:
         def states(time_s: Floats) -> MotionState:
             v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full(solved(time_s))
             acceleration = self.accelerations(self.net(whole))
-            kept = self.body.needed(Pair(v, omega), acceleration, heading, Pair(0.0, 0.0))
+            kept = self.body.required_drive(
+                AxisPair(v, omega), acceleration, heading, AxisPair(0.0, 0.0)
+            )
             if not self.free[0]:
                 v, drive_x, brake_x = 0.0 * v, np.asarray(kept.x), 0.0 * v
             if not self.free[1]:
@@ -178,7 +180,7 @@ class Stiction:
         return states
 
 
-class _Change:
+class _GripChange:
     """Ends an integration where friction lets go or an axis stands, as solve_ivp asks for it."""
 
     terminal = True
@@ -191,5 +193,5 @@ class _Change:
     def __call__(self, _time_s: float, part: Floats) -> float:
         machine, axis, state = self._machine, self._axis, self._full(part)
         if machine.grip[axis] is None:
-            return abs(machine.pull(state)[axis]) - machine.body.gripping[axis]
+            return abs(machine.force_to_hold(state)[axis]) - machine.body.standstill_grip[axis]
         return float(state[RATES[axis]])

@@ -63,14 +63,14 @@ def check_switches(scenario: Scenario) -> None:
     if scenario.starts.turn_rad_s and (terrain.slope_deg or terrain.hills_deg):
         raise ScenarioError("starts.turn_rad_s: starts turn on level ground alone")
     for number, manoeuvre in enumerate(scenario.campaign.trial):
-        if not _straight(manoeuvre):
+        if not _is_straight(manoeuvre):
             raise ScenarioError(
-                f"campaign.manoeuvres.{number}: is no straight motion, which alone is simulated "
+                f"campaign.manoeuvres.{number}: is not a straight motion, which alone is simulated "
                 f"with {asked}; choose rests, starts and forces, or leave out {asked}"
             )
 
 
-def _straight(manoeuvre: Manoeuvre) -> bool:
+def _is_straight(manoeuvre: Manoeuvre) -> bool:
     if isinstance(manoeuvre, Excite):
         return manoeuvre.torque is None
     return isinstance(manoeuvre, Rest | Start | Travel)

@@ -12,7 +12,7 @@ from analysis.simulation.motion.body import RigidBody
 from analysis.simulation.scenario.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start, Travel
 from analysis.simulation.scenario.scenario import Scenario
 from analysis.simulation.scenario.shift_plan import SimulatedShift
-from analysis.simulation.sensors.recorder import rate_hz, topics_of
+from analysis.simulation.sensors.recorder import rate_hz, recorded_topics
 from analysis.simulation.trials.arc import arc_phases
 from analysis.simulation.trials.switches import check_switches
 from estimators.errors import ScenarioError
@@ -39,7 +39,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
     check_switches(scenario)
     if (
         scenario.log.latency_jitter_s
-        * max(rate_hz(scenario, topic) for topic in topics_of(scenario))
+        * max(rate_hz(scenario, topic) for topic in recorded_topics(scenario))
         >= 1
     ):
         raise ScenarioError(
@@ -62,7 +62,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
                 f"the square of the centre of mass's distance; give more than {least:.0f}"
             )
     trial = scenario.campaign.trial
-    limits = _Limits(scenario, *bodies, turns=any(_turns(manoeuvre) for manoeuvre in trial))
+    limits = _Limits(scenario, *bodies, turns=any(_turns_machine(manoeuvre) for manoeuvre in trial))
     for number, manoeuvre in enumerate(trial):
         key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
         limits.check(manoeuvre, key)
@@ -82,7 +82,7 @@ def _change_scenario(scenario: Scenario, loads_kg: Sequence[float]) -> list[floa
     return changed
 
 
-def _turns(manoeuvre: Manoeuvre) -> bool:
+def _turns_machine(manoeuvre: Manoeuvre) -> bool:
     match manoeuvre:
         case Spin():
             return True
@@ -105,15 +105,15 @@ class _Limits:
     def check(self, manoeuvre: Manoeuvre, key: str) -> None:
         match manoeuvre:
             case Start():
-                self._start(manoeuvre, key)
+                self._check_start(manoeuvre, key)
             case Spin():
-                self._spin(manoeuvre, key)
+                self._check_spin(manoeuvre, key)
             case Excite():
-                self._excite(manoeuvre, key)
+                self._check_excite(manoeuvre, key)
             case Arc():
-                self._arc(manoeuvre, key)
+                self._check_arc(manoeuvre, key)
             case Travel():
-                self._travel(manoeuvre, key)
+                self._check_travel(manoeuvre, key)
             case _:
                 pass
 
@@ -127,7 +127,7 @@ class _Limits:
         uphill = self.heaviest.uphill_m_s2
         return -abs(uphill) if self.turns else sign * uphill
 
-    def _start(self, start: Start, key: str) -> None:
+    def _check_start(self, start: Start, key: str) -> None:
         campaign = self.scenario.campaign
         sign = 1.0 if start.direction == "forward" else -1.0
         along = sign * self.heaviest.uphill_m_s2
@@ -151,9 +151,9 @@ class _Limits:
                 f"{key or 'campaign.throttle_force_N'}: drives the machine beyond "
                 f"{_TOP_SPEED_M_S:g} m/s in {key or 'campaign'}.start_s"
             )
-        self._brakes(downhill)
+        self._check_brakes(downhill)
 
-    def _spin(self, spin: Spin, key: str) -> None:
+    def _check_spin(self, spin: Spin, key: str) -> None:
         campaign = self.scenario.campaign
         full_N_m = self.scenario.full_drive[1] * campaign.valve(spin.throttle)
         reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
@@ -168,13 +168,13 @@ class _Limits:
             raise ScenarioError(
                 f"{key}: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s in start_s"
             )
-        self._brakes(0.0)
+        self._check_brakes(0.0)
 
-    def _excite(self, excite: Excite, key: str) -> None:
+    def _check_excite(self, excite: Excite, key: str) -> None:
         light, force, torque = self.lightest, excite.force, excite.torque
         highest_N = max(map(abs, force.range)) if force else 0.0
         highest_N_m = max(map(abs, torque.range)) if torque else 0.0
-        self._full_throttle(highest_N, highest_N_m, key)
+        self._check_full_throttle(highest_N, highest_N_m, key)
         push_N = highest_N + light.mass_kg * abs(light.uphill_m_s2)
         slow = max(light.friction_x_N_s_m, light.mass_kg / excite.duration_s)
         if force and push_N > _TOP_SPEED_M_S * slow:
@@ -182,27 +182,27 @@ class _Limits:
         slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excite.duration_s)
         if highest_N_m > _TOP_YAW_RATE_RAD_S * slow:
             raise ScenarioError(f"{key}.torque: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s")
-        self._brakes(-abs(light.uphill_m_s2))
+        self._check_brakes(-abs(light.uphill_m_s2))
 
-    def _travel(self, travel: Travel, key: str) -> None:
+    def _check_travel(self, travel: Travel, key: str) -> None:
         campaign = self.scenario.campaign
         if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
             raise ScenarioError(
                 f"{key}.in_motion: such a log is one travel; leave out other manoeuvres, and give "
                 "campaign.runs = 1 and campaign.rest_s = 0"
             )
-        self._brakes(-abs(self.lightest.uphill_m_s2))
+        self._check_brakes(-abs(self.lightest.uphill_m_s2))
 
-    def _arc(self, arc: Arc, key: str) -> None:
+    def _check_arc(self, arc: Arc, key: str) -> None:
         time_s = np.linspace(0.0, arc.ramp_s * 2.0 + arc.duration_s, 200)
         for body in (self.lightest, self.heaviest):
             state = arc_phases(body, arc, 0.0, 0.0)[0][0].state(time_s)
             sides = np.maximum(abs(state.drive_x) / 2, abs(state.brake_x) / 2)
             torque = np.maximum(abs(state.drive_z), abs(state.brake_z))
             worst = int(np.argmax(sides + torque / self.scenario.machine.track_width_m))
-            self._full_throttle(2.0 * float(sides[worst]), float(torque[worst]), key)
+            self._check_full_throttle(2.0 * float(sides[worst]), float(torque[worst]), key)
 
-    def _full_throttle(self, force_N: float, torque_N_m: float, key: str) -> None:
+    def _check_full_throttle(self, force_N: float, torque_N_m: float, key: str) -> None:
         """Each side carries half the force and its share of the torque."""
         side_N = force_N / 2.0 + torque_N_m / self.scenario.machine.track_width_m
         full_N = self.scenario.campaign.throttle_force_N / 2.0
@@ -212,7 +212,7 @@ class _Limits:
                 f"{full_N:.0f} N; ask for less, or raise campaign.throttle_force_N"
             )
 
-    def _brakes(self, downhill_m_s2: float) -> None:
+    def _check_brakes(self, downhill_m_s2: float) -> None:
         braking = self.scenario.campaign.braking_m_s2
         if braking + downhill_m_s2 < _LEAST_BRAKING_M_S2:
             raise ScenarioError(

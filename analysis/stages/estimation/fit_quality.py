@@ -38,12 +38,12 @@ def partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
     return float(rest[:, 0] @ rest[:, 1] / norms.prod()) if norms.all() else float("nan")
 
 
-def along_share(speed: Floats, f: Floats, of: Bools) -> float:
+def share_along_motion(speed: Floats, f: Floats, samples: Bools) -> float:
     """Share of the samples `of` whose force acts along the motion."""
-    return float((speed[of] * f[of] >= 0).mean()) if of.any() else float("nan")
+    return float((speed[samples] * f[samples] >= 0).mean()) if samples.any() else float("nan")
 
 
-def slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) -> float:
+def regression_slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) -> float:
     """Slope of y on x, both about their means, over the samples that are known.
 
     Args:

@@ -5,14 +5,26 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, Z, axes, regressor, rows_of, theta_columns, theta_of
+from analysis.model.axes import (
+    YAW_COLUMNS,
+    Axis,
+    X,
+    Z,
+    available_axes,
+    estimated_parameters,
+    regressor,
+    rows_of_axis,
+    theta_columns,
+)
 from analysis.model.machine import Machine
 from analysis.model.methods import METHODS, AxisNoise, LogSummary, Method
 from analysis.model.schema import build, values
 from analysis.model.settings import Settings
 from analysis.model.verdict import Verdict
+from analysis.model.windows import runs_of
 from analysis.stages.gating.gate import accepted_samples
-from analysis.stages.noise.column_noise import axis_noise, systematic
+from analysis.stages.motion.phases import TURNS
+from analysis.stages.noise.column_noise import axis_noise, systematic_errors
 from estimators.arrays import Floats
 from estimators.methods.window_mean import mean_estimate
 
@@ -37,12 +49,12 @@ def masses(
         noise: of the columns, where it is known.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
-    for axis in axes(excitation):
+    for axis in available_axes(excitation):
         rows: dict[str, pl.DataFrame] = {
-            method: rows_of(axis, frame) for method, frame in estimates.items()
+            method: rows_of_axis(axis, frame) for method, frame in estimates.items()
         }
         known = axis_noise(axis, machine.settings, noise)
-        totals = _totals(axis, excitation, gated, rows, machine.settings, known)
+        totals = total_estimates(axis, excitation, gated, rows, machine.settings, known)
         columns |= theta_columns(axis, *totals)
         suffix = "" if axis is X else "_z"
         columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
@@ -69,7 +81,7 @@ def withhold(totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[st
         hidden.alias("withheld"),
     ]
     if "withheld_z" in totals.columns:
-        turns = pl.lit(not verdict.tells_inertia)
+        turns = pl.lit(not verdict.can_tell_inertia)
         columns += [
             *(pl.when(turns).then(None).otherwise(n).alias(n) for n in about_z),
             turns.alias("withheld_z"),
@@ -95,7 +107,7 @@ def pooled_over_log(
     return whole.theta[0], whole.std[0]
 
 
-def _totals(
+def total_estimates(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
@@ -118,13 +130,87 @@ def _totals(
                     axis, excitation, gated, settings, noise, method
                 )
             case LogSummary.LAST:
-                traced, traced_std = theta_of(axis, frame)
+                traced, traced_std = estimated_parameters(axis, frame)
                 theta[row], std[row] = traced[-1], traced_std[-1]
             case LogSummary.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
-                windows = theta_of(axis, frame)
-                unseen = systematic(method, A, f, index, windows[0], settings, noise)
+                windows = estimated_parameters(axis, frame)
+                unseen = systematic_errors(method, A, f, index, windows[0], settings, noise)
                 theta[row], std[row] = mean_estimate(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )
     return theta, std
+
+
+def reasons_for_no_answer(
+    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+) -> list[str]:
+    """What stands between this log and an answer, a sentence each."""
+    found = (
+        why_nothing_was_accepted(excitation, gated, settings),
+        why_spins_are_not_used(excitation, settings),
+    )
+    return [sentence for sentence in found if sentence]
+
+
+def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str | None:
+    """A sentence that names the channels that spins lack, where there are spins; else None."""
+    spins = (excitation["phase"] == "spinning").fill_null(False).sum()
+    missing = [name for name in YAW_COLUMNS if name not in excitation.columns]
+    if spins < settings.gate.window_samples or not missing:
+        return None
+    remedies = {
+        "torque_z_N_m": "channels.torque_z_N_m, or both wheel torques and machine.track_width_m",
+        "yaw_acc_rad_s2": 'channels.yaw_acc_rad_s2 (derive = "d/dt yaw_rate_rad_s")',
+    }
+    wanted = " and ".join(remedies.get(name, f"channels.{name}") for name in missing)
+    return f"the log has spins, but no inertia without {wanted}"
+
+
+def why_nothing_was_accepted(
+    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+) -> str | None:
+    """A sentence that names the obstacle when the gate accepted no window, else None."""
+    if gated["accepted_x"].any():
+        return None
+    window_s = settings.gate.window_samples / settings.align.rate_hz
+    rows_s = excitation.height / settings.align.rate_hz
+    mean_s = (settings.smooth.samples - 1) / settings.align.rate_hz
+    if rows_s < window_s:
+        return f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s"
+    if excitation.height < settings.gate.window_samples + settings.smooth.samples - 1:
+        return (
+            f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s and the moving mean "
+            f"before it {mean_s:.2f} s"
+        )
+    phase = excitation["phase"]
+    whole = phase.is_not_null()
+    stretches = [
+        ("a gap", whole),
+        ("a gap or a turn", whole & ~phase.is_in(TURNS)),
+    ]
+    if settings.gate.exclude_braking:
+        stretches.append(("braking", whole & (phase != "braking")))
+    for what, good in stretches:
+        longest_s = _longest_run(good.fill_null(False)) / settings.align.rate_hz
+        if longest_s < window_s:
+            return (
+                f"the longest stretch without {what} is {longest_s:.2f} s, "
+                f"the window {window_s:.2f} s{_braking_remedy(what)}"
+            )
+    reasons = gated["reason_x"].cast(pl.String)
+    counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
+    often = counts["reason_x"][0]
+    return f"no window was accepted, most often for: {often}{_braking_remedy(often)}"
+
+
+def _braking_remedy(what: str) -> str:
+    if what != "braking":
+        return ""
+    return "; where the force sees the brakes, settings.gate.exclude_braking = false"
+
+
+def _longest_run(good: pl.Series) -> int:
+    first, last = runs_of(good.to_numpy())
+    lengths = last + 1 - first
+    return int(lengths.max()) if lengths.size else 0

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, axes, regressor, trace_columns
-from analysis.model.methods import METHODS, AxisNoise, Feed, Method
+from analysis.model.axes import Axis, available_axes, regressor, trace_columns
+from analysis.model.methods import METHODS, AxisNoise, FeedKind, Method
 from analysis.model.schema import build
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import settled_windows
 from analysis.stages.gating.segments import pooled_samples
-from analysis.stages.noise.column_noise import axis_noise, least_std, systematic
+from analysis.stages.noise.column_noise import axis_noise, least_std, systematic_errors
 from estimators.arrays import Floats, Ints
 from estimators.estimate import Trace
 
@@ -41,7 +41,7 @@ def trace(
     """
     axes_traced = {
         axis: _traces(axis, excitation, gated, settings, axis_noise(axis, settings, noise), begins)
-        for axis in axes(excitation)
+        for axis in available_axes(excitation)
     }
     t_ns = excitation["t_ns"].to_numpy()
     return {
@@ -65,35 +65,35 @@ def _traces(
     window = settings.gate.window_samples
 
     @cache
-    def fed(feed: Feed) -> tuple[Any, ...]:
+    def fed(feed: FeedKind) -> tuple[Any, ...]:
         match feed:
-            case Feed.WINDOWS:
+            case FeedKind.WINDOWS:
                 return window, gated[f"accepted_{axis.letter}"].to_numpy()
-            case Feed.SETTLED:
+            case FeedKind.SETTLED:
                 return window, settled_windows(excitation, gated, settings, axis)
-            case Feed.SEGMENTS:
+            case FeedKind.SEGMENTS:
                 return (pooled_samples(excitation, gated, settings, axis),)
 
     traces: dict[str, Trace] = {}
     for name in settings.trace.methods:
         method = METHODS[name]
         options = method.options(settings.trace, noise)
-        if method.feed is Feed.SETTLED and begins:
+        if method.feed is FeedKind.SETTLED and begins:
             fed_by = (*fed(method.feed), options)
-            traced = _by_load(method, A, f, fed_by, begins)
+            traced = trace_by_load(method, A, f, fed_by, begins)
         else:
             traced = method.estimator.trace(A, f, *fed(method.feed), options)
-        if method.feed is not Feed.SEGMENTS:
-            unseen = systematic(method, A, f, traced.index, traced.theta, settings, noise)
+        if method.feed is not FeedKind.SEGMENTS:
+            unseen = systematic_errors(method, A, f, traced.index, traced.theta, settings, noise)
             std = traced.std
-            if method.feed is Feed.WINDOWS:
+            if method.feed is FeedKind.WINDOWS:
                 std = np.maximum(std, least_std(A, f, window, traced.index, traced.theta, noise))
             traced = replace(traced, std=np.hypot(std, unseen))
         traces[name] = traced
     return traces
 
 
-def _by_load(
+def trace_by_load(
     method: Method,
     A: Floats,
     f: Floats,

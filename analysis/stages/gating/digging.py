@@ -21,7 +21,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import refuse_windows
-from analysis.stages.motion.phases import span_rows
+from analysis.stages.motion.phases import rows_of_rate_span
 from estimators.arrays import Bools, Floats, Ints
 
 #: A resistance that grows by this share of the force that the log drives with, over one start,
@@ -80,7 +80,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
         `digging`, a row a start that digs.
     """
     met = _pile_contacts(excitation, machine) if machine.machine.digs else []
-    found = [each.row for each in _piles(met)]
+    found = [each.row for each in piles_met(met)]
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
     return build("digging", {n: pl.Series(list(c)) for n, c in zip(names, columns, strict=True)})
@@ -113,11 +113,11 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
     t_ns = excitation["t_ns"].to_numpy()
     found: list[_PileContact] = []
     # a force that reads zero throughout digs nowhere
-    if np.count_nonzero(driving) >= _FEWEST and (largest_N := _largest(force[driving])) > 0.0:
-        fastest = _largest(speed[driving])
+    if np.count_nonzero(driving) >= _FEWEST and (largest_N := robust_largest(force[driving])) > 0.0:
+        fastest = robust_largest(speed[driving])
         against = slowing & whole & (np.sign(speed) * force > _STILL_DRIVES * largest_N)
         mass_kg = machine.machine.empty_mass_kg or largest_N / max(
-            _largest(acceleration[driving]), 1e-3
+            robust_largest(acceleration[driving]), 1e-3
         )
         widths = np.array(
             [
@@ -132,9 +132,9 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
         stands = (stood | np.isnan(speed)) & ~drives
         ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
         goes_on = np.flatnonzero(drives)
-        for rows in _starts(drives, speed, machine.settings):
+        for rows in drive_stretches(drives, speed, machine.settings):
             way = int(np.sign(np.mean(speed[rows])))
-            grown_N, std_N = _growth(
+            grown_N, std_N = resistance_growth(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
                 way * force[rows],
                 (t_ns[rows] - t_ns[rows[0]]) / max(t_ns[rows[-1]] - t_ns[rows[0]], 1),
@@ -145,13 +145,15 @@ def _pile_contacts(excitation: pl.DataFrame, machine: Machine) -> list[_PileCont
             least_N = max(_GROWS * largest_N, SURELY * std_N)
             if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
                 row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
-                stops = first_after(ends[way], int(rows[-1])) <= first_after(goes_on, int(rows[-1]))
+                stops = first_row_after(ends[way], int(rows[-1])) <= first_row_after(
+                    goes_on, int(rows[-1])
+                )
                 stops &= float(np.abs(speed[rows]).max()) <= _FASTEST_M_S
                 found.append(_PileContact(row, way, stops))
     return found
 
 
-def _piles(met: list[_PileContact]) -> list[_PileContact]:
+def piles_met(met: list[_PileContact]) -> list[_PileContact]:
     """Those that are driven into a pile; none where the log's resistances change by themselves."""
     grows = [each for each in met if each.row[2] > 0.0]
     # the bucket is where most of them go: a log may have its signs turned round
@@ -163,7 +165,7 @@ def _piles(met: list[_PileContact]) -> list[_PileContact]:
     return piles if against < _CONTRADICTS * len(piles) else []
 
 
-def first_after(rows: Ints, after: int) -> float:
+def first_row_after(rows: Ints, after: int) -> float:
     """The first of these rows after one; infinite where there is none."""
     place = int(np.searchsorted(rows, after, "right"))
     return float(rows[place]) if place < rows.size else np.inf
@@ -183,7 +185,7 @@ def without_digging(
     if digs.is_empty():
         return gated
     # the phase sees a start late, and its end
-    dug = _is_digging(excitation["t_ns"].to_numpy(), digs, span_rows(machine.settings))
+    dug = _is_digging(excitation["t_ns"].to_numpy(), digs, rows_of_rate_span(machine.settings))
     return refuse_windows(gated, dug, "digging", machine.settings)
 
 
@@ -201,12 +203,12 @@ def _is_digging(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
     return dug
 
 
-def _largest(values: Floats) -> float:
+def robust_largest(values: Floats) -> float:
     """What the values reach without their outliers."""
     return float(np.quantile(np.abs(values), _REACHES))
 
 
-def _starts(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
+def drive_stretches(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
     """The rows of each stretch of driving one way, over holes of a moment, that is short enough."""
     rows = np.flatnonzero(driving)
     hole = max(1, round(_MOMENT_S * settings.align.rate_hz))
@@ -217,7 +219,7 @@ def _starts(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
     return [part for part in parts if fewest <= part.size <= longest]
 
 
-def _growth(
+def resistance_growth(
     motion: Floats, force: Floats, progress: Floats, mean_kg: float, widths: Floats, noise_N: float
 ) -> tuple[float, float]:
     """The growth of the resistance over a start, and its deviation, in N.

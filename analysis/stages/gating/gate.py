@@ -3,12 +3,16 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, axes, regressor
+from analysis.model.axes import Axis, X, available_axes, regressor
 from analysis.model.schema import PHASE, REASON, build, values
 from analysis.model.settings import Settings
-from analysis.model.windows import samples_of, windows_with
+from analysis.model.windows import flagged_windows, samples_in_windows
 from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide, is_braking, row_flags
-from analysis.stages.motion.phases import beside_speed_rate, span_rows, yaw_pace
+from analysis.stages.motion.phases import (
+    average_like_speed_rate,
+    rows_of_rate_span,
+    yaw_speeding_sign,
+)
 from analysis.stages.noise.column_noise import axis_noise
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods import ls
@@ -37,7 +41,7 @@ def gate(
         `gate`, a row a row of `excitation`; columns of the z axis where the channels allow it.
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
-    for axis in axes(excitation):
+    for axis in available_axes(excitation):
         columns |= _judge_axis(axis, excitation, settings, noise)
     return build("gate", columns)
 
@@ -52,7 +56,7 @@ def _judge_axis(
     phase = phase_codes(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
     missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
-    complete = ~windows_with(missing, window)
+    complete = ~flagged_windows(missing, window)
     complete[: window - 1] = False
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
@@ -64,7 +68,7 @@ def _judge_axis(
     slips = slipping(
         values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
     )
-    brakes = _brakes(axis, excitation, settings)
+    brakes = _brakes_on_axis(axis, excitation, settings)
     flags = {"gap": missing, **row_flags(axis, phase, f, brakes, slips, settings.gate)}
 
     def nearest(left: Ints) -> Floats:
@@ -76,7 +80,7 @@ def _judge_axis(
         axis,
         seen,
         np.arange(n) < first + window - 1,
-        {why: windows_with(flag, window) for why, flag in flags.items()},
+        {why: flagged_windows(flag, window) for why, flag in flags.items()},
         nearest,
         settings.gate,
     )
@@ -112,9 +116,11 @@ def accepted_samples(
     late by up to its span and the moving mean; a window must live with that on board, pooling
     need not.
     """
-    used = samples_of(gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples)
+    used = samples_in_windows(
+        gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples
+    )
     used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
-    return used & ~braking_within_sight(_braking(axis, excitation, settings), settings)
+    return used & ~braking_within_sight(excluded_braking(axis, excitation, settings), settings)
 
 
 def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
@@ -126,7 +132,7 @@ def refuse_windows(gated: pl.DataFrame, rows: Bools, why: str, settings: Setting
         why: the reason.
         settings: the window.
     """
-    held = pl.Series(windows_with(rows, settings.gate.window_samples))
+    held = pl.Series(flagged_windows(rows, settings.gate.window_samples))
     accepted = pl.col("accepted_x")
     reason = (
         pl.when(held & accepted).then(pl.lit(why)).otherwise(pl.col("reason_x").cast(pl.String))
@@ -143,25 +149,27 @@ def settled_windows(
     sees late would cost it 17 kg of 3614. On board its estimate comes that much later.
     """
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
-    return accepted & ~braking_within_sight(_braking(axis, excitation, settings), settings)
+    return accepted & ~braking_within_sight(excluded_braking(axis, excitation, settings), settings)
 
 
 def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
     """The samples that brake, and those before them that may brake unseen."""
-    return windows_with(braking[::-1], span_rows(settings) + settings.smooth.samples)[::-1]
+    return flagged_windows(braking[::-1], rows_of_rate_span(settings) + settings.smooth.samples)[
+        ::-1
+    ]
 
 
-def _braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+def excluded_braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     """The samples that brake, where braking is excluded."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
-    return _brakes(axis, excitation, settings)
+    return _brakes_on_axis(axis, excitation, settings)
 
 
-def _brakes(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+def _brakes_on_axis(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     if axis is X:
         return is_braking(phase_codes(excitation))
-    return yaw_pace(values(excitation, "yaw_rate_rad_s"), settings) < 0
+    return yaw_speeding_sign(values(excitation, "yaw_rate_rad_s"), settings) < 0
 
 
 def _machine_acceleration(excitation: pl.DataFrame) -> Floats:
@@ -193,5 +201,5 @@ def slipping(speed_rate: Floats, acceleration: Floats, settings: Settings) -> Bo
     limit = settings.gate.slip_acc_m_s2
     if limit is None:
         return np.zeros(speed_rate.size, np.bool_)
-    mean = beside_speed_rate(acceleration, settings)[-speed_rate.size :]
+    mean = average_like_speed_rate(acceleration, settings)[-speed_rate.size :]
     return np.abs(speed_rate - mean) > limit

@@ -24,16 +24,16 @@ UNKNOWN: Final = 255
 _BRAKING, _STANDSTILL = PHASES.index("braking"), PHASES.index("standstill")
 
 
-def _codes_of(*phases: str) -> Bools:
+def phase_code_mask(*phases: str) -> Bools:
     """Which codes (256,) are of these phases."""
     found = np.zeros(256, np.bool_)
     found[[PHASES.index(name) for name in phases]] = True
     return found
 
 
-_TURNING: Final = _codes_of(*TURNS)
+_TURNING: Final = phase_code_mask(*TURNS)
 #: What a window of the z axis may hold: in place the machine spins or stands.
-_IN_PLACE: Final = _codes_of("spinning", "standstill")
+_IN_PLACE: Final = phase_code_mask("spinning", "standstill")
 
 
 class Decision(NamedTuple):

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 
-from analysis.model.axes import Axis, X, Z, axes, regressor, trace_columns
+from analysis.model.axes import Axis, X, Z, available_axes, regressor, trace_columns
 from analysis.model.methods import METHODS
 from analysis.model.schema import PHASE, REASON, build
 from analysis.model.settings import Settings
@@ -55,14 +55,14 @@ def segments(
         settings: window, what is refused.
         noise: of the columns, where it is known.
     """
-    turns = TURNS if Z not in axes(excitation) else ("arc", "turning")
+    turns = TURNS if Z not in available_axes(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.gate.exclude_braking:
         refused_for["braking"] = "braking"
     segment_id = manoeuvres(excitation, settings)
     used = np.zeros(segment_id.size, np.bool_)
     parts: list[pl.DataFrame] = []
-    for axis in axes(excitation):
+    for axis in available_axes(excitation):
         pooled_ids = pooled_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = regressor(axis, excitation, settings)
@@ -91,7 +91,7 @@ def segments(
         .with_columns(
             # a spin is judged on the yaw axis where there is one
             pl.when(spinning).then(gated["reason_z"].cast(pl.String)).otherwise("reason")
-            if Z in axes(excitation)
+            if Z in available_axes(excitation)
             else "reason"
         )
         .filter(pl.col("segment_id") >= 0)

@@ -27,24 +27,24 @@ def speed_rate(speed: Floats, settings: Settings) -> Floats:
 
     NaN where a sample of that span is missing: rows beside a hole may be hours apart.
     """
-    span = min(span_rows(settings), speed.size)
+    span = min(rows_of_rate_span(settings), speed.size)
     rate = np.full(speed.size, np.nan)
     rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.align.rate_hz / span
     rate[np.isnan(trailing_mean(speed, span + 1))] = np.nan
     return rate
 
 
-def beside_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
+def average_like_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
     """An acceleration averaged over the span of the speed rate, so that both have one delay."""
-    return trailing_mean(acceleration, span_rows(settings))
+    return trailing_mean(acceleration, rows_of_rate_span(settings))
 
 
-def span_rows(settings: Settings) -> int:
+def rows_of_rate_span(settings: Settings) -> int:
     """Rows that the speed rate looks back."""
     return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
 
 
-def pace(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floats:
+def speeding_sign(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floats:
     """1 where v² grows, -1 where it falls, 0 where it is steady, (rows,); v may be a yaw rate.
 
     v·dv/dt over the span is the change of v²/2: at a stop the sign of v alone would be noise.
@@ -54,13 +54,13 @@ def pace(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floa
     return np.where(changing, np.sign(_mean_over_span(speed, rate, settings) * rate), 0.0)
 
 
-def yaw_pace(yaw_rate: Floats, settings: Settings) -> Floats:
+def yaw_speeding_sign(yaw_rate: Floats, settings: Settings) -> Floats:
     """Whether the turn speeds up (1), slows down (-1) or keeps its rate (0), (rows,)."""
     rate = speed_rate(yaw_rate, settings)
-    return pace(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
+    return speeding_sign(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
 
 
-def stopping(speed: Floats, stands: Bools, noise_m_s: float, settings: Settings) -> Bools:
+def stopping_samples(speed: Floats, stands: Bools, noise_m_s: float, settings: Settings) -> Bools:
     """The samples from which on the speed only falls until the machine stands, (n,).
 
     Brakes that no sensor sees may stop a machine so gently that it counts as cruising: all along,
@@ -89,7 +89,7 @@ def stopping(speed: Floats, stands: Bools, noise_m_s: float, settings: Settings)
 
 
 def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
-    return speed - rate * span_rows(settings) / settings.align.rate_hz / 2.0
+    return speed - rate * rows_of_rate_span(settings) / settings.align.rate_hz / 2.0
 
 
 def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings) -> pl.Series:
@@ -109,7 +109,7 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
     """
     yaw_rate = np.nan_to_num(values(smoothed, "yaw_rate_rad_s"))
     # a derivative of the gyroscope is too noisy by itself to tell a steady arc
-    yaw_acc = beside_speed_rate(values(smoothed, "yaw_acc_rad_s2"), settings)
+    yaw_acc = average_like_speed_rate(values(smoothed, "yaw_acc_rad_s2"), settings)
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = speed_rate(yaw_rate, settings)
     mean_speed = _mean_over_span(speed, rate, settings)
@@ -126,7 +126,7 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
         "cruising": steady,
         "accelerating": mean_speed * rate > 0,
     }
-    return first_that_holds(conditions, "braking", PHASE).alias("phase")
+    return label_by_first_condition(conditions, "braking", PHASE).alias("phase")
 
 
 def first_index(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
@@ -143,7 +143,7 @@ def first_index(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
     return chosen
 
 
-def first_that_holds(
+def label_by_first_condition(
     conditions: Mapping[str | None, NDArray[np.bool_]], otherwise: str, labels: pl.Enum
 ) -> pl.Series:
     """Label rows (n,), each by the first condition (n,) that holds for it.

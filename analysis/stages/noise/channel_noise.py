@@ -19,21 +19,26 @@ from analysis.model.machine import Machine
 from analysis.model.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
 from analysis.model.settings import NoiseSettings
 from analysis.stages.motion.forces import longitudinal_force, regressor_acceleration, yaw_torque
-from analysis.stages.noise.grid_noise import ColumnResponse, is_hidden_by_grid, own_noise, responses
-from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, bound
+from analysis.stages.noise.grid_noise import (
+    ColumnResponse,
+    is_hidden_by_grid,
+    noise_of_channels,
+    responses,
+)
+from analysis.stages.noise.noise_limits import RESIDUALS, SPREAD, clip_to_limits
 from analysis.stages.noise.noise_spectra import (
     LAGS,
     block_ends,
     block_power,
-    covariances,
     covariances_of,
+    cross_spectra,
+    cut_pieces,
     fast_band,
     frequencies,
+    lag_covariances,
     neighbours_mean,
-    pieces,
     quantisation,
-    quantum,
-    spectra_of,
+    reading_step,
     spectrum_frequencies,
     stretches,
     trim_to_settled,
@@ -65,7 +70,7 @@ _FEW_VALUES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class _Samples:
+class NoiseSamples:
     """The columns of one axis on the grid, and where to look.
 
     Attributes:
@@ -87,12 +92,12 @@ class _Samples:
     rate_hz: float
 
     @property
-    def fast(self) -> float:
+    def lowest_noise_frequency(self) -> float:
         """The lowest frequency at which all is noise, over the rate."""
         return fast_band(self.rate_hz)[0]
 
     @property
-    def top(self) -> float:
+    def noise_band_top(self) -> float:
         """The top of the band above that which tells how much there is below it."""
         return fast_band(self.rate_hz)[1]
 
@@ -128,14 +133,14 @@ def channel_noise(
             continue
         x = np.column_stack([columns[name] for name in axis])
         known = np.isfinite(x).all(axis=1) & ~gap
-        samples = _samples(x, stands & known, moves & known, known, rate_hz)
+        samples = _standing_and_moving_samples(x, stands & known, moves & known, known, rate_hz)
         made = responses(tuple(axis), machine)
-        found, sources = _noise(samples, made)
+        found, sources = estimate_covariances(samples, made)
         if read is not None:
-            _from_samples(found, sources, tuple(axis), machine, read)
-        bound(found, sources, x, samples.moving, [each.derivative_of for each in made])
-        _override(found, sources, axis, machine.settings.noise)
-        tables.append(_table(tuple(axis), found, sources))
+            add_noise_of_samples(found, sources, tuple(axis), machine, read)
+        clip_to_limits(found, sources, x, samples.moving, [each.derivative_of for each in made])
+        override_by_settings(found, sources, axis, machine.settings.noise)
+        tables.append(_noise_frame(tuple(axis), found, sources))
     return build("noise", pl.concat(tables).to_dict())
 
 
@@ -154,7 +159,7 @@ def notes(noise: pl.DataFrame) -> list[str]:
     return said
 
 
-def _from_samples(
+def add_noise_of_samples(
     found: Floats,
     sources: list[str],
     names: tuple[str, ...],
@@ -164,7 +169,9 @@ def _from_samples(
     """Put what the channels' own samples tell where the grid does not show it."""
     beyond = [source == "differences" for source in sources]
     unseen = (
-        np.array(is_hidden_by_grid([_channels(name, machine) for name in names], machine, read))
+        np.array(
+            is_hidden_by_grid([columns_to_channels(name, machine) for name in names], machine, read)
+        )
         & beyond
     )
     if not unseen.any():
@@ -175,7 +182,7 @@ def _from_samples(
         x = np.column_stack([columns[name] for name in names])
         return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
 
-    told = own_noise(read, machine, of_grid)
+    told = noise_of_channels(read, machine, of_grid)
     if told is None:
         return
     for column in np.flatnonzero(unseen):
@@ -184,7 +191,7 @@ def _from_samples(
         sources[column] = "samples"
 
 
-def _channels(name: str, machine: Machine) -> tuple[str, ...]:
+def columns_to_channels(name: str, machine: Machine) -> tuple[str, ...]:
     """The channels that a column of the equations is made of."""
     if name == "regressor_acc_x_m_s2":
         kinematic = machine.settings.forces.acceleration == "kinematic"
@@ -211,7 +218,9 @@ def _columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
     }
 
 
-def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float) -> _Samples:
+def _standing_and_moving_samples(
+    x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float
+) -> NoiseSamples:
     after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
     quiet = [(a + after, b - before) for a, b in stretches(stands) if b - before > a + after]
     quiet = quiet[:: max(len(quiet) // _MOST_STRETCHES, 1)]
@@ -219,7 +228,7 @@ def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: floa
     still = np.zeros(stands.size, np.bool_)
     for begin, end in quiet:
         still[begin:end] = True
-    return _Samples(
+    return NoiseSamples(
         x=x,
         quiet=quiet,
         moving=moves,
@@ -230,17 +239,19 @@ def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: floa
     )
 
 
-def _noise(samples: _Samples, made: list[ColumnResponse]) -> tuple[Floats, list[str]]:
+def estimate_covariances(
+    samples: NoiseSamples, made: list[ColumnResponse]
+) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS) and the source of each column's."""
     p = samples.x.shape[1]
-    cut = pieces(samples.x, samples.quiet)
-    found = covariances(cut) if cut else np.zeros((p, p, LAGS))
-    live = [bool(cut) and _lives(samples, cut, column) for column in range(p)]
+    cut = cut_pieces(samples.x, samples.quiet)
+    found = lag_covariances(cut) if cut else np.zeros((p, p, LAGS))
+    live = [bool(cut) and shows_noise_at_standstill(samples, cut, column) for column in range(p)]
     powers = [
-        block_power(samples.x[:, column], samples.moving_blocks, samples.fast)
+        block_power(samples.x[:, column], samples.moving_blocks, samples.lowest_noise_frequency)
         for column in range(p)
     ]
-    spectra = spectra_of(found)
+    spectra = cross_spectra(found)
     for column in np.flatnonzero(~np.array(live)):
         spectra[column, :] = 0.0
         spectra[:, column] = 0.0
@@ -248,11 +259,13 @@ def _noise(samples: _Samples, made: list[ColumnResponse]) -> tuple[Floats, list[
         if not live[column]:
             power = powers[column]
             if power is None:
-                power = block_power(samples.x[:, column], samples.every_block, samples.fast)
+                power = block_power(
+                    samples.x[:, column], samples.every_block, samples.lowest_noise_frequency
+                )
             if power is not None:
                 # one that mostly keeps its reading has the noise of rounding at least
-                level = _level(power[0], made[column], samples)
-                spectra[column, column] = np.maximum(level, _rounding(samples, column))
+                level = spectrum_of_fast_changes(power[0], made[column], samples)
+                spectra[column, column] = np.maximum(level, rounding_variance(samples, column))
     # what is differentiated, and its derivative, have one noise
     at = spectrum_frequencies()
     for column, how in enumerate(made):
@@ -264,14 +277,14 @@ def _noise(samples: _Samples, made: list[ColumnResponse]) -> tuple[Floats, list[
             spectra[of, column] = shared * turn
             spectra[column, of] = shared * turn.conj()
     for column in range(p):
-        step = quantum(samples.x[:, column], samples.moving)
+        step = reading_step(samples.x[:, column], samples.moving)
         coarse = step is not None and step**2 / 12.0 > covariances_of(spectra)[column, column, 0]
         if step is not None and coarse:
             own = quantisation(samples.x[:, column], samples.moving, step)[None, None]
-            spectra[column, column] = spectra_of(own)[0, 0]
+            spectra[column, column] = cross_spectra(own)[0, 0]
             live[column] = False
     grown = [
-        _growth(samples, column, powers[column]) if live[column] else np.ones(at.size)
+        noise_growth(samples, column, powers[column]) if live[column] else np.ones(at.size)
         for column in range(p)
     ]
     for i in range(p):
@@ -280,14 +293,14 @@ def _noise(samples: _Samples, made: list[ColumnResponse]) -> tuple[Floats, list[
     return covariances_of(spectra), ["standstill" if alive else "differences" for alive in live]
 
 
-def _rounding(samples: _Samples, column: int) -> float:
+def rounding_variance(samples: NoiseSamples, column: int) -> float:
     """The variance below which a column's changes are rounding."""
     return (_ROUNDING * float(np.nanmax(np.abs(samples.x[:, column]), initial=0.0))) ** 2
 
 
-def _lives(samples: _Samples, cut: list[Floats], column: int) -> bool:
+def shows_noise_at_standstill(samples: NoiseSamples, cut: list[Floats], column: int) -> bool:
     """Whether a column shows its noise at standstill: most pieces hold more than few values."""
-    least = _rounding(samples, column)
+    least = rounding_variance(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
     many = [
         np.unique(samples.x[begin : min(end, begin + LAGS), column]).size > _FEW_VALUES
@@ -297,37 +310,39 @@ def _lives(samples: _Samples, cut: list[Floats], column: int) -> bool:
     return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
 
 
-def _level(power: Floats, made: ColumnResponse, samples: _Samples) -> Floats:
+def spectrum_of_fast_changes(power: Floats, made: ColumnResponse, samples: NoiseSamples) -> Floats:
     """Spectrum of a column from its fast changes (frequencies,), at `spectrum_frequencies`."""
     at, wanted = frequencies(), spectrum_frequencies()
     response = made.response(at)
-    fast = samples.fast
-    band = (at >= fast) & (at <= samples.top) & (response > 0.0)
+    fast = samples.lowest_noise_frequency
+    band = (at >= fast) & (at <= samples.noise_band_top) & (response > 0.0)
     level = float(np.mean(power[band] / response[band]))
     seen = np.interp(wanted, at[1:], neighbours_mean(power, 1)[1:])
     return np.where(wanted < fast, level * made.response(wanted), seen)
 
 
-def _growth(samples: _Samples, column: int, moving: tuple[Floats, int] | None) -> Floats:
+def noise_growth(samples: NoiseSamples, column: int, moving: tuple[Floats, int] | None) -> Floats:
     """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
     at, wanted = frequencies(), spectrum_frequencies()
-    resting = block_power(samples.x[:, column], samples.still_blocks, samples.fast)
+    resting = block_power(
+        samples.x[:, column], samples.still_blocks, samples.lowest_noise_frequency
+    )
     if moving is None or resting is None:
         return np.ones(wanted.size)
     still = resting[0]
-    told = (at >= samples.fast) & (still > _STOPPED * np.nanmax(still))
+    told = (at >= samples.lowest_noise_frequency) & (still > _STOPPED * np.nanmax(still))
     ratio = np.where(told, moving[0] / np.where(told, still, 1.0), np.nan)
     # half-overlapping blocks are worth three quarters; so are neighbouring frequencies two thirds
     error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
-    band = told & (at <= samples.top)
+    band = told & (at <= samples.noise_band_top)
     below = float(np.median(ratio[band])) if band.any() else 1.0
     below = below if below > 1.0 + _MORE * error * np.sqrt(1.5 / max(band.sum(), 1)) else 1.0
     near = np.where(told, neighbours_mean(ratio, 2), 1.0)
     near = np.where(near > 1.0 + _MORE * error * np.sqrt(1.5 / 5.0), near, 1.0)
-    return np.where(wanted < samples.fast, below, np.interp(wanted, at, near))
+    return np.where(wanted < samples.lowest_noise_frequency, below, np.interp(wanted, at, near))
 
 
-def _override(
+def override_by_settings(
     found: Floats, sources: list[str], axis: Mapping[str, str], settings: NoiseSettings
 ) -> None:
     """Put white noise where the settings give one."""
@@ -340,7 +355,7 @@ def _override(
             sources[column] = "setting"
 
 
-def _table(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
+def _noise_frame(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
     p = len(names)
     rank = np.array([NOISE_SOURCES.index(source) for source in sources])
     first, second, lag = (axis.ravel() for axis in np.indices((p, p, LAGS)))

@@ -65,12 +65,12 @@ class ColumnNoise:
         """(p, p) of the trailing means of `samples`."""
         lag = np.arange(self.covariances.shape[2])
         pairs = np.maximum(samples - lag, 0) / samples**2
-        return _possible(self._sum_lags(pairs))
+        return nearest_covariance(self._sum_lags(pairs))
 
-    def lasting(self) -> Floats:
+    def power_at_zero(self) -> Floats:
         """(p, p) that sums of many samples vary by, a sample: the power at 0 Hz."""
         lags = self.covariances.shape[2]
-        return _possible(self._sum_lags(1.0 - np.arange(lags) / lags))
+        return nearest_covariance(self._sum_lags(1.0 - np.arange(lags) / lags))
 
     def _sum_lags(self, weights: Floats) -> Floats:
         """The covariances of all lags, earlier and later, weighed by `weights` (lags,)."""
@@ -79,7 +79,7 @@ class ColumnNoise:
         return self.covariances[:, :, 0] * weights[0] + later + later.T
 
 
-def _possible(covariance: Floats) -> Floats:
+def nearest_covariance(covariance: Floats) -> Floats:
     """The nearest covariance: what estimates of many lags add up to may be negative."""
     scale = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -101,7 +101,7 @@ def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None
     usual = _with_settings(axis, settings.noise)
     if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
         return AxisNoise(usual, None, None)
-    mean, lasting = known.covariance(settings.smooth.samples), known.lasting()
+    mean, lasting = known.covariance(settings.smooth.samples), known.power_at_zero()
     std = np.sqrt(np.diagonal(mean))
     *of_A, of_f = (float(each) for each in std)
     if axis is X:
@@ -140,7 +140,7 @@ def mean_stds(settings: Settings, noise: pl.DataFrame | None = None) -> dict[str
     return stds
 
 
-def systematic(
+def systematic_errors(
     method: Method,
     A: Floats,
     f: Floats,

@@ -23,7 +23,7 @@ from analysis.stages.noise.noise_spectra import (
     block_power,
     fast_band,
     frequencies,
-    quantum,
+    reading_step,
 )
 from analysis.stages.signals import filters, mounting, rates
 from analysis.stages.signals.align import align
@@ -72,7 +72,7 @@ class ColumnResponse:
         slope = 2.0 * np.sin(np.pi * at) if self.causal else np.sin(2.0 * np.pi * at)
         power = (slope * self.rate_hz) ** (2 * self.derivatives)
         if self.filtered:
-            power = power * filters.power_left(at / self.cutoff, causal=self.causal)
+            power = power * filters.low_pass_power_gain(at / self.cutoff, causal=self.causal)
         return power
 
     def slope(self, at: Floats) -> Complexes:
@@ -98,7 +98,7 @@ def is_hidden_by_grid(
     derived = any(channel.differentiates for channel in machine.channels.values())
 
     def of(names: Iterable[str]) -> list[float]:
-        made_of = frozenset[str]().union(*(rates.sources(name, machine) for name in names))
+        made_of = frozenset[str]().union(*(rates.source_channels(name, machine) for name in names))
         return [own_hz[name] for name in made_of if name in own_hz]
 
     found: list[bool] = []
@@ -115,14 +115,14 @@ def is_hidden_by_grid(
         slow = min(beside) * filters.OTHER_RATE < (PAPER_HZ if derived else rate_hz)
         filtered = derived and cutoff_hz < filters.HIGHEST_CUTOFF * min(mine)
         top_hz = fast_band(rate_hz)[1] * rate_hz
-        left = filters.power_left(np.array(top_hz / cutoff_hz), causal=causal)
+        left = filters.low_pass_power_gain(np.array(top_hz / cutoff_hz), causal=causal)
         stopped = filtered and float(left) < _SHOWS
         other = derived and abs(min(mine) / rate_hz - 1.0) > _SAME_RATE
         found.append(mixed or slow or stopped or other)
     return found
 
 
-def own_noise(
+def noise_of_channels(
     read: Mapping[str, mounting.Series],
     machine: Machine,
     columns: Callable[[pl.DataFrame], Floats],
@@ -144,7 +144,7 @@ def own_noise(
         if name not in UNFILTERED
     }
     longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
-    part = _repeat_stamps(_beginning(read, settings.rate_hz), settings.rate_hz, longest_ns)
+    part = _repeat_stamps(first_stamps(read, settings.rate_hz), settings.rate_hz, longest_ns)
     rng = np.random.default_rng(_SEED)
     noise = {
         name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
@@ -153,11 +153,11 @@ def own_noise(
         x = columns(align(derive(noise, machine)[0], machine)[0])
     except DataError:
         return None
-    sums, pairs = _sums(x)
+    sums, pairs = trailing_sums(x)
     return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
-def _beginning(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
+def first_stamps(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
     """The stamps of as many rows as are looked at, from where all channels have begun."""
     begin = max(int(t[0]) for t, _ in read.values())
     end = begin + math.ceil(_ROWS / rate_hz * 1e9)
@@ -177,7 +177,7 @@ def _repeat_stamps(
     return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
 
 
-def _sums(x: Floats) -> tuple[Floats, Floats]:
+def trailing_sums(x: Floats) -> tuple[Floats, Floats]:
     """Sums of products (columns, columns, LAGS) by lag, and of how many pairs (LAGS,) they are."""
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)
@@ -209,7 +209,7 @@ def own_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
     else:
         at = frequencies()
         variance = float(power[0][(at >= fast) & (at <= top)].mean())
-    step = quantum(x, whole)
+    step = reading_step(x, whole)
     return float(np.sqrt(max(variance, 0.0 if step is None else step**2 / 12.0)))
 
 

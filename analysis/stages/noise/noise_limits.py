@@ -15,7 +15,7 @@ RESIDUALS: Final = "residuals"
 SPREAD: Final = "spread"
 
 
-def limits(x: Floats, moves: Bools) -> tuple[Floats, Floats]:
+def noise_std_limits(x: Floats, moves: Bools) -> tuple[Floats, Floats]:
     """Largest standard deviation of each column's noise, (columns,) each.
 
     Args:
@@ -39,7 +39,7 @@ def limits(x: Floats, moves: Bools) -> tuple[Floats, Floats]:
     return spread, left
 
 
-def bound(
+def clip_to_limits(
     found: Floats, sources: list[str], x: Floats, moves: Bools, derivative_of: list[int]
 ) -> None:
     """Take down what exceeds its limit, in place; a derivative goes with what it is taken of.
@@ -51,7 +51,7 @@ def bound(
         moves: (rows,) the samples in motion.
         derivative_of: the column that each is the derivative of, -1 for none.
     """
-    spread, left = limits(x, moves)
+    spread, left = noise_std_limits(x, moves)
     std = np.sqrt(np.maximum(np.diagonal(found[:, :, 0]), 0.0))
     for column, source in enumerate(sources):
         limit = min(spread[column], left[column])

@@ -67,7 +67,7 @@ def stretches(of: Bools) -> list[tuple[int, int]]:
 
 
 def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
-    """Trim a stretch to where no column's short mean has left its level yet, or no longer.
+    """Trim a stretch at both ends to where the short mean of every column is at its level.
 
     A slow start stands by its speed for up to a second.
 
@@ -95,7 +95,7 @@ def trim_to_settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
     return begin, max(end, begin)
 
 
-def pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
+def cut_pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
     """Cut stretches into pieces (n, columns), each less its own straight line; of many, some.
 
     Args:
@@ -107,17 +107,17 @@ def pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
     pieces_in_all = sum(-(-(end - begin) // _PIECE) for begin, end in long)
     for begin, end in long[:: max(pieces_in_all // _MOST_PIECES, 1)]:
         parts = np.array_split(x[begin:end], -(-(end - begin) // _PIECE))
-        cut.extend(_without_line(part) for part in parts)
+        cut.extend(_subtract_piece_line(part) for part in parts)
     return cut[:: max(len(cut) // _MOST_PIECES, 1)]
 
 
-def _without_line(part: Floats) -> Floats:
+def _subtract_piece_line(part: Floats) -> Floats:
     ramp = np.linspace(-1.0, 1.0, len(part))[:, None]
     level = part - part.mean(axis=0)
     return level - ramp * ((ramp * level).sum(axis=0) / (ramp**2).sum())
 
 
-def covariances(cut: list[Floats]) -> Floats:
+def lag_covariances(cut: list[Floats]) -> Floats:
     """E[x_i(t) x_j(t + lag)] over pieces without lines, (columns, columns, LAGS).
 
     Pieces in which any column varies far more than usual are left out. What the straight lines took
@@ -207,7 +207,7 @@ def neighbours_mean(power: Floats, reach: int) -> Floats:
     return total / np.maximum(np.convolve(known.astype(float), kernel, "same"), 1.0)
 
 
-def spectra_of(found: Floats) -> NDArray[np.complex128]:
+def cross_spectra(found: Floats) -> NDArray[np.complex128]:
     """Cross spectra of covariances (columns, columns, LAGS) at LAGS + 1 frequencies."""
     both = np.zeros((*found.shape[:2], 2 * LAGS))
     both[:, :, :LAGS] = found
@@ -222,11 +222,11 @@ def covariances_of(spectra: NDArray[np.complex128]) -> Floats:
 
 
 def spectrum_frequencies() -> Floats:
-    """The frequencies of `spectra_of`, over the rate."""
+    """The frequencies of `cross_spectra`, over the rate."""
     return np.arange(LAGS + 1) / (2 * LAGS)
 
 
-def quantum(x: Floats, of: Bools) -> float | None:
+def reading_step(x: Floats, of: Bools) -> float | None:
     """The step that a column's readings are multiples of, None where there is none to see.
 
     Readings between two stamps are not; of those only multiples of the step occur again and again.

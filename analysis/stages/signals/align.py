@@ -47,10 +47,10 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
         DataError: the channels share no time, or their grid would not fit into memory.
     """
     raw, series = _series(channels, machine)
-    start, end = _common(required_series(series))
+    start, end = common_span_ns(required_series(series))
     origin = Origin(start, latency_ns(series, machine) if machine.settings.filter.causal else 0)
     grid = _grid(required_series(series), start, end, 1e9 / machine.settings.align.rate_hz)
-    return _rows(raw, series, grid, origin, machine), start + origin.late_ns
+    return aligned_rows(raw, series, grid, origin, machine), start + origin.late_ns
 
 
 class Origin(NamedTuple):
@@ -72,7 +72,7 @@ def find_origin(channels: Mapping[str, pl.DataFrame], machine: Machine) -> Origi
         DataError: the channels share no time yet.
     """
     _, series = _series(channels, machine)
-    return Origin(_common(required_series(series))[0], latency_ns(series, machine))
+    return Origin(common_span_ns(required_series(series))[0], latency_ns(series, machine))
 
 
 def align_on(
@@ -108,7 +108,7 @@ def align_on(
         grid = np.empty(0, np.int64)
     else:
         grid = _grid(needed, origin.start_ns, end, step_ns, first)
-    return _rows(raw, series, grid, origin, machine)
+    return aligned_rows(raw, series, grid, origin, machine)
 
 
 def _series(
@@ -125,7 +125,7 @@ def required_series(series: Mapping[str, ChannelSeries]) -> dict[str, ChannelSer
     return {name: each for name, each in series.items() if name not in HINTS}
 
 
-def _rows(
+def aligned_rows(
     raw: Mapping[str, ChannelSeries],
     series: Mapping[str, ChannelSeries],
     grid: Ints,
@@ -134,7 +134,7 @@ def _rows(
 ) -> pl.DataFrame:
     """`aligned` on some instants (rows,) of the grid."""
     is_causal = machine.settings.filter.causal
-    chosen = _KnownInstants(series, grid, origin.late_ns, machine) if is_causal else None
+    chosen = KnownInstants(series, grid, origin.late_ns, machine) if is_causal else None
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
@@ -146,11 +146,11 @@ def _rows(
         columns[name] = np.where(stale, np.nan, rates.wrap_angle(name, x))
         if name not in HINTS:
             gap |= np.isnan(columns[name])
-    columns = mounting.at_origin(columns, machine.machine.imu)
+    columns = mounting.move_to_origin(columns, machine.machine.imu)
     return build("aligned", {"t_ns": grid - origin.start_ns, **columns, "gap": gap})
 
 
-def notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
+def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Say what `align` does to these channels that a reader of the answer should know."""
     raw = {n: rates.series_of(n, frame, machine.settings.align) for n, frame in channels.items()}
     said = [str(each) for each in rates.find_reduced_regressors(raw, machine)]
@@ -169,7 +169,7 @@ def _reduce_channels(
     return series
 
 
-def _common(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
+def common_span_ns(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
     """The latest first stamp and the earliest last one."""
     spans = {name: (int(s.t_ns[0]), int(s.t_ns[-1])) for name, s in sorted(needed.items())}
     start, end = max(first for first, _ in spans.values()), min(last for _, last in spans.values())
@@ -188,7 +188,7 @@ def latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
     return round(max(filters.period_ns(series[n].t_ns) + series[n].lag_ns for n in names))
 
 
-class _KnownInstants:
+class KnownInstants:
     """The instants that rows hold where nothing may be known before it has come.
 
     A row at the time t stands for t - latency; where a channel of the regressor is not known of

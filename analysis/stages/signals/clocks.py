@@ -104,9 +104,9 @@ def _line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None
     members = [each for each in members if each.size >= _FEWEST_IN_PART]
     if len(members) < _FEWEST_PARTS:
         return None
-    slope = median_slope(*_points(time_s, latency_s, members, 0.5, 0.0))
+    slope = median_slope(*quantile_points(time_s, latency_s, members, 0.5, 0.0))
     # anew without the slope: within a part it would choose the early or the late ones
-    t, y = _points(time_s, latency_s, members, _QUANTILE, slope)
+    t, y = quantile_points(time_s, latency_s, members, _QUANTILE, slope)
     slope = median_slope(t, y)
     residual = y - slope * t
     residual -= np.median(residual)
@@ -117,7 +117,7 @@ def _line_below(time_s: Floats, latency_s: Floats) -> tuple[float, float] | None
     return slope, max(float(std), _RESOLUTION_S / span_s)
 
 
-def _points(
+def quantile_points(
     time_s: Floats, latency_s: Floats, members: list[NDArray[np.int64]], q: float, slope: float
 ) -> tuple[Floats, Floats]:
     """A point a part: its middle, and the quantile of what lies off a line through 0."""

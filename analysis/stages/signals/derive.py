@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from analysis.expressions.dimensions import dimension_text, in_si
+from analysis.expressions.dimensions import convert_to_si, dimension_text
 from analysis.expressions.parse import (
     SLOPE,
     Expression,
@@ -65,7 +65,7 @@ def derive(
             t, x = filters.derivative(t, x, longest_ns, causal=settings.filter.causal)
         elif channel.mean_of:
             first, second = channel.mean_of
-            t, x = _mean(series[first], series[second], settings.align)
+            t, x = mean_of_channels(series[first], series[second], settings.align)
         elif channel.expression is not None:
             t, x = _arithmetic(name, series, machine, notes)
         else:
@@ -81,7 +81,7 @@ def derive(
         name: [pl.Series("unix_ns", t), pl.Series(name, x)] for name, (t, x) in series.items()
     }
     if settings.filter.causal:
-        for name, known_ns in _known_times(read, picked, series, machine).items():
+        for name, known_ns in sample_known_times(read, picked, series, machine).items():
             columns[name].append(pl.Series("known_ns", known_ns))
     return {name: pl.DataFrame(each) for name, each in columns.items()}, notes
 
@@ -96,8 +96,8 @@ def arithmetic(name: str, machine: Machine) -> Expression:
     assert tree is not None
     try:
         units = {each: unit_of(each) for each in names(tree)}
-        found, dimension = in_si(tree, units, registry())
-        _, wanted = in_si(Name(name), {name: unit_of(name)}, registry())
+        found, dimension = convert_to_si(tree, units, registry())
+        _, wanted = convert_to_si(Name(name), {name: unit_of(name)}, registry())
     except (ExpressionError, MachineError) as error:
         raise MachineError(f"channels.{name}: {error}") from None
     if dimension != wanted:
@@ -179,7 +179,7 @@ def read_measured(
         if channel.angle_of:
             read[name] = _angle(name, channel, placed[topic], machine, losses)
         else:
-            read[name] = _pick(name, channel, placed[topic], losses)
+            read[name] = pick_field(name, channel, placed[topic], losses)
     return read, losses
 
 
@@ -220,10 +220,10 @@ def _angle(
     angle, quaternion = channel.angle_of
     parts = np.stack([_field_numbers(name, channel, field, frame) for field in channel.fields])
     x = mounting.inclination(parts, machine.machine.imu)[angle]
-    return _usable(name, channel, quaternion, frame, x, losses)
+    return usable_readings(name, channel, quaternion, frame, x, losses)
 
 
-def _pick(
+def pick_field(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
     """A field in SI units."""
@@ -232,7 +232,7 @@ def _pick(
     with np.errstate(over="ignore"):  # what does not fit is no reading
         x = _field_numbers(name, channel, field, frame) * channel.scale + channel.offset
         x = x * gain + offset
-    return _usable(name, channel, field, frame, x, losses)
+    return usable_readings(name, channel, field, frame, x, losses)
 
 
 def _field_numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
@@ -243,7 +243,7 @@ def _field_numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame)
     return frame[field].cast(pl.Float64).to_numpy()
 
 
-def _usable(
+def usable_readings(
     name: str,
     channel: Channel,
     field: str,
@@ -302,7 +302,9 @@ def flush_unresolved(x: filters.Floats) -> filters.Floats:
     return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
 
-def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mounting.Series:
+def mean_of_channels(
+    a: mounting.Series, b: mounting.Series, settings: AlignSettings
+) -> mounting.Series:
     """The mean of two channels at the stamps of one, the other on the line between its samples.
 
     At those of the slower, since that line is a low-pass; of the first where none is.
@@ -313,7 +315,7 @@ def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mo
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
 
 
-def _known_times(
+def sample_known_times(
     read: Mapping[str, mounting.Series],
     picked: Mapping[str, mounting.Series],
     series: Mapping[str, mounting.Series],
@@ -328,14 +330,19 @@ def _known_times(
         machine: their delays, and what is made of what.
     """
     filtered = {
-        name: filters.ready_ns(t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0])
+        name: filters.interpolation_ready_ns(
+            t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0]
+        )
         for name, (t, _) in read.items()
     }
     known: dict[str, filters.Ints] = {}
     for name, own in filtered.items():
-        beside = mounting.turned_with(name, picked, machine.machine.imu)
+        beside = mounting.axes_mixed_with(name, picked, machine.machine.imu)
         at = series[name][0]
-        each = [filters.ready_ns(picked[other][0], filtered[other], at) for other in beside]
+        each = [
+            filters.interpolation_ready_ns(picked[other][0], filtered[other], at)
+            for other in beside
+        ]
         known[name] = np.max(each, axis=0) if each else own
     for name in machine.derivation_order():
         channel, sources = machine.channels[name], machine.channels[name].sources
@@ -343,6 +350,9 @@ def _known_times(
             # a central difference waits for the next sample
             wait_ns = 1 if channel.derivative_of else 0
             at = series[name][0] + wait_ns
-            each = [filters.ready_ns(series[source][0], known[source], at) for source in sources]
+            each = [
+                filters.interpolation_ready_ns(series[source][0], known[source], at)
+                for source in sources
+            ]
             known[name] = np.max(each, axis=0)
     return known | {"direction_x_1": known["speed_x_m_s"]}

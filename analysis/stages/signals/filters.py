@@ -73,7 +73,7 @@ def low_pass(
     times: list[Ints] = []
     outputs: list[Floats] = []
     for part in stretches(t_ns, longest_ns):
-        t, y = _uniform(t_ns[part], x[part], period)
+        t, y = _resample_uniformly(t_ns[part], x[part], period)
         if t.size <= settle:
             continue
         if causal:
@@ -88,7 +88,7 @@ def low_pass(
     return np.concatenate(times), np.concatenate(outputs)
 
 
-def power_left(at: Floats, *, causal: bool) -> Floats:
+def low_pass_power_gain(at: Floats, *, causal: bool) -> Floats:
     """Share of the power that the low-pass leaves at frequencies over its cut-off.
 
     As far as they are well below half the rate.
@@ -137,7 +137,7 @@ def interpolate_line(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> t
     return at_ns[found], values[found]
 
 
-def ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
+def interpolation_ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
     """When the line between samples is known at ascending instants: when its later end has come.
 
     Args:
@@ -148,7 +148,7 @@ def ready_ns(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
     return known_ns[np.minimum(np.searchsorted(t_ns, at_ns), t_ns.size - 1)]
 
 
-def _uniform(t_ns: Ints, x: Floats, period: float) -> tuple[Ints, Floats]:
+def _resample_uniformly(t_ns: Ints, x: Floats, period: float) -> tuple[Ints, Floats]:
     if t_ns.size < 2 or np.abs(np.diff(t_ns) - period).max() <= _UNIFORM * period:
         return t_ns, x
     count = int((t_ns[-1] - t_ns[0]) // period) + 1

@@ -34,7 +34,7 @@ def at_own_rate(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[
         The machine with all of them set, and what was chosen, where that is not the paper's.
     """
     settings = machine.settings
-    slowest, own_hz = _slowest(read, machine)
+    slowest, own_hz = slowest_channel(read, machine)
     rate_hz = settings.align.rate_hz
     chosen: dict[str, float] = {}
     if "rate_hz" not in settings.align.model_fields_set:
@@ -46,7 +46,7 @@ def at_own_rate(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[
     if "samples" not in settings.smooth.model_fields_set:
         chosen["smooth.samples"] = rows_in(_MEAN_S, rate_hz)
     differs = any(settings.value(name) != value for name, value in chosen.items())
-    settings = settings.changed(chosen)
+    settings = settings.with_changes(chosen)
     said = f"{slowest} comes at {own_hz:.4g} Hz, so without a setting " + ", ".join(
         {
             "align.rate_hz": f"the grid is at {rate_hz:.4g} Hz",
@@ -64,13 +64,13 @@ def rows_in(seconds: float, rate_hz: float, least: int = 1) -> int:
     return max(round(seconds * rate_hz), least)
 
 
-def _slowest(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[str, float]:
+def slowest_channel(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[str, float]:
     """The channel that comes least often of those that the regressor is made of, and its rate."""
     names = {
         source
         for regressor in rates.regressors(machine)
         for name in regressor - {"direction_x_1"}
-        for source in rates.sources(name, machine)
+        for source in rates.source_channels(name, machine)
         if source in read
     }
     periods = {name: rates.mean_period_ns(read[name][0], 1e9 / PAPER_HZ) for name in names}

@@ -78,7 +78,7 @@ def to_machine_axes(
     return out
 
 
-def turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str, ...]:
+def axes_mixed_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str, ...]:
     """The axes that an axis is turned with, itself among them; none where nothing is turned."""
     for triple in (_SPECIFIC_FORCE, _RATES):
         if name in triple and is_rotated(imu):
@@ -90,7 +90,7 @@ def _interpolate_at(series: Series, t: Ints, settings: AlignSettings) -> Series:
     return filters.interpolate_line(*series, t, filters.longest_step_ns(series[0], settings))
 
 
-def at_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
+def move_to_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
     """Move the accelerometer from where it sits to the origin, in machine axes.
 
     The lever arm's share in the plane is taken off: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z x,

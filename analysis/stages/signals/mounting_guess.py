@@ -80,7 +80,7 @@ def guess_mounting(
     Returns:
         None where the mean specific force is no gravity.
     """
-    still = _standing(t_ns, speed) if speed is not None else np.zeros(t_ns.size, np.bool_)
+    still = standstill_samples(t_ns, speed) if speed is not None else np.zeros(t_ns.size, np.bool_)
     stood = bool(still.any())
     gravity = np.median(specific_force[still], axis=0) if stood else specific_force.mean(axis=0)
     size = float(np.linalg.norm(gravity))
@@ -127,7 +127,7 @@ def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
         slow = np.abs(values(frame, "speed_x_m_s"))
         still = slow < machine.settings.phases.standstill_speed_m_s
         t_ns = frame["t_ns"].to_numpy()
-        still = _long_enough(t_ns, still)
+        still = long_standstills(t_ns, still)
     force = np.stack(axes, axis=1)[still]
     force = force[~np.isnan(force).any(axis=1)]
     if not force.size:
@@ -147,11 +147,11 @@ def round_angle(angle_deg: float, step_deg: float) -> float:
     return angle + 360.0 if angle <= -180.0 else angle + 0.0
 
 
-def _standing(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
+def standstill_samples(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
     """Where the wheels stand (n,), without the moments before and after they move."""
     stamps, v = speed
     slow = np.abs(v) <= _STANDING_SHARE * np.quantile(np.abs(v), 0.99)
-    still = _long_enough(stamps, slow)
+    still = long_standstills(stamps, slow)
     if not still.any() or still.all():
         return np.full(t_ns.size, bool(still.all()) and v.size > 0)
     before = np.clip(np.searchsorted(stamps, t_ns, side="right") - 1, 0, stamps.size - 1)
@@ -159,7 +159,7 @@ def _standing(t_ns: Ints, speed: tuple[Ints, Floats]) -> Bools:
     return still[before] & still[after]
 
 
-def _long_enough(t_ns: Ints, still: Bools) -> Bools:
+def long_standstills(t_ns: Ints, still: Bools) -> Bools:
     """Stretches of standing samples of half a second and more, without a hole."""
     kept = np.zeros(still.size, np.bool_)
     index = np.flatnonzero(still)

@@ -47,7 +47,9 @@ class ChannelSeries:
 
     def known_at(self, instants_ns: Ints) -> Ints:
         """When the values at ascending instants are known, (rows,)."""
-        return filters.ready_ns(self.t_ns, self.known_ns, instants_ns + self.width_ns // 2)
+        return filters.interpolation_ready_ns(
+            self.t_ns, self.known_ns, instants_ns + self.width_ns // 2
+        )
 
     def newest(self, now_ns: Ints) -> Ints:
         """The latest instant whose value is known at each time, (rows,); far past before any."""
@@ -111,12 +113,12 @@ def regressors(machine: Machine) -> list[frozenset[str]]:
     return [straight | spin] if straight & spin else [straight, spin]
 
 
-def sources(name: str, machine: Machine) -> frozenset[str]:
+def source_channels(name: str, machine: Machine) -> frozenset[str]:
     """The measured channels that a channel is made of; itself where it is measured."""
     channel = machine.channels.get(name)
     if channel is None or not channel.sources:
         return frozenset({name})
-    return frozenset[str]().union(*(sources(each, machine) for each in channel.sources))
+    return frozenset[str]().union(*(source_channels(each, machine) for each in channel.sources))
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +143,7 @@ class ReducedRegressor:
     def __str__(self) -> str:
         """What a reader of the answer should know of it."""
         return (
-            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_list_names(self.names)} "
+            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_names_text(self.names)} "
             f"are taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow "
             "channel among faster ones biases the estimate"
         )
@@ -221,6 +223,6 @@ def _mean(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
     return share * line + (1.0 - share) * series.at(at_ns)
 
 
-def _list_names(names: frozenset[str]) -> str:
+def _names_text(names: frozenset[str]) -> str:
     *first, last = sorted(names - {"direction_x_1"})
     return f"{', '.join(first)} and {last}"

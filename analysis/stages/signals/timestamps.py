@@ -38,9 +38,9 @@ def assign_timestamps(
         And what was dropped or doubtful.
     """
     losses: list[Loss] = []
-    headers = {topic: _header_usable(topic, frame, losses) for topic, frame in raw.items()}
+    headers = {topic: is_header_usable(topic, frame, losses) for topic, frame in raw.items()}
     # how far log time lies after the stamps that would place each topic
-    behind_ns = {t: _log_behind_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
+    behind_ns = {t: median_log_delay_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
     if max(behind_ns.values()) - min(behind_ns.values()) > _CLOCK_JUMP_NS:
         for topic in raw:
             if abs(behind_ns[topic]) > _CLOCK_JUMP_NS:
@@ -61,7 +61,7 @@ def assign_timestamps(
         of_table = topic == "table" or topic.startswith("table/")
         labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
         kept = frame.filter(pl.col(column).is_not_null())
-        scatter = uneven_headers(frame) if headers[topic] else None
+        scatter = stamp_scatter(frame) if headers[topic] else None
         if scatter is not None:
             labels[topic] = "log"
             kept = kept.with_columns(
@@ -105,7 +105,7 @@ def assign_timestamps(
     return placed, labels, losses
 
 
-def uneven_headers(frame: pl.DataFrame) -> tuple[float, float] | None:
+def stamp_scatter(frame: pl.DataFrame) -> tuple[float, float] | None:
     """Scatter of the steps of header stamps and of log time, over their period.
 
     Args:
@@ -132,7 +132,7 @@ def uneven_headers(frame: pl.DataFrame) -> tuple[float, float] | None:
     return of_header / period_ns, of_log / period_ns
 
 
-def _header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
+def is_header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
     """Whether nearly every header stamp is set and they do not jump back by a second."""
     stamps = frame["header_stamp_ns"].drop_nulls()
     stamps = stamps.filter(stamps != 0)
@@ -161,7 +161,7 @@ def _header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
     return True
 
 
-def _log_behind_ns(frame: pl.DataFrame) -> float:
+def median_log_delay_ns(frame: pl.DataFrame) -> float:
     """The median of log time less header stamp."""
     behind = (frame["log_time_ns"] - frame["header_stamp_ns"]).median()
     return float(behind) if isinstance(behind, int | float) else 0.0

@@ -28,8 +28,8 @@ from replay.logs.blocks import (
     Grammar,
     LooseRecords,
     resync,
+    text_until,
     torn_end,
-    until,
 )
 from replay.logs.storage import Connection
 
@@ -120,7 +120,7 @@ class BagFile(BlockFile):
         torn = torn_end(self._file.size - walk.whole, self._store.torn_messages)
         damage.note(
             f"{why}: scanned from start to end, all whole messages are read"
-            f"{until(self._store.last_ns)}{torn}"
+            f"{text_until(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:

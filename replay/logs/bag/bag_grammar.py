@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.interpreted import compiled, compiled_for
+from estimators.interpreted import compiled, compiled_by_turns
 from replay.logs.bag.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
 from replay.logs.blocks import Grammar
 from replay.logs.decoding.bytes_at import load32, load64, scan_turns
@@ -53,7 +53,7 @@ def _parse(
     return op, connection, time, body, body + load32(data, fields_end)
 
 
-@compiled_for(scan_turns)
+@compiled_by_turns(scan_turns)
 def _scan(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -79,7 +79,7 @@ def _scan(
     return found, at
 
 
-@compiled_for(scan_turns)
+@compiled_by_turns(scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - 7):
         at = first

@@ -35,7 +35,7 @@ class BagRecord(NamedTuple):
 
     @property
     def op(self) -> int:
-        """What it is; -1 where it does not say."""
+        """The operation code; -1 where the header has none."""
         value = self.fields.get(b"op", b"")
         return value[0] if len(value) == 1 else -1
 

@@ -5,7 +5,7 @@ from replay.logs.blocks.block_file import BlockFile
 from replay.logs.blocks.block_messages import BlockStore, Describe
 from replay.logs.blocks.block_tail import BlockTail
 from replay.logs.blocks.loose_records import LooseRecords, resync
-from replay.logs.blocks.lost_blocks import torn_end, until
+from replay.logs.blocks.lost_blocks import text_until, torn_end
 from replay.logs.blocks.slabs import Grammar
 
 __all__ = [
@@ -17,6 +17,6 @@ __all__ = [
     "Grammar",
     "LooseRecords",
     "resync",
+    "text_until",
     "torn_end",
-    "until",
 ]

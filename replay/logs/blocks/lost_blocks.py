@@ -76,7 +76,7 @@ def in_seconds(log_time_ns: int) -> str:
     return f"{log_time_ns // 10**9}.{log_time_ns % 10**9:09} s"
 
 
-def until(last_ns: int | None) -> str:
+def text_until(last_ns: int | None) -> str:
     """Up to where everything is read, as a part of a sentence."""
     return "" if last_ns is None else f", the last at log time {in_seconds(last_ns)}"
 

@@ -110,8 +110,8 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> It
     prepared = 0
     pool = ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-unpack")
     try:
-        for group in _groups(blocks):
-            size = sum(_room(block) for block in group)
+        for group in _block_groups(blocks):
+            size = sum(_slab_room(block) for block in group)
             while waiting and (
                 sum(each for _, each in waiting) + size > _MOST_WAITING_BYTES
                 or (prepared < _GROWING and len(waiting) > 1)
@@ -119,7 +119,7 @@ def read_slabs(file: FileBytes, blocks: Iterable[Block], grammar: Grammar) -> It
                 yield from _take_slabs(waiting, free)
             prepared += 1
             recycled = free.pop() if free and size <= SLAB_BYTES else None
-            waiting.append((pool.submit(_load, file, group, grammar, recycled), size))
+            waiting.append((pool.submit(load_blocks, file, group, grammar, recycled), size))
         while waiting:
             yield from _take_slabs(waiting, free)
     finally:
@@ -135,32 +135,32 @@ def _take_slabs(
         free.append(slab.data)
 
 
-def _room(block: Block) -> int:
+def _slab_room(block: Block) -> int:
     # a block that nobody believes takes no room; unpacking it says why
     return block.room if block.room <= LARGEST_BYTES else 0
 
 
-def _groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
+def _block_groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
     group: list[Block] = []
     size, most = 0, _FIRST_BYTES
     for block in blocks:
-        if group and size + _room(block) > most:
+        if group and size + _slab_room(block) > most:
             yield group
             group, size, most = [], 0, min(_GROWTH * most, SLAB_BYTES)
         group.append(block)
-        size += _room(block)
+        size += _slab_room(block)
     if group:
         yield group
 
 
-def _load(
+def load_blocks(
     file: FileBytes, blocks: list[Block], grammar: Grammar, recycled: NDArray[np.uint8] | None
 ) -> Slab:
     """Unpack and scan the blocks of one slab, in a worker."""
     damaged: list[tuple[Block, str]] = []
     parts: list[tuple[Block, int, int, int]] = []
     try:
-        size = max(SLAB_BYTES, sum(map(_room, blocks)))
+        size = max(SLAB_BYTES, sum(map(_slab_room, blocks)))
         buffer = np.empty(size, np.uint8) if recycled is None else recycled
         rows = SlabIndex(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
     except MemoryError:

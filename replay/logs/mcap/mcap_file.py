@@ -21,8 +21,8 @@ from replay.logs.blocks import (
     Grammar,
     LooseRecords,
     resync,
+    text_until,
     torn_end,
-    until,
 )
 from replay.logs.mcap.mcap_index import Summary, damaged_block, indexed_counts, indexed_times
 from replay.logs.mcap.mcap_records import (
@@ -132,7 +132,7 @@ class McapFile(BlockFile):
         if said not in (None, found + told):
             self._store.damage.note(f"its statistics count {said:,} messages, {found:,} are there")
         if walk is not None:
-            self._judge_end(walk, summary.fault)
+            self._note_missing_end(walk, summary.fault)
         return tuple(
             make_connection(channel, self._schemas.get(channel.schema_id))
             for channel in self._channels.values()
@@ -195,7 +195,7 @@ class McapFile(BlockFile):
             self._is_data_sealed(walk.data_end)
         return walk
 
-    def _judge_end(self, walk: McapWalk, fault: str) -> None:
+    def _note_missing_end(self, walk: McapWalk, fault: str) -> None:
         """Say what is missing behind its data; `fault` is why its index is of no use."""
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             if fault:
@@ -208,7 +208,7 @@ class McapFile(BlockFile):
         torn = torn_end(size - walk.whole, self._store.torn_messages)
         self._store.damage.note(
             f"breaks off after byte {walk.whole} of {size}, without a footer: all whole messages "
-            f"are read{until(self._store.last_ns)}{torn}"
+            f"are read{text_until(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:

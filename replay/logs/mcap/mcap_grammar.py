@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.interpreted import compiled, compiled_for
+from estimators.interpreted import compiled, compiled_by_turns
 from replay.logs.blocks import Grammar
 from replay.logs.decoding.bytes_at import load16, load32, load64, scan_turns
 from replay.logs.mcap.mcap_records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
@@ -22,7 +22,7 @@ _LONGEST_NAME: Final = 32
 _PROVEN: Final = 4
 
 
-@compiled_for(scan_turns)
+@compiled_by_turns(scan_turns)
 def _scan(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -86,7 +86,7 @@ def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, 
     return at + _HEAD + length, proof
 
 
-@compiled_for(scan_turns)
+@compiled_by_turns(scan_turns)
 def _find_record(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - _HEAD + 1):
         at = first

@@ -19,7 +19,7 @@ def int64(value: int) -> int:
         BrokenBytesError: a column of 64-bit integers cannot hold it.
     """
     if not -(2**63) <= value < 2**63:
-        raise BrokenBytesError(f"{value} is no 64-bit integer")
+        raise BrokenBytesError(f"{value} is not a 64-bit integer")
     return value
 
 

@@ -82,7 +82,7 @@ def resolve(name: str, record: RecordType) -> Field:
             _check_element(walked, step, kind, here)
             kind = kind.element
         elif step.element is not None:
-            raise FieldError(f"'{walked}' is no list; ask for it without [{step.element}]")
+            raise FieldError(f"'{walked}' is not a list; ask for it without [{step.element}]")
         walked += "" if step.element is None else f"[{step.element}]"
         here = kind
     if isinstance(here, RecordType):
@@ -98,7 +98,8 @@ def _parse(name: str) -> tuple[PathStep, ...]:
         match = _STEP.match(name, at)
         if match is None:
             raise FieldError(
-                f"{name!r} is no field name; write angular_velocity.z, covariance[0], effort[left]"
+                f"{name!r} is not a field name; write angular_velocity.z, covariance[0] or "
+                "effort[left]"
             )
         steps.append(PathStep(match["name"], _element(match["element"])))
         at = match.end()

@@ -53,7 +53,7 @@ def read_metadata(folder: Path) -> Metadata:
     """
     path = folder / METADATA
     if not path.is_file():  # a pipe would be waited for
-        raise MetadataError("it is no file")
+        raise MetadataError("it is not a file")
     if path.stat().st_size > _LARGEST_BYTES:
         raise MetadataError(f"it has more than {_LARGEST_BYTES:,} bytes")
     try:
@@ -89,7 +89,7 @@ def _load(path: Path) -> Any:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeError as error:
-        raise BrokenBytesError("it is no UTF-8 text") from error
+        raise BrokenBytesError("it is not UTF-8 text") from error
     except OSError as error:
         raise BrokenBytesError(error.strerror or error) from error
     return parse_yaml(text)
@@ -110,17 +110,17 @@ def parse_yaml(text: str) -> Any:
     except RecursionError as error:
         raise BrokenBytesError("it is nested too deeply") from error
     except (YAMLError, AttributeError, *BROKEN_BYTES) as error:
-        raise _other_layout() from error
+        raise _other_layout_error() from error
 
 
-def _other_layout() -> BrokenBytesError:
+def _other_layout_error() -> BrokenBytesError:
     return BrokenBytesError("it is not laid out as rosbag2 does")
 
 
 def _parse(content: Any, folder: Path) -> Metadata:
     information = _require_value(content, _HEADING)
     if not isinstance(information, dict):
-        raise _other_layout()
+        raise _other_layout_error()
     messages = information.get("message_count")
     mode = require_text(information.get("compression_mode") or "none").lower()
     fmt = require_text(information.get("compression_format") or "zstd")
@@ -128,13 +128,13 @@ def _parse(content: Any, folder: Path) -> Metadata:
         raise LogError(f"{folder}: compressed with {fmt}; only zstd can be read")
     return Metadata(
         tuple(
-            _inside(require_text(name), folder)
-            for name in _list(_require_value(information, "relative_file_paths"))
+            _path_inside(require_text(name), folder)
+            for name in _require_list(_require_value(information, "relative_file_paths"))
         ),
         mode == "message",
         tuple(
             _announced_count(entry)
-            for entry in _list(_require_value(information, "topics_with_message_count"))
+            for entry in _require_list(_require_value(information, "topics_with_message_count"))
         ),
         None if messages is None else message_count(messages),
     )
@@ -152,15 +152,15 @@ def _announced_count(entry: Any) -> AnnouncedTopic:
 
 def _require_value(mapping: Any, key: str) -> Any:
     if not isinstance(mapping, dict):
-        raise _other_layout()
+        raise _other_layout_error()
     if key not in mapping:
         raise BrokenBytesError(f"it has no {key}")
     return mapping[key]
 
 
-def _list(value: Any) -> list[Any]:
+def _require_list(value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise _other_layout()
+        raise _other_layout_error()
     return value
 
 
@@ -169,21 +169,21 @@ def message_count(value: Any) -> int:
     try:
         return int(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise _other_layout() from error
+        raise _other_layout_error() from error
 
 
 def require_text(value: Any) -> str:
     """A value that is text: YAML also knows lists of lists of lists, and half characters."""
     if not isinstance(value, str):
-        raise _other_layout()
+        raise _other_layout_error()
     try:
         value.encode()
     except UnicodeEncodeError as error:
-        raise BrokenBytesError("it is no UTF-8 text") from error
+        raise BrokenBytesError("it is not UTF-8 text") from error
     return value
 
 
-def _inside(name: str, folder: Path) -> str:
+def _path_inside(name: str, folder: Path) -> str:
     """The file of the folder that metadata.yaml means.
 
     Raises:

@@ -9,7 +9,7 @@ from typing import Final
 from analysis.model.loss import Loss
 from replay.logs.messages.broken_bytes import BrokenBytesError
 from replay.logs.messages.raw_batch import RawBatch, join_messages
-from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all, sqlite_call
+from replay.logs.sqlite.row_query import LEAST_ID, Row, fetch_all, guard_sqlite_call
 from replay.logs.sqlite.sqlite_file import connect, read_connections
 from replay.logs.storage import Connection, LossList
 
@@ -58,7 +58,7 @@ class Db3Tail:
                 times.append(time)
                 contents.append(message)
             else:
-                self._losses.note(self._path, f"row {number} is no message of a known topic")
+                self._losses.note(self._path, f"row {number} is not a message of a known topic")
         return [join_messages(topic, *parts) for topic, parts in messages.items()]
 
     def end(self) -> None:
@@ -79,5 +79,5 @@ class Db3Tail:
         if count > known:
             found = read_connections(database, lambda what: self._losses.note(self._path, what))
             self.connections.update({each.id: each for each in found})
-        with sqlite_call():
+        with guard_sqlite_call():
             return database.execute(_MESSAGES, (self._last_id, _POLL_ROWS)).fetchall()

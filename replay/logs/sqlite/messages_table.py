@@ -8,7 +8,7 @@ import numpy as np
 
 from estimators.interpreted import is_compiler_loaded
 from replay.logs.sqlite.database_pages import PageLayout, RowFilter, page_layout
-from replay.logs.sqlite.row_query import LEAST_ID, Row, TableRows, read_rows, sqlite_call
+from replay.logs.sqlite.row_query import LEAST_ID, Row, TableRows, guard_sqlite_call, read_rows
 from replay.logs.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch
 
 _TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
@@ -40,7 +40,7 @@ class MessageTable:
             file: the same.
             note: told what was lost, a sentence a damaged place.
         """
-        with sqlite_call():
+        with guard_sqlite_call():
             database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
         self._database = database
         self._file = file
@@ -105,12 +105,12 @@ class MessageTable:
 def _columns(rows: list[Row], *, has_blob: bool) -> TableRows:
     messages = [row[3] for row in rows] if has_blob else []
     if {*map(type, messages)} - {bytes}:
-        raise _NoMessageError("a message that is no blob")
+        raise _NoMessageError("a message that is not a blob")
     columns = np.zeros((4, len(rows)), np.int64)
     for column, place in ((KEY, 1), (TIME, 2)):
         numbers = np.array([row[place] for row in rows])
         if rows and numbers.dtype != np.int64:
-            raise _NoMessageError("a number that is no integer")
+            raise _NoMessageError("a number that is not an integer")
         columns[column] = numbers
     if has_blob:
         columns[LENGTH] = [len(message) for message in messages]

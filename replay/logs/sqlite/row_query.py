@@ -35,7 +35,7 @@ class TableRows:
 
 
 @contextmanager
-def sqlite_call() -> Generator[None]:
+def guard_sqlite_call() -> Generator[None]:
     """Guard calls of SQLite, and nothing else.
 
     Raises:
@@ -56,7 +56,7 @@ def fetch_all(database: sqlite3.Connection, query: str) -> list[Row]:
     Raises:
         BrokenBytesError: the database is damaged.
     """
-    with sqlite_call():
+    with guard_sqlite_call():
         return database.execute(query).fetchall()
 
 
@@ -113,12 +113,12 @@ def _batches(
     rows: list[Row] = []
     size = 0
     step = _MOST_STEP if has_blob else _MOST_ROWS
-    with sqlite_call():
+    with guard_sqlite_call():
         cursor = database.execute(query, (after,))
     part: list[Row] | None = None
     while part is None or part:
         try:
-            with sqlite_call():
+            with guard_sqlite_call():
                 part = list(islice(cursor, step))
         except BrokenBytesError:
             if rows:
@@ -140,7 +140,7 @@ def first_row_after(database: sqlite3.Connection, query: str, after: int) -> Row
     Raises:
         BrokenBytesError: the database is damaged there.
     """
-    with sqlite_call():
+    with guard_sqlite_call():
         row = database.execute(f"{query} LIMIT 1", (after,)).fetchone()
     if row is not None and row[0] <= after:
         raise BrokenBytesError("the tree leads back")

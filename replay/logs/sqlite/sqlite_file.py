@@ -54,7 +54,7 @@ class Db3File:
             opened.callback(file.close)
             head = file.read(0, HEADER_BYTES)
             if not head.startswith(MAGIC):
-                raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
+                raise LogError(f"{path}: not a rosbag2 .db3 file; it is not a SQLite database")
             if tear := describe_tear(head, file.size):
                 self._damage.note(tear)
             journal = path.with_name(f"{path.name}-wal")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
-from replay.logs.writers.recorded_order import FullChunk, chunks, in_order
+from replay.logs.writers.recorded_order import FullChunk, blocks_in_order, cut_chunks
 from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
@@ -44,7 +44,7 @@ def write_bag(log: SimulatedLog, path: Path) -> None:
     topics = recorded_topics(log, store, numbers, _envelope, ros1=True)
     with path.open("xb") as file:
         file.write(_MAGIC + _bag_header(0, 0, 0))
-        whole = chunks(in_order(topics), b"".join(connections), _CHUNK_BYTES)
+        whole = cut_chunks(blocks_in_order(topics), b"".join(connections), _CHUNK_BYTES)
         written = [_write_chunk(file, chunk) for chunk in whole]
         index_at = file.tell()
         file.write(b"".join(connections))

@@ -29,7 +29,7 @@ from mcap.records import (
 
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
-from replay.logs.writers.recorded_order import FullChunk, RecordedTopic, chunks, in_order
+from replay.logs.writers.recorded_order import FullChunk, RecordedTopic, blocks_in_order, cut_chunks
 from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
@@ -50,7 +50,7 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     numbers = {name: number for number, name in enumerate(log.topics, 1)}
-    channels: list[ChannelOf] = []
+    channels: list[ChannelRecord] = []
     for name, number in numbers.items():
         topic = TOPICS[name]
         definition, _ = store.generate_msgdef(topic.msgtype, ros_version=2)
@@ -73,7 +73,7 @@ def envelope(channel: int, times: Ints) -> Envelope:
     return before
 
 
-class ChannelOf(NamedTuple):
+class ChannelRecord(NamedTuple):
     """A channel and its schema."""
 
     schema: Schema
@@ -86,9 +86,9 @@ def channel_of(
     msgtype: str,
     definition: str,
     metadata: Mapping[str, str] = MappingProxyType({}),
-) -> ChannelOf:
+) -> ChannelRecord:
     """A channel of CDR messages, with a schema of the same number."""
-    return ChannelOf(
+    return ChannelRecord(
         Schema(id=number, data=definition.encode(), encoding="ros2msg", name=msgtype),
         Channel(
             id=number,
@@ -105,7 +105,7 @@ class _PackedChunk(NamedTuple):
     crc: int
 
 
-def _nothing() -> Statistics:
+def _empty_statistics() -> Statistics:
     return Statistics(
         attachment_count=0,
         channel_count=0,
@@ -131,9 +131,9 @@ class ColumnMcap:
     """
 
     file: BinaryIO
-    channels: Sequence[ChannelOf]
+    channels: Sequence[ChannelRecord]
     packed: bool = True
-    statistics: Statistics = field(init=False, default_factory=_nothing)
+    statistics: Statistics = field(init=False, default_factory=_empty_statistics)
     _indexes: list[ChunkIndex] = field(init=False, default_factory=list[ChunkIndex])
 
     def write(self, topics: Sequence[RecordedTopic]) -> None:
@@ -142,7 +142,7 @@ class ColumnMcap:
         self.file.write(_MAGIC)
         self._put(Header("ros2", "payscope"))
         preamble = b"".join(_bytes(record) for each in self.channels for record in each)
-        for chunk, done in self._pack(chunks(in_order(topics), preamble, _CHUNK_BYTES)):
+        for chunk, done in self._pack(cut_chunks(blocks_in_order(topics), preamble, _CHUNK_BYTES)):
             counts = self._write_chunk(chunk, done.result())
             _count(self.statistics, counts, chunk)
 

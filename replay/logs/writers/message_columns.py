@@ -39,23 +39,23 @@ class RaggedColumn:
         return cls(lengths, np.frombuffer(b"".join(encoded), np.uint8))
 
     @property
-    def starts(self) -> Ints:
+    def first_indices(self) -> Ints:
         """(n,) where each list begins in the content."""
         return np.cumsum(self.lengths) - self.lengths
 
 
-def shapes(column: Column) -> Ints | None:
+def shape_numbers(column: Column) -> Ints | None:
     """Numbers (n,) that are equal where all lengths in a column are; None: they are everywhere."""
     if isinstance(column, RaggedColumn):
         return _shapes_of_lists(column)
     if isinstance(column, Mapping):
-        return _joint([shapes(each) for each in column.values()])
+        return _joint_numbers([shape_numbers(each) for each in column.values()])
     if isinstance(column, list | tuple):
-        return _joint([shapes(each) for each in column])
+        return _joint_numbers([shape_numbers(each) for each in column])
     return None
 
 
-def _joint(found: Sequence[Ints | None]) -> Ints | None:
+def _joint_numbers(found: Sequence[Ints | None]) -> Ints | None:
     known = [each for each in found if each is not None]
     if len(known) < 2:
         return known[0] if known else None
@@ -63,14 +63,14 @@ def _joint(found: Sequence[Ints | None]) -> Ints | None:
 
 
 def _shapes_of_lists(column: RaggedColumn) -> Ints:
-    inside, lengths = shapes(column.content), column.lengths
+    inside, lengths = shape_numbers(column.content), column.lengths
     if inside is None:
         return lengths
     numbers = np.zeros(lengths.size, np.int64)
     known = 0
     for length in np.unique(lengths):
         rows = np.flatnonzero(lengths == length)
-        elements = inside[column.starts[rows][:, None] + np.arange(length)]
+        elements = inside[column.first_indices[rows][:, None] + np.arange(length)]
         kinds, inverse = np.unique(elements, axis=0, return_inverse=True)
         numbers[rows] = known + inverse.reshape(-1)
         known += max(len(kinds), 1)

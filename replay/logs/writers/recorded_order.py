@@ -45,7 +45,7 @@ def _scatter(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
         copy(rows, number * size, target, begins[number], size)
 
 
-def in_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
+def blocks_in_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
     """All messages by log time; what was recorded at the same time in the order of the topics."""
     times = np.concatenate([np.empty(0, np.int64), *(topic.log_time_ns for topic in topics)])
     sizes = [topic.log_time_ns.size for topic in topics]
@@ -104,7 +104,9 @@ class FullChunk(NamedTuple):
         return found
 
 
-def chunks(blocks: Iterator[RecordBlock], preamble: bytes, threshold: int) -> Iterator[FullChunk]:
+def cut_chunks(
+    blocks: Iterator[RecordBlock], preamble: bytes, threshold: int
+) -> Iterator[FullChunk]:
     """Cut records into chunks, each of which ends with the record that takes it beyond a size.
 
     Args:

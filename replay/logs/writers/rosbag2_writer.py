@@ -12,8 +12,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from analysis.simulation import SimulatedLog
 from estimators.arrays import Ints
-from replay.logs.writers.mcap_writer import ChannelOf, ColumnMcap, channel_of, envelope
-from replay.logs.writers.recorded_order import RecordedTopic, in_order
+from replay.logs.writers.mcap_writer import ChannelRecord, ColumnMcap, channel_of, envelope
+from replay.logs.writers.recorded_order import RecordedTopic, blocks_in_order
 from replay.logs.writers.ros_messages import TOPICS, recorded_topics
 from replay.logs.writers.serialise_messages import Envelope
 
@@ -41,7 +41,7 @@ def write_db3(log: SimulatedLog, path: Path) -> None:
 
 def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
-    before = envelope if plugin is StoragePlugin.MCAP else _bare
+    before = envelope if plugin is StoragePlugin.MCAP else no_envelope
     with _ColumnWriter(path, version=Writer.VERSION_LATEST, storage_plugin=plugin) as bag:
         numbers = {
             name: bag.add_connection(TOPICS[name].name, TOPICS[name].msgtype, typestore=store).id
@@ -52,7 +52,7 @@ def _write(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
             bag.set_custom_data("machine_id", log.scenario.log.machine_id)
 
 
-def _bare(_connection: int, _times: Ints) -> Envelope:
+def no_envelope(_connection: int, _times: Ints) -> Envelope:
     """A database has nothing before a message."""
     return lambda _size: ()
 
@@ -72,7 +72,7 @@ class _Storage:
         del compression  # none is asked for
         self.path = path / f"{path.name}.mcap"
         self._file = self.path.open("xb")
-        self._channels: list[ChannelOf] = []
+        self._channels: list[ChannelRecord] = []
         self._mcap = ColumnMcap(self._file, self._channels, packed=False)
 
     def add_msgtype(self, connection: "Connection") -> None:
@@ -123,7 +123,7 @@ class _Database(Sqlite3Writer):
 
 
 def _rows(topics: Sequence[RecordedTopic]) -> Iterator[tuple[int, int, memoryview]]:
-    for block in in_order(topics):
+    for block in blocks_in_order(topics):
         data = memoryview(block.data.data)
         begins = np.concatenate([[0], block.ends[:-1]]).tolist()
         parts = zip(begins, block.ends.tolist(), strict=True)

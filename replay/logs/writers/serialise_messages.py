@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.wire import Wire
-from replay.logs.writers.message_columns import Column, RaggedColumn, shapes
+from replay.logs.writers.message_columns import Column, RaggedColumn, shape_numbers
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -56,7 +56,7 @@ def serialise(
     Returns:
         The messages by layout, each with its envelope before it.
     """
-    found = shapes(column)
+    found = shape_numbers(column)
     numbers = np.empty(0, np.int64) if found is None else np.unique(found)
     if found is None or numbers.size == 1:
         return [SameLayout(None, _rows(store, msgtype, column, slice(count), wire, envelope))]
@@ -189,7 +189,7 @@ class _Layout:
             return
         for number in range(length):
             if isinstance(column, RaggedColumn):
-                at = column.starts[chosen] + number
+                at = column.first_indices[chosen] + number
                 self._value(element, column.content, at)
             else:
                 one = column[number] if isinstance(column, list | tuple) else None
@@ -240,4 +240,4 @@ def _list_length(column: Column, chosen: _Chosen, fixed: int | None) -> int:
 def elements_of_length(column: RaggedColumn, chosen: _Chosen, length: int) -> NDArray[Any]:
     """The elements (k, length) of lists of one length."""
     assert isinstance(column.content, np.ndarray)
-    return column.content[column.starts[chosen][:, None] + np.arange(length)]
+    return column.content[column.first_indices[chosen][:, None] + np.arange(length)]

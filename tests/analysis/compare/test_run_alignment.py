@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis import Provenance, Run, Settings
-from analysis.compare.run_alignment import difference, in_time_of, manoeuvre_pairs
+from analysis.compare.run_alignment import align_times, manoeuvre_pairs, subtract_run
 from analysis.model.schema import PHASE
 
 S = 10**9
@@ -58,7 +58,7 @@ def test_a_log_pairs_with_itself_row_by_row(lengths: list[tuple[float, str]]) ->
 
 def test_a_replay_of_the_same_log_is_placed_by_its_start_of_time() -> None:
     a, b = run(100, aligned=signal(0, [1.0])), run(103, aligned=signal(0, [1.0]))
-    moved = in_time_of(a, b, one_log=True)
+    moved = align_times(a, b, one_log=True)
     assert moved.frames["aligned"]["t_ns"].to_list() == [3 * S]
     assert moved.provenance.t0_unix_ns == a.provenance.t0_unix_ns
 
@@ -69,7 +69,7 @@ def test_each_manoeuvre_of_another_log_begins_where_its_counterpart_does() -> No
         aligned=signal(0, [float(i) for i in range(40)]),
         segments=manoeuvres((10, 13, START), (32, 35, START)),
     )
-    moved = in_time_of(a, b, one_log=False).frames
+    moved = align_times(a, b, one_log=False).frames
     assert moved["segments"]["start_t_ns"].to_list() == [5 * S, 20 * S]
     placed = dict(moved["aligned"].drop_nulls().select(pl.col("t_ns") // S, "force_x_N").rows())
     assert (placed[5], placed[8], placed[20], placed[23]) == (10.0, 13.0, 32.0, 35.0)
@@ -81,25 +81,25 @@ def test_each_manoeuvre_of_another_log_begins_where_its_counterpart_does() -> No
 def test_a_line_does_not_cross_from_one_stretch_to_the_next() -> None:
     a = run(segments=manoeuvres((5, 8, START), (60, 63, START)))
     b = run(aligned=signal(0, [1.0] * 40), segments=manoeuvres((10, 13, START), (32, 35, START)))
-    moved = in_time_of(a, b, one_log=False).frames["aligned"]
+    moved = align_times(a, b, one_log=False).frames["aligned"]
     assert moved["force_x_N"].null_count() == 2
 
 
 def test_without_manoeuvres_both_begin_together() -> None:
     a, b = run(100, aligned=signal(0, [1.0])), run(900, aligned=signal(0, [2.0]))
-    assert in_time_of(a, b, one_log=False).frames["aligned"]["t_ns"].to_list() == [0]
+    assert align_times(a, b, one_log=False).frames["aligned"]["t_ns"].to_list() == [0]
 
 
 def test_a_difference_is_b_less_a_where_both_have_a_sample() -> None:
     a, b = run(aligned=signal(0, [1.0, 2.0, 3.0])), run(aligned=signal(1, [5.0, 5.0, 5.0]))
-    less = difference(a, b).frames["aligned"]
+    less = subtract_run(a, b).frames["aligned"]
     assert less.to_dict(as_series=False) == {"t_ns": [S, 2 * S], "force_x_N": [3.0, 2.0]}
 
 
 def test_of_two_grids_only_common_instants_are_subtracted() -> None:
     fast = pl.DataFrame({"t_ns": [i * S // 2 for i in range(5)], "force_x_N": [1.0] * 5})
     slow = signal(0, [1.5, 1.5, 1.5])
-    less = difference(run(rate_hz=2.0, aligned=fast), run(aligned=slow)).frames["aligned"]
+    less = subtract_run(run(rate_hz=2.0, aligned=fast), run(aligned=slow)).frames["aligned"]
     assert less["t_ns"].to_list() == [0, S, 2 * S]
 
 
@@ -107,6 +107,6 @@ def test_manoeuvres_are_subtracted_where_the_middle_of_bs_lies_in_as() -> None:
     mass = [pl.Series("mass_kg", [100.0, 110.0])]
     a = run(segments=manoeuvres((0, 4, START), (10, 14, START)).with_columns(mass))
     b = run(segments=manoeuvres((1, 5, START), (15, 19, START)).with_columns(mass))
-    less = difference(a, b).frames["segments"]
+    less = subtract_run(a, b).frames["segments"]
     assert less["start_t_ns"].to_list() == [0]
     assert less["mass_kg"].to_list() == pytest.approx([0.0])

@@ -123,7 +123,7 @@ def test_a_column_or_stage_that_one_lacks_and_another_dtype_are_named():
 def test_estimates_are_sorted_by_how_far_they_moved_in_their_own_deviation():
     other = MASSES.with_columns(pl.Series("mass_kg", [103.0, 60.0]))
     found = held(run(), changed("masses", other))
-    assert [(each.about, each.change, each.stds) for each in found.estimates] == [
+    assert [(each.about, each.change, each.change_in_stds) for each in found.estimates] == [
         ("ls", 3.0, 3.0),
         ("rls", 10.0, 1.0),
     ]

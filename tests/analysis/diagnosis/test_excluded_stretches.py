@@ -183,7 +183,7 @@ class TestStands:
 
     def stands(self, **speeds: np.ndarray) -> list[tuple[int, int]]:
         channels = {name: (self.T_NS, speed) for name, speed in speeds.items()}
-        return Signals(channels, None, 10.0).stands
+        return Signals(channels, None, 10.0).standstill_spans
 
     def drive(self) -> np.ndarray:
         """Three seconds of stand, a start, a stop, and a stand again."""

@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.diagnosis import CHECKS, CheckInputs, verdict
+from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.diagnosis.measured_channels import Signals
 from analysis.diagnosis.method_disagreement import disagreements
 from analysis.stages.estimation.masses import masses
@@ -304,7 +304,7 @@ class TestSignals:
 def test_frames_alone_are_judged_by_what_they_tell():
     log = clean("one way")
     frames = log.replayed.frames
-    judged = verdict(CheckInputs(frames["excitation"], frames["gate"], log.machine))
+    judged = judge_checks(CheckInputs(frames["excitation"], frames["gate"], log.machine))
     unknown = set(judged.filter(pl.col("passed").is_null())["check"])
     assert {"lag", "gain", "scatter", "frozen", "methods", "raw_opposing_share"} <= unknown
     assert not judged["passed"].fill_null(value=True).not_().any()

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.diagnosis import CheckInputs, verdict
+from analysis.diagnosis import CheckInputs, judge_checks
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.model.schema import build
@@ -24,7 +24,7 @@ def good(drive):
 def judge(excitation_of, machine):
     def judged(made, machine=machine()):  # noqa: B008 - frozen, and the plain machine
         excitation = excitation_of(made, machine)
-        return verdict(CheckInputs(excitation, gate(excitation, machine.settings), machine))
+        return judge_checks(CheckInputs(excitation, gate(excitation, machine.settings), machine))
 
     return judged
 
@@ -137,5 +137,5 @@ def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
             "phase": pl.Series(np.where(rate > 0, "accelerating", "braking")),
         },
     )
-    table = verdict(CheckInputs(excitation, gate(excitation, settings), machine()))
+    table = judge_checks(CheckInputs(excitation, gate(excitation, settings), machine()))
     assert check(table, "acceleration_gain")["value"] == pytest.approx(1.0, abs=0.05)

@@ -9,16 +9,16 @@ from analysis.excitation.error_prediction import (
     Filters,
     MeasuredSignals,
     noise_of,
-    parameters,
+    true_parameters,
     window_system,
 )
 from analysis.excitation.excitation_design import (
-    _score,
-    best_of,
+    _score_shape,
+    best_score,
     design,
-    driving,
-    rank,
+    determined_parameter_count,
     response_time_s,
+    with_manoeuvres,
 )
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.scenario.manoeuvres import Excite
@@ -52,7 +52,7 @@ def errors(made, drive, score, window_s, force_noise_N=None):
     filters, noise = Filters(10, made.sensors.rate_hz), noise_of(made)
     samples = round(window_s * filters.rate_hz) + filters.margin
     longer = score.manoeuvre.model_copy(update={"duration_s": score.start_s + window_s + 1.0})
-    motion = solve_motion(driving(made, longer), 0.0)
+    motion = solve_motion(with_manoeuvres(made, longer), 0.0)
     truth = MeasuredSignals.of(motion.sample(score.start_s + np.arange(samples) / filters.rate_hz))
     random = np.random.default_rng(5)
     found = []
@@ -151,8 +151,8 @@ def test_speed_and_yaw_rate_in_step_would_leave_rank_five():
     wave = {"waveform": "triangular", "period_s": 15.0}
     excite = {"kind": "excite", "force": {**wave, "highest_N": 3000.0}}
     excite["torque"] = {**wave, "highest_N_m": 2250.0}
-    motion = solve_motion(driving(alike, Excite.model_validate(excite)), 0.0)
-    assert rank(motion.sample(np.arange(15.0, 30.0, 0.01))) == 5
+    motion = solve_motion(with_manoeuvres(alike, Excite.model_validate(excite)), 0.0)
+    assert determined_parameter_count(motion.sample(np.arange(15.0, 30.0, 0.01))) == 5
     # the design puts their periods apart instead
     for score in design(alike, "joint").scores:
         assert score.rank == 6
@@ -175,14 +175,14 @@ def test_a_yard_rules_out_what_drives_beyond_it():
     reach = sorted(score.reach_m for score in long.scores)
     made = design(PLAIN, yard_m=reach[0] + 0.1)
     assert made.best.reach_m == pytest.approx(reach[0])
-    assert best_of(long.scores, 0.5) is None
+    assert best_score(long.scores, 0.5) is None
 
 
 def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_error():
     made = scenario(machine={"coulomb_N": 300.0})
     response_s = {"force": response_time_s(made, 0.0, "force")}
     window_s = 2 * response_s["force"]
-    score = _score(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
+    score = _score_shape(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
     found, body = errors(made, "straight", score, window_s)
     prediction = score.predictions["mass_kg"]
     assert abs(prediction.bias) > 5 * prediction.std
@@ -205,6 +205,6 @@ def test_what_cannot_be_designed_is_refused_with_the_reason(sections, options, s
 
 
 def test_the_parameters_are_those_of_the_rows():
-    assert parameters(solve_motion(AHEAD, 0.0).body).tolist() == pytest.approx(
+    assert true_parameters(solve_motion(AHEAD, 0.0).body).tolist() == pytest.approx(
         [3614.0, 4000.0, -0.2 * 3614.0, 0.03 * 3614.0, 2891.0, 5000.0]
     )

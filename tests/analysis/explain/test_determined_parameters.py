@@ -6,7 +6,7 @@ import pytest
 
 from analysis import Settings
 from analysis.explain.determined_parameters import DeterminedParameters, determine_parameters
-from analysis.explain.worst_manoeuvres import gate_along, worst_manoeuvres
+from analysis.explain.worst_manoeuvres import gate_stretches, worst_manoeuvres
 from analysis.model.schema import REASON
 
 SETTINGS = Settings(noise={"force_N": 1.0, "acc_m_s2": 0.01, "speed_m_s": 0.01})
@@ -73,7 +73,7 @@ def test_the_gate_is_told_in_order_with_the_median_of_what_decided() -> None:
             "reason_x": pl.Series(reasons, dtype=REASON),
         }
     )
-    told = gate_along(gate, SETTINGS, 0, 6 * S)
+    told = gate_stretches(gate, SETTINGS, 0, 6 * S)
     assert [(e.reason, e.value, e.limit) for e in told] == [
         ("low_information", 0.2, "≥ 0.7"),
         ("accepted", 1.5, "≥ 0.7"),

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.expressions.dimensions import expression_text, in_si
+from analysis.expressions.dimensions import convert_to_si, expression_text
 from analysis.expressions.parse import Call, Expression, ExpressionError, Name, Number, parse
 from analysis.expressions.values import evaluate
 from analysis.model.physical_units import registry
@@ -101,7 +101,7 @@ def test_values_are_those_of_polars(tree: Expression) -> None:
     ],
 )
 def test_an_expression_has_the_dimension_of_what_it_says(text: str, unit: str) -> None:
-    _, dimension = in_si(parse(text), UNITS, registry())
+    _, dimension = convert_to_si(parse(text), UNITS, registry())
     assert dimension == registry().Quantity(1, unit).dimensionality
 
 
@@ -116,7 +116,7 @@ def test_an_expression_has_the_dimension_of_what_it_says(text: str, unit: str) -
 )
 def test_units_that_do_not_fit_are_named_on_both_sides(text: str, fault: str) -> None:
     with pytest.raises(ExpressionError, match=fault):
-        in_si(parse(text), UNITS, registry())
+        convert_to_si(parse(text), UNITS, registry())
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import polars as pl
 import pytest
 
-from analysis.findings import add_masked_findings, first_findings
+from analysis.findings import add_masked_findings, findings_of_first_hour
 from analysis.model.machine import Machine
 from analysis.model.schema import frame_schema
 from benchmarks.weighed import machine
@@ -102,7 +102,7 @@ def test_what_only_the_whole_log_shows_is_kept(whole: bool, kept: list[str]) -> 
 
 def test_of_a_long_log_the_first_hour_of_all_topics_is_looked_at_once_more() -> None:
     hours = pl.DataFrame({"log_time_ns": [n * 1_800_000_000_000 for n in range(9)]})
-    assert first_findings({"a": hours})["a"].height == 2
+    assert findings_of_first_hour({"a": hours})["a"].height == 2
     late = hours.select(pl.col("log_time_ns") + 7_200_000_000_000)
-    part = first_findings({"a": hours, "b": late})
+    part = findings_of_first_hour({"a": hours, "b": late})
     assert (part["a"].height, part["b"].height) == (6, 2)

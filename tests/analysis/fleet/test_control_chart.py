@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from analysis.fleet.machine_drifts import (
     ALLOWANCE,
+    chart_limit,
     control_chart,
     innovations,
-    limit_for,
     run_length_of,
     whiten_series,
 )
@@ -35,7 +35,7 @@ def test_the_run_length_is_that_of_the_literature(limit: float, run_length: floa
 
 def test_the_limit_has_the_run_length_that_was_asked_for() -> None:
     for run_length in (100.0, 1000.0, 3000.0):
-        assert run_length_of(limit_for(run_length)) == pytest.approx(2.0 * run_length, rel=0.01)
+        assert run_length_of(chart_limit(run_length)) == pytest.approx(2.0 * run_length, rel=0.01)
 
 
 def test_a_simulated_run_length_is_the_computed_one() -> None:
@@ -88,7 +88,7 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
     draw = np.random.default_rng(4)
     x = draw.normal(3600.0, 5.0, 200)
     x[120:] += 15.0
-    chart = control_chart(x, limit_for(2190.0))
+    chart = control_chart(x, chart_limit(2190.0))
     assert chart.flagged is not None
     assert chart.since is not None
     assert 120 <= chart.flagged < 132
@@ -100,7 +100,7 @@ def test_a_jump_is_flagged_where_it_begins_with_its_size() -> None:
 def test_one_day_with_a_broken_log_is_no_drift() -> None:
     x = np.random.default_rng(5).normal(3600.0, 5.0, 200)
     x[100] += 2000.0
-    assert control_chart(x, limit_for(2190.0)).flagged is None
+    assert control_chart(x, chart_limit(2190.0)).flagged is None
 
 
 def test_days_that_are_alike_in_a_row_are_told_from_a_drift() -> None:

@@ -6,10 +6,10 @@ from typing import Any
 import polars as pl
 import pytest
 
-from analysis.fleet.attention import needs_a_look
+from analysis.fleet.attention import rank_concerns
 from analysis.fleet.calibration_steps import FleetCalibration, line_changes
-from analysis.fleet.daily_figures import daily, sum_machines, sums, weekly
-from analysis.fleet.fleet_tables import TABLES, table, table_schema
+from analysis.fleet.daily_figures import daily_figures, sum_machines, sum_results, weekly_tonnes
+from analysis.fleet.fleet_tables import TABLES, rows_of_table, table_schema
 from analysis.fleet.results_comparison import compare_results
 
 OF = {"key": "k", "machine": "m", "day": "2026-01-05", "t0_unix_ns": 1}
@@ -38,7 +38,9 @@ def results(*rows: dict[str, Any]) -> pl.DataFrame:
         "log_sha256": "x",
     }
     frames = [
-        table("results", pl.DataFrame([{**plain, **row}]), {**OF, "key": f"k{n}", **_of(row)})
+        rows_of_table(
+            "results", pl.DataFrame([{**plain, **row}]), {**OF, "key": f"k{n}", **_of(row)}
+        )
         for n, row in enumerate(rows)
     ]
     return pl.concat(frames)
@@ -51,7 +53,7 @@ def _of(row: dict[str, Any]) -> dict[str, Any]:
 def cycles(*rows: dict[str, Any]) -> pl.LazyFrame:
     schema = table_schema("cycles")
     frames = [
-        table("cycles", pl.DataFrame([{"counted": True, **row}]), {**OF, **_of(row)})
+        rows_of_table("cycles", pl.DataFrame([{"counted": True, **row}]), {**OF, **_of(row)})
         for row in rows
     ]
     return pl.concat([pl.DataFrame(schema=schema), *frames]).lazy()
@@ -59,12 +61,12 @@ def cycles(*rows: dict[str, Any]) -> pl.LazyFrame:
 
 def findings(*rows: dict[str, Any]) -> pl.LazyFrame:
     schema = table_schema("findings")
-    frames = [table("findings", pl.DataFrame([row]), {**OF, **_of(row)}) for row in rows]
+    frames = [rows_of_table("findings", pl.DataFrame([row]), {**OF, **_of(row)}) for row in rows]
     return pl.concat([pl.DataFrame(schema=schema), *frames]).lazy()
 
 
 def test_the_first_cause_of_a_recording_is_a_reason_unless_it_only_tells() -> None:
-    found = needs_a_look(
+    found = rank_concerns(
         results({}, {}, {}),
         cycles(),
         findings(
@@ -89,12 +91,12 @@ def test_the_first_cause_of_a_recording_is_a_reason_unless_it_only_tells() -> No
 def test_every_table_begins_with_the_result_that_a_row_is_of() -> None:
     for name in TABLES:
         assert table_schema(name).names()[:4] == ["key", "machine", "day", "t0_unix_ns"]
-        assert table(name, pl.DataFrame(), OF).is_empty()
+        assert rows_of_table(name, pl.DataFrame(), OF).is_empty()
         assert not any(isinstance(dtype, pl.Enum) for dtype in table_schema(name).values())
 
 
 def test_random_parts_add_up_in_squares_and_common_ones_as_they_are() -> None:
-    machines = sums(results({}, {}, {"machine": "n"}), ["machine"])
+    machines = sum_results(results({}, {}, {"machine": "n"}), ["machine"])
     m, n = machines.iter_rows(named=True)
     assert m["payload_kg"] == 14_000.0
     assert m["payload_u_random_kg"] == pytest.approx(30.0 * 2**0.5)
@@ -106,7 +108,9 @@ def test_random_parts_add_up_in_squares_and_common_ones_as_they_are() -> None:
 
 
 def test_weeks_begin_on_mondays_and_undated_recordings_are_in_none() -> None:
-    found = weekly(results({}, {"day": "2026-01-11"}, {"day": "2026-01-12"}, {"day": "undated"}))
+    found = weekly_tonnes(
+        results({}, {"day": "2026-01-11"}, {"day": "2026-01-12"}, {"day": "undated"})
+    )
     assert found["week"].to_list() == [dt.date(2026, 1, 5), dt.date(2026, 1, 12)]
     assert found["recordings"].to_list() == [2, 1]
 
@@ -117,7 +121,7 @@ def test_days_have_means_of_empty_passes_and_counted_payloads() -> None:
         {"empty_after_kg": 3610.0, "payload_kg": 900.0, "counted": False},
         {"empty_after_kg": None, "payload_kg": 720.0},
     )
-    (day,) = daily(results({"friction_x_N_s_m": 2900.0}), rows).iter_rows(named=True)
+    (day,) = daily_figures(results({"friction_x_N_s_m": 2900.0}), rows).iter_rows(named=True)
     assert (day["zero_kg"], day["load_kg"]) == (3605.0, 710.0)
     assert day["friction_N_s_m"] == 2900.0
 
@@ -131,7 +135,7 @@ def test_what_is_most_wrong_comes_first_with_its_place() -> None:
         {"lost_cycles": 2.04, "longest_gap_at_s": 812.0},
         {"cycles_without_mass": 4},
     )
-    found = needs_a_look(
+    found = rank_concerns(
         rows, cycles({"key": "k5", "payload_kg": None, "start_t_ns": 5 * 10**9}), findings()
     )
     assert found.select("key", "at_s").rows() == [
@@ -149,7 +153,7 @@ def test_what_is_most_wrong_comes_first_with_its_place() -> None:
 def test_a_payload_far_from_the_others_of_its_machine_has_its_cycle_as_place() -> None:
     usual = [{"payload_kg": 700.0 + n % 7, "start_t_ns": n, "cycle": n} for n in range(40)]
     odd = {"key": "k1", "payload_kg": 1400.0, "start_t_ns": 77 * 10**9, "cycle": 9}
-    found = needs_a_look(results({}, {}), cycles(*usual, odd), findings())
+    found = rank_concerns(results({}, {}), cycles(*usual, odd), findings())
     assert found.rows(named=True)[0]["at_s"] == 77.0
     assert found["why"].to_list() == ["1 payloads far from the others, the farthest 1400 kg"]
 
@@ -164,7 +168,7 @@ def test_a_comparison_is_of_the_logs_that_both_have_the_largest_change_first() -
     found = compare_results(a, b)
     assert found.logs["change_kg"].to_list() == [-500.0, 100.0]
     assert (found.only_a, found.only_b) == (1, 1)
-    assert found.whole == {
+    assert found.total_change == {
         "logs": 2,
         "changed": 2,
         "payload_kg": 14_000.0,
@@ -192,5 +196,5 @@ def test_lines_that_follow_each_other_are_compared_in_the_middle_of_both() -> No
     one, two = line_changes([moved, first, same])
     assert (one.zero_kg, two.zero_kg) == (1.0, 29.0)
     assert one.zero_limit_kg == pytest.approx(2.0 * 8.0**0.5)
-    assert not one.moved
-    assert two.moved
+    assert not one.has_moved
+    assert two.has_moved

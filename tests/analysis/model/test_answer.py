@@ -5,13 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from analysis.diagnosis import CHECKS, CheckInputs, verdict
+from analysis.diagnosis import CHECKS, CheckInputs, judge_checks
 from analysis.model.answer import answer
 from analysis.model.run_record import Loss, Provenance, Run
-from analysis.stages.estimation.masses import masses, withhold
-from analysis.stages.estimation.obstacles import why_nothing_was_accepted
+from analysis.stages.estimation.masses import masses, why_nothing_was_accepted, withhold
 from analysis.stages.estimation.trace import trace
-from analysis.stages.gating.gate import gate, samples_of
+from analysis.stages.gating.gate import gate, samples_in_windows
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -28,7 +27,7 @@ def replayed(drive, excitation_of, machine):
             {
                 "gate": gated,
                 "masses": withhold(masses(excitation, gated, estimates, made), opinion, ()),
-                "verdict": verdict(CheckInputs(excitation, gated, made)),
+                "verdict": judge_checks(CheckInputs(excitation, gated, made)),
             },
             Provenance(
                 settings=made.settings,
@@ -57,7 +56,7 @@ def test_the_answer_is_plain_json_by_method(replayed):
 
 def test_the_accepted_share_counts_samples_not_windows(replayed):
     run = replayed(WEIGHS)
-    inside = samples_of(run.frames["gate"]["accepted_x"].to_numpy(), 320)
+    inside = samples_in_windows(run.frames["gate"]["accepted_x"].to_numpy(), 320)
     assert answer(run).accepted_share == pytest.approx(inside.mean())
     assert answer(run).accepted_share > run.frames["gate"]["accepted_x"].mean()
 

@@ -111,7 +111,7 @@ def test_a_time_zone_must_exist():
         ),
         (
             {"derive": "mean(a, b, c)"},
-            "channels.acc_x_m_s2: 'a' is no channel and no key of [machine]; "
+            "channels.acc_x_m_s2: 'a' is neither a channel nor a key of [machine]; "
             "known: acc_x_m_s2, empty_mass_kg, force_share, force_x_N, gravity_m_s2, "
             "specific_force_x_m_s2, speed_x_m_s, track_width_m, wheel_radius_m",
         ),
@@ -134,7 +134,7 @@ def test_a_time_zone_must_exist():
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu"},
-            "channels.acc_x_m_s2: 'pitch(q)' is no acc_x_m_s2",
+            "channels.acc_x_m_s2: 'pitch(q)' does not give acc_x_m_s2",
         ),
         (
             {"derive": "pitch(q)", "topic": "/imu", "scale": 2.0},

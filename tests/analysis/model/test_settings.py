@@ -3,7 +3,8 @@
 import pytest
 from pydantic import ValidationError
 
-from analysis.model.settings import Settings, VerdictLimits
+from analysis.model.settings import Settings
+from analysis.model.verdict_limits import VerdictLimits
 from tests.analysis.settings_by_name import settings_of
 
 
@@ -19,25 +20,25 @@ def test_the_papers_values_are_the_defaults():
 
 
 def test_every_setting_says_what_it_does():
-    for part in Settings.parts().values():
+    for part in Settings.stage_models().values():
         assert part.__doc__
         for name, field in part.model_fields.items():
             assert field.description, name
 
 
 def test_no_two_stages_have_a_setting_of_one_name():
-    names = [name for part in Settings.parts().values() for name in part.model_fields]
+    names = [name for part in Settings.stage_models().values() for name in part.model_fields]
     assert len(names) == len(set(names))
 
 
 def test_settings_are_changed_by_their_dotted_names():
-    changed = Settings().changed({"gate.window_samples": 400, "trace.methods": ("ls",)})
+    changed = Settings().with_changes({"gate.window_samples": 400, "trace.methods": ("ls",)})
     assert changed.gate.window_samples == 400
     assert changed.trace.methods == ("ls",)
     assert changed.align == Settings().align
     for name in ("gate.window_sample", "windows.samples"):
         with pytest.raises(ValidationError):
-            Settings().changed({name: 400})
+            Settings().with_changes({name: 400})
 
 
 @pytest.mark.parametrize(

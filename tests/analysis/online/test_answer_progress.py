@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.model.machine import Body
-from analysis.online.answer_progress import AnswerProgress, find_aim, missing_text
+from analysis.online.answer_progress import AnswerProgress, missing_text, target_u_kg
 
 
 def after(masses: list[float], *, u_kg: float = 6.0, aim_kg: float | None = 3.0) -> AnswerProgress:
@@ -76,6 +76,6 @@ def test_without_an_aim_nothing_is_missing_that_could_be_told() -> None:
 
 def test_the_aim_is_what_somebody_says_or_a_share_of_the_empty_mass() -> None:
     body = Body(name="loader", empty_mass_kg=3600.0)
-    assert find_aim(body, None) == pytest.approx(72.0)
-    assert find_aim(body, 5.0) == 5.0
-    assert find_aim(Body(name="loader"), None) is None
+    assert target_u_kg(body, None) == pytest.approx(72.0)
+    assert target_u_kg(body, 5.0) == 5.0
+    assert target_u_kg(Body(name="loader"), None) is None

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from tests.analysis.weighing.weighed import FRICTION_N_S_M, RICH, Weighed, merged, weighed
 from tests.trials.situations import SITUATIONS
 

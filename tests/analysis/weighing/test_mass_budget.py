@@ -5,8 +5,9 @@ import pytest
 
 from analysis.model.uncertainty_sources import combine, unknown_scale
 from analysis.model.verdict import Verdict
-from analysis.weighing.load_frames import budget_frame, loads, manoeuvre_frame, nuisances
+from analysis.weighing.load_frames import loads, manoeuvre_frame
 from analysis.weighing.mass_budget import budget
+from analysis.weighing.nuisance_frames import budget_frame, nuisances
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 from tests.analysis.weighing.weighed import RICH, Weighed, weighed
 

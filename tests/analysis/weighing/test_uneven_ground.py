@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.model.settings import PriorSettings
+from analysis.model.prior_settings import PriorSettings
 from analysis.weighing.motion_samples import MotionSamples
 from analysis.weighing.nuisances import Moments
 from analysis.weighing.uneven_ground import FEWEST, GROUND

@@ -33,8 +33,8 @@ def state_of(levels, **more):
 
 def log_posterior(drawn, state):
     """Of a partition, where manoeuvres do not scatter."""
-    stretches = Stretches.of(np.asarray(state), drawn.kind)
-    return PartitionPosterior(drawn, SPREAD, 0.0, None).of(stretches).log_posterior
+    stretches = Stretches.from_boundaries(np.asarray(state), drawn.kind)
+    return PartitionPosterior(drawn, SPREAD, 0.0, None).evaluate(stretches).log_posterior
 
 
 class TestPartitions:

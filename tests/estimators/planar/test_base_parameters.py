@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from estimators.errors import DataError
 from estimators.methods import ls
 from estimators.planar import blockwise_qr, planar_rows
-from estimators.planar.base_parameters import Prior, fit
+from estimators.planar.base_estimate import Prior
+from estimators.planar.base_parameters import fit
 from tests.estimators.motions import LOADER, MOTIONS, constant_arc, forces, measured, spin
 
 AT = {name: i for i, name in enumerate(planar_rows.PARAMETERS)}
@@ -94,7 +95,7 @@ def test_intervals_cover_with_a_term_of_which_only_the_size_is_known(trials, lea
     for seed in range(trials):
         dice = np.random.default_rng(seed)
         f = A @ np.append(LOADER, dice.normal(0.0, 200.0)) + SIGMA * dice.normal(size=(2000, 2))
-        found = fit(A, f, names, prior=Prior.about_zero({"coulomb_z_N_m": 200.0}, 2))
+        found = fit(A, f, names, prior=Prior.around_zero({"coulomb_z_N_m": 200.0}, 2))
         covered.append(np.abs(found.theta[:6] - LOADER) < 1.96 * found.std[:6])
         without = fit(plain, f, planar_rows.PARAMETERS)
         left_out.append(np.abs(without.theta - LOADER) < 1.96 * without.std)
@@ -198,7 +199,7 @@ def test_noise_is_taken_off_combinations_alike():
     for seed in range(30):
         A, f, noise = noisy(spin(-0.2), seed)
         told = fit(A, f, planar_rows.PARAMETERS, noise=noise)
-        assert told.identifiability.texts()[-1].startswith("inertia_z_kg_m2 - ")
+        assert told.identifiability.combination_texts()[-1].startswith("inertia_z_kg_m2 - ")
         assert abs(told.combination[-1] - truth) < 4 * told.combination_std[-1]
         found.append(told.combination[-1])
         plain = fit(A[..., [1, 5]], f, ["inertia_z_kg_m2", "friction_z_N_m_s"])

@@ -46,7 +46,7 @@ def test_of_all_sixteen_the_wheels_rows_determine_the_same(motion):
 
 def test_an_offset_spin_determines_m_minus_5_mcx_and_izz_minus_0_2_mcx():
     found = identify(planar_rows.regressor(**spin(-0.2)), planar_rows.PARAMETERS)
-    assert found.texts() == [
+    assert found.combination_texts() == [
         "mass_kg - 5 first_moment_x_kg_m",
         "inertia_z_kg_m2 - 0.2 first_moment_x_kg_m",
     ]
@@ -55,7 +55,7 @@ def test_an_offset_spin_determines_m_minus_5_mcx_and_izz_minus_0_2_mcx():
 def test_a_constant_arc_determines_two_combinations_of_three():
     """f_x = -ω² mc_x + v b_x and τ_z = v ω mc_x + ω b_ψ, at v = 1.2 and ω = 0.4."""
     found = identify(planar_rows.regressor(**MOTIONS["one constant arc"]), planar_rows.PARAMETERS)
-    assert found.texts() == [
+    assert found.combination_texts() == [
         "first_moment_x_kg_m + 0.8333 friction_z_N_m_s",
         "friction_x_N_s_m + 0.1111 friction_z_N_m_s",
     ]
@@ -66,7 +66,7 @@ def test_triangles_in_step_determine_five_because_mass_mixes_with_the_moment_acr
     speed, yaw = triangle(7.0, 1.5, 0.1), triangle(7.0, 0.8, -0.2)
     found = identify(planar_rows.regressor(**channels(*speed, *yaw)), planar_rows.PARAMETERS)
     assert found.rank == 5
-    assert found.texts() == [
+    assert found.combination_texts() == [
         "mass_kg - 0.5333 first_moment_y_kg_m",
         "inertia_z_kg_m2 - 1.875 first_moment_y_kg_m",
     ]
@@ -171,7 +171,7 @@ def test_the_triangular_factor_of_a_regressor_says_the_same_as_the_regressor(mot
     for told in (None, noise):
         whole = identify(A, planar_rows.PARAMETERS, told)
         factor = identify(R, planar_rows.PARAMETERS, told, samples=A.shape[0] * 2)
-        assert factor.texts() == whole.texts()
+        assert factor.combination_texts() == whole.combination_texts()
         assert names(factor) == names(whole)
         assert factor.condition == pytest.approx(whole.condition)
 
@@ -180,7 +180,7 @@ def test_a_log_without_motion_determines_nothing():
     found = identify(np.zeros((100, 2, 6)), planar_rows.PARAMETERS)
     assert found.rank == 0
     assert not found.identifiable.any()
-    assert found.texts() == []
+    assert found.combination_texts() == []
     assert found.condition == np.inf
 
 

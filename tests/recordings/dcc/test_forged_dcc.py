@@ -65,10 +65,10 @@ VALUE = "<si:value>20.0005</si:value>"
 UNIT = VALUE + "\n<si:unit>\\kilogram"
 FORGED: dict[str, tuple[Forge, str]] = {
     # the file
-    "no XML": (lambda _: b"PDF-1.7", "is no XML"),
-    "empty": (lambda _: b"", "is no XML"),
-    "cut off": (lambda data: data[:-40], "is no XML"),
-    "two roots": (lambda data: data + data, "is no XML"),
+    "no XML": (lambda _: b"PDF-1.7", "is not XML"),
+    "empty": (lambda _: b"", "is not XML"),
+    "cut off": (lambda data: data[:-40], "is not XML"),
+    "two roots": (lambda data: data + data, "is not XML"),
     "too large": (lambda data: data + b" " * MOST_BYTES, "MiB"),
     "external entity": (
         lambda data: DTD + data.replace(b">Example Masses<", b">&x;<"),
@@ -82,15 +82,15 @@ FORGED: dict[str, tuple[Forge, str]] = {
     ),
     "nested too deep": (
         put("<dcc:results>", "<dcc:results>" + "<dcc:x>" * 5000),
-        "is no XML",
+        "is not XML",
     ),
     "processing instruction": (put("<dcc:items>", "<?php x?><dcc:items>"), "instruction"),
     # the frame
     "another root": (
         lambda data: data.replace(b"digitalCalibrationCertificate", b"certificate"),
-        "is no digital calibration certificate",
+        "is not a digital calibration certificate",
     ),
-    "another namespace": (put("https://ptb.de/dcc", "https://ptb.de/dccx"), "no digital"),
+    "another namespace": (put("https://ptb.de/dcc", "https://ptb.de/dccx"), "not a digital"),
     "version 3.3.0": (put('"3.2.1"', '"3.3.0"'), "of DCC version 3.3.0"),
     "version 2.4.0": (put('"3.2.1"', '"2.4.0"'), "of DCC version 2.4.0"),
     "no version": (put(' schemaVersion="3.2.1"', ""), "of DCC version none"),
@@ -148,8 +148,8 @@ FORGED: dict[str, tuple[Forge, str]] = {
     "U of 0": (put("<si:uncertainty>0.0016", "<si:uncertainty>0"), "uncertainty of 0"),
     "negative U": (put("<si:uncertainty>0.0016", "<si:uncertainty>-0.0016"), "uncertainty of"),
     "U without k": (drop("<si:coverageFactor>2</si:coverageFactor>"), "coverageFactor"),
-    "k of 0": (put("Factor>2<", "Factor>0<"), "no coverage factor"),
-    "k of a thousand": (put("Factor>2<", "Factor>1000<"), "no coverage factor"),
+    "k of 0": (put("Factor>2<", "Factor>0<"), "not a coverage factor"),
+    "k of a thousand": (put("Factor>2<", "Factor>1000<"), "not a coverage factor"),
     "U without probability": (
         drop("<si:coverageProbability>0.95</si:coverageProbability>"),
         "coverageProbability",
@@ -175,7 +175,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
         ),
         "not one si:real",
     ),
-    "no number": (put(LIST, "<si:valueXMLList>19.9991 NaN"), "'NaN' is no decimal number"),
+    "no number": (put(LIST, "<si:valueXMLList>19.9991 NaN"), "'NaN' is not a decimal number"),
     "no number, of another weight": (put(LIST, "<si:valueXMLList>NaN 20.0005"), "decimal number"),
     "infinite": (put(LIST, "<si:valueXMLList>19.9991 1e999"), "not finite"),
     "negative": (put(LIST, "<si:valueXMLList>19.9991 -20.0005"), "no mass of a weight"),
@@ -217,7 +217,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
     "three U of two values": (put(U, U + " 0.0016"), "3 entries for 2 values"),
     "U of 0": (put(U, "<si:uncertaintyXMLList>0.0016 0"), "uncertainty of 0 kg"),
     "negative U": (put(U, "<si:uncertaintyXMLList>0.0016 -0.0016"), "uncertainty of -0.0008 kg"),
-    "U that is no number": (put(U, "<si:uncertaintyXMLList>0.0016 NaN"), "decimal number"),
+    "U that is not a number": (put(U, "<si:uncertaintyXMLList>0.0016 NaN"), "decimal number"),
     "U of grams": (put(U, "<si:uncertaintyXMLList>1.6 16"), "is none of 20.0005 kg"),
     "one U for several units": (
         lambda data: put(U, "<si:uncertaintyXMLList>0.0016")(
@@ -233,7 +233,7 @@ FORGED_SETS: dict[str, tuple[Forge, str]] = {
         lambda data: data.replace(b"coverageFactorXMLList", b"coverageFactor"),
         "coverageFactorXMLList",
     ),
-    "k of 0": (put("FactorXMLList>2<", "FactorXMLList>2 0<"), "no coverage factor"),
+    "k of 0": (put("FactorXMLList>2<", "FactorXMLList>2 0<"), "not a coverage factor"),
     "three k of two values": (put("FactorXMLList>2<", "FactorXMLList>2 2 2<"), "3 entries"),
     "U without probability": (
         drop("<si:coverageProbabilityXMLList>.*</si:coverageProbabilityXMLList>"),

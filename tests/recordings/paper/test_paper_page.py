@@ -8,14 +8,14 @@ import polars as pl
 import pytest
 
 from estimators.errors import OutputError
-from recordings.paper.paper_items import ITEMS, Found, Item
+from recordings.paper.paper_items import ITEMS, Item, ItemResult
 from recordings.paper.paper_page import check_reproduction, write_reproduction
 from recordings.paper.paper_wording import ItemSentences
 
 ITEM: dict[str, Item[Any]] = {item.name: item for item in ITEMS}
 
 
-def _table_3() -> Found:
+def _table_3() -> ItemResult:
     rows = [
         {
             "threshold_nat": at,
@@ -30,14 +30,14 @@ def _table_3() -> Found:
         for method, printed in (("ls", 22.6), ("pooled", None))
     ]  # fmt: skip
     item = replace(ITEM["table3"], title="Table 3")
-    return Found(item, pl.DataFrame(rows), ItemSentences(("Chosen.",), ("Found | told.",)))
+    return ItemResult(item, pl.DataFrame(rows), ItemSentences(("Chosen.",), ("Found | told.",)))
 
 
-def _fig_2() -> Found:
+def _fig_2() -> ItemResult:
     series = {"t_s": [0.0, 1.0, 2.0], "force_x_N": [0.0, 5e3, None]}
     series |= {"regressor_acc_x_m_s2": [0.0, 1.0, 0.5], "speed_x_m_s": [0.0, 0.5, 1.0]}
     item = replace(ITEM["fig2"], title="Figure 2")
-    return Found(item, pl.DataFrame(series), ItemSentences(("Chosen.",), ("Found.",)))
+    return ItemResult(item, pl.DataFrame(series), ItemSentences(("Chosen.",), ("Found.",)))
 
 
 def test_a_table_has_the_papers_number_beside_ours_and_a_dash_for_what_there_is_not() -> None:

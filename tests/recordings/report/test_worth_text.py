@@ -4,8 +4,8 @@ import pytest
 
 from analysis import Run
 from analysis.model.answer import answer
-from recordings.report.worth_text import advice, budget_rows, load_lines
-from recordings.rrd.recording_texts import texts
+from recordings.report.worth_text import budget_rows, load_lines, uncertainty_advice
+from recordings.rrd.recording_texts import recording_markdown
 
 LOAD = {
     "mass_kg": 3732.4,
@@ -69,20 +69,20 @@ class TestBudget:
         assert [row[0] for row in rows] == ["force_gain"]
 
     def test_the_largest_source_is_what_would_shrink_it_most(self, drives):
-        told = advice(answer(drives(60.0)))
+        told = uncertainty_advice(answer(drives(60.0)))
         assert told is not None
         assert "a constant force (const, 95% of the variance)" in told
         assert told.endswith("starts in both directions")
 
     def test_a_withheld_answer_has_no_advice_and_no_part_in_the_page(self, drives):
         run = drives(60.0, passed=False)
-        assert advice(answer(run)) is None
-        page = texts(run)["answer"]
+        assert uncertainty_advice(answer(run)) is None
+        page = recording_markdown(run)["answer"]
         assert "Where the uncertainty comes from" not in page
         assert "by the joint fit" not in page
 
     def test_the_page_has_budget_and_terms_with_prior_and_posterior(self, drives):
-        page = texts(drives(60.0))["answer"]
+        page = recording_markdown(drives(60.0))["answer"]
         assert "## Where the uncertainty comes from" in page
         assert "- **const** (common): 40 kg " in page
         assert "- **lag**, how late the force is: -0.0030 ± 0.0010 s, prior ± 0.02 s; " in page

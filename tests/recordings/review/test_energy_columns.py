@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from analysis.cycles.cycle_energy import EnergyAmount, EnergyRow, ShiftEnergy
-from recordings.review.energy_columns import FUEL_U, energy_fact, energy_table
+from recordings.review.energy_columns import FUEL_U, energy_facts, energy_table
 from recordings.review.review_state import ReviewState
 from tests.analysis.cycles.test_cycles import summed
 from tests.recordings.review.test_shift_facts import FRAMES, rows, state
@@ -25,7 +25,7 @@ def reviewed(cycles: int, fuel_u_1: float | None) -> ReviewState:
 
 
 def facts(of: ReviewState) -> dict[str, Any]:
-    return dict(energy_fact(rows(of), summed(FRAMES), of))
+    return dict(energy_facts(rows(of), summed(FRAMES), of))
 
 
 def test_an_energy_of_some_cycles_says_of_how_many() -> None:

@@ -6,7 +6,13 @@ import polars as pl
 import pytest
 
 from recordings.review.review_state import ReviewState
-from recordings.review.shift_facts import cycle_times, facts, headline, long_holes, torn_sentences
+from recordings.review.shift_facts import (
+    cycle_time_facts,
+    facts,
+    headline,
+    long_holes,
+    torn_sentences,
+)
 from recordings.review.shift_ledger import ledger, with_motion
 from recordings.review.torn_logs import TornLog
 from tests.analysis.cycles.drawn import drawn_shift
@@ -83,7 +89,7 @@ def test_a_cycle_with_a_hole_is_in_no_mean() -> None:
         dump_s=10.0,
         hole_s=pl.Series([0.0, 1800.0, 0.2, 0.0]),
     )
-    [(_, text)] = cycle_times(table)
+    [(_, text)] = cycle_time_facts(table)
     assert text.startswith("85 s on average of 3")
 
 

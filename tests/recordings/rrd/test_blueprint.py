@@ -11,8 +11,9 @@ from analysis import Run
 from recordings import write_recording
 from recordings.rrd.blueprint import Page, Panel, _shares, tab_panels
 from recordings.rrd.display_frames import DisplayColumn, display_frames
-from recordings.rrd.recording_table import TABS, Kind, Methods, Tab
-from recordings.rrd.writer import scene_of
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.recording_views import Kind, Methods, Tab
+from recordings.rrd.writer import make_scene
 from tests.recordings.conftest import METHODS
 
 
@@ -76,7 +77,7 @@ def _view_names(container) -> list[str]:
 
 
 def _tabs(run: Run) -> dict[str, list[str]]:
-    root = scene_of(run).layout.root_container
+    root = make_scene(run).layout.root_container
     return {tab.name: _view_names(tab) for tab in root.contents}
 
 

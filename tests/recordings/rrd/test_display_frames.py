@@ -4,8 +4,10 @@ import polars as pl
 
 from analysis import Provenance, Run, Settings
 from analysis.model.schema import PHASE
-from recordings.rrd.display_frames import axis_range, display_frames, drawn_of, is_long
-from recordings.rrd.recording_table import STATE, TABS, View
+from recordings.rrd.display_frames import axis_range, display_frames, drawn_columns_of_view, is_long
+from recordings.rrd.recording_table import TABS
+from recordings.rrd.recording_views import View
+from recordings.rrd.stored_names import STATE
 
 S = 10**9
 ESTIMATES = {"mass_kg": 5.0, "mass_std_kg": 2.0}
@@ -37,7 +39,7 @@ def test_estimates_that_do_not_follow_each_other_get_an_empty_row_between_them()
 def test_estimates_that_stand_alone_are_dotted_and_stretches_are_not():
     run = _run(estimates__pooled=_estimates(0, 7, 20), estimates__ls=_estimates(0, 1, 2, 3))
     shown = display_frames(run)
-    drawn = {each.label: each.dotted for each in drawn_of(_view("Mass"), run, shown)}
+    drawn = {each.label: each.dotted for each in drawn_columns_of_view(_view("Mass"), run, shown)}
     assert drawn == {"pooled": True, "ls": False}
 
 
@@ -83,7 +85,7 @@ def test_the_threshold_is_a_line_over_the_whole_log_with_its_value_in_the_legend
     shown = display_frames(run)
     line = shown["display/threshold/gate.threshold_nat"]
     assert line["threshold"].to_list() == [0.7, 0.7]
-    labels = [each.label for each in drawn_of(_view("Information index"), run, shown)]
+    labels = [each.label for each in drawn_columns_of_view(_view("Information index"), run, shown)]
     assert labels == [
         "index of the window",
         "mutual information by nearest neighbours",
@@ -107,7 +109,7 @@ def test_a_long_log_is_drawn_by_a_few_thousand_bins_with_mean_and_extremes(drive
 
 def test_mean_and_extremes_have_one_name_so_that_a_legend_has_one_entry(drives):
     run = drives(700.0)
-    drawn = drawn_of(_view("Force"), run, display_frames(run))
+    drawn = drawn_columns_of_view(_view("Force"), run, display_frames(run))
     assert [(each.column, each.label, each.faint) for each in drawn] == [
         ("force_x_N", "driving force, binned", False),
         ("force_x_N_min", "driving force, binned", True),

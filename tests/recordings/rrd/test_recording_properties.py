@@ -15,8 +15,8 @@ from analysis import InputFile, Run
 from analysis.model.schema import conform
 from recordings import read_recording, write_recording
 from recordings.rrd.recording_properties import recording_properties
-from recordings.rrd.recording_table import component_name
-from recordings.rrd.viewer import executable
+from recordings.rrd.stored_names import component_name
+from recordings.rrd.viewer import viewer_executable
 from tests.recordings.conftest import MASS_KG
 
 
@@ -87,7 +87,15 @@ def test_reruns_reader_gives_them_back(told: Run, recording: Path) -> None:
 
 def test_reruns_command_prints_them(recording: Path) -> None:
     printed = subprocess.run(
-        [str(executable()), "rrd", "print", "-vvv", "--entity", "/__properties/answer", recording],
+        [
+            str(viewer_executable()),
+            "rrd",
+            "print",
+            "-vvv",
+            "--entity",
+            "/__properties/answer",
+            recording,
+        ],
         capture_output=True,
         text=True,
         check=True,

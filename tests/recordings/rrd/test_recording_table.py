@@ -3,7 +3,9 @@
 import pytest
 
 from analysis.model.schema import FRAMES, frame_schema
-from recordings.rrd.recording_table import KEPT, TABS, Kind, entity_parts
+from recordings.rrd.recording_table import KEPT, TABS
+from recordings.rrd.recording_views import Kind
+from recordings.rrd.stored_names import entity_parts
 
 VIEWS = list(dict.fromkeys(view for tab in TABS for view in tab.views))
 SERIES = [(view, series) for view in VIEWS for series in view.series]

@@ -7,16 +7,16 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from analysis.calibration.use.learnt_priors import as_later_log
+from analysis.calibration.use.learnt_priors import machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
 from recordings.calibration.derived_values import estimator_of
-from recordings.calibration.evidence_document import document_of
-from recordings.signatures.canonical_json import canonical
-from replay.calibration.apply_evidence import AskedCalibration, load_calibration
+from recordings.calibration.evidence_document import parse_document
+from recordings.signatures.canonical_json import canonical_bytes
+from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
-from replay.calibration.verify_bundle import verify
+from replay.calibration.verify_bundle import verify_bundle
 from replay.machines.machine_file import load_machine
 from tests.replay.attacker import Bundle, key_files, tampered
 from tests.replay.sledge import Payscope, one_line
@@ -50,7 +50,7 @@ def test_evidence_has_what_its_logs_said_and_what_came_of_it(made: CalibrationOu
 
 
 def test_its_logs_are_replayed_twice_to_verify_it(folder: Path, made: CalibrationOutcome) -> None:
-    assert not verify(made.folder, logs=folder).findings
+    assert not verify_bundle(made.folder, logs=folder).findings
 
 
 def test_a_campaign_may_leave_the_priors_as_they_are(folder: Path, tmp_path: Path) -> None:
@@ -135,19 +135,19 @@ def test_what_is_no_calibration_calibrates_nothing(
         previous=made.folder,
     )
     with pytest.raises(EvidenceError, match="is a check against one known mass"):
-        load_calibration(AskedCalibration(check))
+        load_calibration(CalibrationRequest(check))
     single = campaign_folder(tmp_path / "single", loads=(1,))
     calibrate(single, tmp_path / "one-load")
-    with pytest.raises(EvidenceError, match="is no calibration"):
-        load_calibration(AskedCalibration(tmp_path / "one-load"))
+    with pytest.raises(EvidenceError, match="is not a calibration"):
+        load_calibration(CalibrationRequest(tmp_path / "one-load"))
     paper = campaign_folder(tmp_path / "paper", extra='\n[method]\nestimator = "pooled"\n')
     calibrate(paper, tmp_path / "pooled")
-    with pytest.raises(EvidenceError, match="calibrates 'pooled', which is no mass of a load"):
-        load_calibration(AskedCalibration(tmp_path / "pooled"))
+    with pytest.raises(EvidenceError, match="calibrates 'pooled', which is not a mass of a load"):
+        load_calibration(CalibrationRequest(tmp_path / "pooled"))
 
 
 def test_evidence_expires_by_the_day_of_the_log(made: CalibrationOutcome) -> None:
-    held = load_calibration(AskedCalibration(made.folder))
+    held = load_calibration(CalibrationRequest(made.folder))
     last = int(pl.Series([held.document.expires]).cast(pl.Datetime("ns", "UTC"))[0].timestamp())
     held.check_day(last * 10**9, "a.bag")
     with pytest.raises(EvidenceError, match=r"expired on .* a\.bag is of"):
@@ -167,12 +167,12 @@ def test_a_recording_made_without_it_is_of_other_priors(
 def test_the_machine_that_is_weighed_is_that_of_the_evidence(
     folder: Path, made: CalibrationOutcome
 ) -> None:
-    held = load_calibration(AskedCalibration(made.folder))
-    weighing = held.weighing(load_machine(folder / "sledge.toml"))
-    machine = held.checked(weighing, "sledge.toml")
+    held = load_calibration(CalibrationRequest(made.folder))
+    weighing = held.weighing_machine(load_machine(folder / "sledge.toml"))
+    machine = held.require_machine(weighing, "sledge.toml")
     # but that a later log of several loads tells what the means have wrong
-    assert machine == as_later_log(made.document.weighing)
-    assert held.other(machine) == ""
+    assert machine == machine_for_later_log(made.document.weighing)
+    assert held.differences(machine) == ""
 
 
 def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
@@ -188,10 +188,10 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
     first = tampered(made.folder, tmp_path / "first", as_first, signed=True)
-    assert not verify(first).findings
-    held = load_calibration(AskedCalibration(first))
+    assert not verify_bundle(first).findings
+    held = load_calibration(CalibrationRequest(first))
     assert held.calibration.responses == ()
-    machine = held.weighing(load_machine(made.folder.parent / "sledge.toml"))
+    machine = held.weighing_machine(load_machine(made.folder.parent / "sledge.toml"))
     assert machine.settings.priors.learnt_means == "fixed"
 
 
@@ -200,13 +200,16 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
 ) -> None:
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
-        document = document_of(canonical(bundle.evidence), "evidence.json")
-        estimator = estimator_of(document.campaign, document.weighing, document.absent)
+        document = parse_document(canonical_bytes(bundle.evidence), "evidence.json")
+        estimator = estimator_of(document.campaign, document.weighing, document.settings_at_default)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     earlier = tampered(made.folder, tmp_path / "earlier", before, signed=True)
-    found = verify(earlier)
+    found = verify_bundle(earlier)
     assert not found.findings
     assert any("settings.priors.sag_weight_share" in note for note in found.notes)
-    held = load_calibration(AskedCalibration(earlier))
-    assert held.other(held.weighing(load_machine(made.folder.parent / "sledge.toml"))) == ""
+    held = load_calibration(CalibrationRequest(earlier))
+    assert (
+        held.differences(held.weighing_machine(load_machine(made.folder.parent / "sledge.toml")))
+        == ""
+    )

@@ -16,7 +16,7 @@ from recordings.calibration.evidence_document import SCHEMA, schema_text
 from recordings.signatures.signing import KEY_VARIABLE
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
-from replay.calibration.verify_bundle import verify
+from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line, sledge
 from tests.replay.sledge_campaign import campaign_folder
@@ -54,7 +54,7 @@ def test_the_line_is_that_of_the_loads(made: CalibrationOutcome) -> None:
     assert line is not None
     assert line.alpha_1 == pytest.approx(1.0, abs=0.02)
     assert max(abs(point.error_kg or 0.0) for point in line.points) < 1.0
-    assert made.good
+    assert made.is_good
 
 
 def test_an_excluded_run_is_kept_with_its_reason(made: CalibrationOutcome) -> None:
@@ -116,7 +116,7 @@ def test_the_environment_may_hold_the_key(
     monkeypatch.setenv(KEY_VARIABLE, keys[0].read_text())
     made = calibrate(folder / "campaign.toml", tmp_path / "evidence")
     assert made.document.signer is not None
-    assert not verify(made.folder, key_file=keys[1]).findings
+    assert not verify_bundle(made.folder, key_file=keys[1]).findings
 
 
 @pytest.mark.parametrize(
@@ -164,9 +164,9 @@ def test_a_known_mass_shows_drift_or_none(
         drift = checked.document.drift
         assert drift is not None
         assert drift.drifted is drifted
-        assert checked.good is not drifted
+        assert checked.is_good is not drifted
         assert checked.document.expires == made.document.expires
-        found = verify(checked.folder, key_file=keys[1], previous=made.folder, logs=tmp_path)
+        found = verify_bundle(checked.folder, key_file=keys[1], previous=made.folder, logs=tmp_path)
         assert [int(each.outcome) for each in found.findings] == ([6] if drifted else [])
     with pytest.raises(EvidenceError, match="no evidence"):
         check_mass(tmp_path / "drifted.csv", known, tmp_path / "x", previous=tmp_path)
@@ -186,9 +186,9 @@ def test_nothing_is_chained_to_tampered_evidence_or_another_machine(
 
 
 def test_evidence_is_checked_within_seconds_without_its_logs(made: CalibrationOutcome) -> None:
-    verify(made.folder)
+    verify_bundle(made.folder)
     began = time.process_time()
-    verify(made.folder)
+    verify_bundle(made.folder)
     assert time.process_time() - began < 1.5
 
 
@@ -218,7 +218,7 @@ def test_a_real_axis_with_one_load_says_what_that_cannot_show(
     made = calibrate(tmp_path / "campaign.toml", tmp_path / "evidence")
     document = made.document
     assert document.calibration is None
-    assert not made.good
+    assert not made.is_good
     (reference,) = document.references
     assert reference.reference_kg == 95.11
     assert made.points["mean_kg"].item() == pytest.approx(95.11, abs=3.0)
@@ -226,4 +226,4 @@ def test_a_real_axis_with_one_load_says_what_that_cannot_show(
     assert "NO CALIBRATION" in page
     assert "It cannot show: whether the error grows with the mass" in page
     day = dt.date(2020, 4, 1)
-    assert not verify(made.folder, logs=shared_data / "logs", on=day).findings
+    assert not verify_bundle(made.folder, logs=shared_data / "logs", on=day).findings

@@ -15,17 +15,17 @@ from recordings.calibration.bundle_folder import (
     READINGS,
     RECORDING,
     SUMS,
-    listing,
+    list_bundle,
     read_file,
     sums_text,
 )
 from recordings.calibration.calibration_recording import calibration_run, write_calibration
 from recordings.calibration.check_outcomes import BundleOutcome
-from recordings.calibration.evidence_document import document_of
+from recordings.calibration.evidence_document import parse_document
 from recordings.calibration.pdf_check import first_difference, pdf_fault, table_heads, text_of
 from recordings.rrd.writer import write_recording
 from replay.calibration.calibrate_campaign import calibrate
-from replay.calibration.verify_bundle import verify
+from replay.calibration.verify_bundle import verify_bundle
 from tests.replay.attacker import Bundle, tampered
 from tests.replay.made_evidence import ALIKE, items
 from tests.replay.sledge_campaign import campaign_folder
@@ -45,7 +45,7 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> Path:
     folder = tampered(bundle, tmp_path / "b", tamper, signed=False)
-    document = document_of((folder / "evidence.json").read_bytes(), "evidence.json")
+    document = parse_document((folder / "evidence.json").read_bytes(), "evidence.json")
     (folder / RECORDING).unlink()
     tables = (pl.read_parquet(folder / name) for name in (READINGS, POINTS))
     write_calibration(folder, document, *tables)
@@ -53,7 +53,7 @@ def changed(bundle: Path, tmp_path: Path, tamper: Callable[[Bundle], None]) -> P
 
 
 def digested(folder: Path) -> Path:
-    names, _ = listing(folder)
+    names, _ = list_bundle(folder)
     digests = {name: read_file(folder, name).sha256 for name in names if name != SUMS}
     (folder / SUMS).write_text(sums_text(digests))
     return folder
@@ -75,8 +75,8 @@ def in_logs(bundle: Bundle) -> None:
 
 def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Path) -> None:
     folder = changed(bundle, tmp_path, in_logs)
-    assert not verify(folder).findings
-    found = verify(folder, logs=bundle.with_name("logs"))
+    assert not verify_bundle(folder).findings
+    found = verify_bundle(folder, logs=bundle.with_name("logs"))
     said = items(found)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     for place, words in (
@@ -97,7 +97,7 @@ def test_every_lie_about_a_log_is_found_by_its_replay(bundle: Path, tmp_path: Pa
 def test_untouched_evidence_holds_and_what_is_not_compared_is_listed(bundle: Path) -> None:
     (bundle / "statement.dsse.json").unlink()
     try:
-        found = verify(bundle, logs=bundle.with_name("logs"))
+        found = verify_bundle(bundle, logs=bundle.with_name("logs"))
     finally:
         (bundle / "statement.dsse.json").write_bytes(b"{}")
     assert not found.findings, items(found)
@@ -123,7 +123,7 @@ def test_a_recording_of_another_run_is_found_by_its_fingerprint(
     first, second = sorted((bundle / "runs").iterdir())[:2]
     name = f"runs/{first.name}"
     folder = exchanged(bundle, tmp_path, name, lambda path: shutil.copy(second, path))
-    found = verify(folder)
+    found = verify_bundle(folder)
     assert found.outcome is TAMPERED
     assert f"{name}: is of other files than the replay of load-0.csv" in items(found)
     assert f"{name}: is of other frames than the replay of load-0.csv" in items(found)
@@ -147,7 +147,7 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
         torn = path.with_name(second.name)
         torn.write_bytes(torn.read_bytes()[:5000])
 
-    found = verify(exchanged(bundle, tmp_path, f"runs/{first.name}", write))
+    found = verify_bundle(exchanged(bundle, tmp_path, f"runs/{first.name}", write))
     assert found.outcome is TAMPERED
     assert f"runs/{first.name}: is of other frames" in items(found)
     assert f"runs/{second.name}: " in items(found)
@@ -156,12 +156,14 @@ def test_a_recording_with_one_number_changed_or_damaged_is_found(
 def test_the_recording_of_the_calibration_is_made_anew_and_compared(
     bundle: Path, tmp_path: Path
 ) -> None:
-    document = document_of((bundle / "evidence.json").read_bytes(), "evidence.json")
+    document = parse_document((bundle / "evidence.json").read_bytes(), "evidence.json")
     readings, points = (pl.read_parquet(bundle / name) for name in (READINGS, POINTS))
     forged = calibration_run(document, readings, points.with_columns(pl.col("mean_kg") + 5.0))
     folder = exchanged(bundle, tmp_path, RECORDING, lambda path: write_recording(forged, path))
-    assert any("calibration.rrd and report.pdf show" in each for each in verify(folder).unseen)
-    found = verify(folder, logs=bundle.with_name("logs"))
+    assert any(
+        "calibration.rrd and report.pdf show" in each for each in verify_bundle(folder).unseen
+    )
+    found = verify_bundle(folder, logs=bundle.with_name("logs"))
     assert found.outcome is TAMPERED
     assert "calibration.rrd: has other frames points than the evidence gives" in items(found)
 

@@ -14,7 +14,7 @@ pytest.importorskip("signxml", reason="signxml is not installed (pip install 'pa
 from lxml import etree
 
 from estimators.errors import CampaignError
-from recordings.calibration.certificate_text import not_stated, warnings_of, weighings
+from recordings.calibration.certificate_text import not_stated, warnings_of, weighings_by_load
 from recordings.calibration.evidence_document import Chain, Link
 from recordings.dcc.dcc_document import DCC, parse_dcc
 from recordings.dcc.dcc_masses import certified_masses
@@ -23,7 +23,7 @@ from recordings.dcc.write_dcc import dcc_of
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.calibration.campaign_file import load_campaign
 from replay.calibration.dcc_output import DccOutput, write_dcc_output
-from replay.calibration.verify_bundle import verify
+from replay.calibration.verify_bundle import verify_bundle
 from tests.recordings.dcc.certificates import (
     WEIGHTS,
     ec_key,
@@ -114,7 +114,7 @@ def test_masses_in_are_masses_out(tmp_path: Path) -> None:
     first = campaign.masses[0]
     assert (first.certificate, first.certificate_issuer) == ("EXAMPLE-1", "Example Masses")
     assert first.certificate_signature.startswith("signed by a key of dcc_keys, ")
-    assert campaign.untraceable == ()
+    assert campaign.untraceable_references == ()
 
 
 def test_weights_of_a_set_are_picked_from_a_list(tmp_path: Path) -> None:
@@ -131,10 +131,10 @@ def test_a_signature_by_another_key_is_said(tmp_path: Path) -> None:
     path = certified_campaign(tmp_path)
     path.write_text(path.read_text().replace('dcc_keys = ["masses.pub.pem"]\n', ""))
     campaign, _ = load_campaign(path)
-    assert "signed by an unknown key" in campaign.untraceable[0]
+    assert "signed by an unknown key" in campaign.untraceable_references[0]
     (tmp_path / "weights.xml").write_bytes(weights_xml())
     campaign, _ = load_campaign(path)
-    assert campaign.untraceable[0] == "the certificate of mass 'weight-1' is unsigned"
+    assert campaign.untraceable_references[0] == "the certificate of mass 'weight-1' is unsigned"
 
 
 @pytest.mark.parametrize(
@@ -199,8 +199,8 @@ def test_units_are_those_of_the_si_format(folder: Path) -> None:
 def test_the_evidence_verifies_and_its_page_says_what_a_certificate_says(
     made: CalibrationOutcome,
 ) -> None:
-    assert verify(made.folder).signed_by.how == "unsigned"
-    assert not verify(made.folder).checked.faults
+    assert verify_bundle(made.folder).signed_by.how == "unsigned"
+    assert not verify_bundle(made.folder).checked.faults
     page = (made.folder / "report.html").read_text()
     for words in (
         "Example Laboratory &lt;&amp;&gt;, Example Street 1",
@@ -218,7 +218,7 @@ def test_the_page_has_the_weighings_max_and_min_of_r_51(made: CalibrationOutcome
     page = (made.folder / "report.html").read_text()
     assert "Min of OIML R 51 Y(b), 10 e: 30.0 kg. Below it: 20.0005 kg." in page
     assert "the heaviest load that was judged: 40.0 kg" in page
-    rows = weighings(made.document, made.readings)
+    rows = weighings_by_load(made.document, made.readings)
     fitted = made.document.calibration
     assert fitted is not None
     used = made.readings.filter(pl.col("used") & (pl.col("load_id") == "weight-1"))

@@ -15,10 +15,10 @@ from benchmarks.fleet_logs import SerialEngine
 from estimators.errors import CampaignError, EvidenceError, LogError
 from recordings import read_provenance
 from recordings.calibration.check_outcomes import BundleOutcome
-from replay.calibration.apply_evidence import AskedCalibration, load_calibration
+from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
 from replay.calibration.calibrate_campaign import CalibrationOutcome, calibrate
 from replay.calibration.check_mass import KnownMassOnBoard, check_mass
-from replay.calibration.verify_bundle import verify
+from replay.calibration.verify_bundle import verify_bundle
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.log_sources import fleet_logs
 from replay.fleet.machine_setups import NamedFiles, machine_setups
@@ -74,7 +74,7 @@ def test_evidence_keeps_what_each_log_calls_its_machine(
     made: CalibrationOutcome, folder: Path
 ) -> None:
     assert [log.machine_id for log in made.document.logs] == [OWN, OWN, ""]
-    found = verify(made.folder, logs=folder)
+    found = verify_bundle(made.folder, logs=folder)
     assert not found.findings, items(found)
     unseen = "\n".join(found.unseen)
     assert "load-2.parquet. They do not name theirs" in unseen
@@ -160,8 +160,8 @@ def test_a_sisters_machine_file_is_refused_though_all_else_is_the_same(
         machine_setups("sledge", NamedFiles(str(file), (), (str(made.folder),)), lenient=False)
     # and by its serial number a machine is known under another name
     file.write_text(text.replace('name = "sledge"', f'name = "the red one"\nid = "{OWN}"'))
-    held = load_calibration(AskedCalibration(made.folder))
-    assert held.other(held.weighing(load_machine(file))) == ""
+    held = load_calibration(CalibrationRequest(made.folder))
+    assert held.differences(held.weighing_machine(load_machine(file))) == ""
 
 
 def test_a_log_that_does_not_name_its_machine_says_so_beside_the_mass(
@@ -203,7 +203,9 @@ def without_names(bundle: Bundle) -> None:
 def test_evidence_that_names_two_machines_is_irreproducible(
     made: CalibrationOutcome, tmp_path: Path, tamper: Callable[[Bundle], None], words: str
 ) -> None:
-    found = verify(tampered(_signed(made.folder, tmp_path), tmp_path / "b", tamper, signed=False))
+    found = verify_bundle(
+        tampered(_signed(made.folder, tmp_path), tmp_path / "b", tamper, signed=False)
+    )
     assert found.outcome is BundleOutcome.IRREPRODUCIBLE
     assert words in items(found)
 
@@ -217,7 +219,7 @@ def _signed(genuine: Path, tmp_path: Path) -> Path:
 
 def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOutcome) -> None:
     """Test: such keys changed. Expected Result: the same loads bit for bit, and no refusal."""
-    held = load_calibration(AskedCalibration(made.folder))
+    held = load_calibration(CalibrationRequest(made.folder))
     plain = load_machine(folder / "sledge.toml")
     other = load_machine(
         folder / "sledge.toml",
@@ -228,7 +230,7 @@ def test_what_touches_no_mass_is_no_difference(folder: Path, made: CalibrationOu
             "settings.planar.threshold_std_com_m=0.01",
         ),
     )
-    assert held.other(held.weighing(other)) == ""
+    assert held.differences(held.weighing_machine(other)) == ""
     with open_log(folder / "load-2.csv") as log:
         frames = [run(log, machine).frames for machine in (plain, other)]
     for name in ("loads", "manoeuvres", "verdict"):

@@ -18,9 +18,9 @@ from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import SigningKey, public_key, signing_key
 from replay.calibration.calibrate_campaign import calibrate, load_stretch
 from replay.calibration.campaign_file import load_campaign
-from replay.calibration.verify_bundle import Verification, verify
+from replay.calibration.verify_bundle import Verification, verify_bundle
 from replay.notary.list_file import STATE_VARIABLE
-from replay.notary.notarise_folder import notarise
+from replay.notary.notarise_folder import notarise_folder
 from tests.replay.attacker import Bundle, key_files, sign_with, tampered
 from tests.replay.made_evidence import ALIKE, items
 from tests.replay.sledge_campaign import campaign_folder
@@ -55,12 +55,12 @@ class Notarised:
         for day, name in enumerate(("load-0.csv", "load-1.csv", "load-2.csv", "shift.csv")):
             at = NOON_S + 86400.0 * day + 60.0
             os.utime(logs / name, (at, at))
-        self.list = notarise(logs, key_file=self.recorder, machine_id="sledge-7").path
+        self.list = notarise_folder(logs, key_file=self.recorder, machine_id="sledge-7").path
         self.bundle = folder / "evidence"
         calibrate(self.campaign, self.bundle, key_file=self.private)
 
     def verify(self, folder: Path, **more: Any) -> Verification:
-        return verify(folder, key_file=self.public, **more)
+        return verify_bundle(folder, key_file=self.public, **more)
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ from recordings.calibration.bundle_folder import EVIDENCE, PDF, STATEMENT, SUMS
 from recordings.calibration.chain_check import check_chain
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.evidence_document import document_of
+from recordings.calibration.evidence_document import parse_document
 from replay.calibration.calibrate_campaign import calibrate
-from replay.calibration.verify_bundle import Verification, verify
+from replay.calibration.verify_bundle import Verification, verify_bundle
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, sign_with_own_key, tampered
 from tests.replay.fewer_rights import obeying_modes, of_another_user, readable_folder
@@ -33,7 +33,7 @@ def test_a_key_in_the_signers_place_is_found_by_the_key_given(made: Made, tmp_pa
     folder = tampered(made.bundle, tmp_path / "b", sign_with_own_key, signed=True)
     assert "is not signed by the key" in items(made.verify(folder))
     # without a key there is nothing to compare with, and it says so
-    alone = verify(folder)
+    alone = verify_bundle(folder)
     assert alone.outcome is None
     assert "signed by an unknown key" in alone.notes[0]
     assert "signed by an unknown key" in alone.verdict
@@ -52,20 +52,20 @@ def test_a_removed_signature_leaves_the_evidence_incomplete(made: Made, tmp_path
 
 
 def test_an_older_head_of_the_chain_is_found(made: Made) -> None:
-    older = verify(made.first, key_file=made.public, previous=made.bundle)
+    older = verify_bundle(made.first, key_file=made.public, previous=made.bundle)
     assert older.outcome is TAMPERED
     assert "the counter only grows" in items(older)
-    skipped = verify(made.third, key_file=made.public, previous=made.first)
+    skipped = verify_bundle(made.third, key_file=made.public, previous=made.first)
     assert skipped.outcome is TAMPERED
     assert "is other evidence than that given" in items(skipped)
 
 
 def test_a_check_has_line_machine_and_priors_of_what_it_is_a_check_of(made: Made) -> None:
     before = CheckedBundle()
-    before.document = last = document_of((made.first / EVIDENCE).read_bytes(), EVIDENCE)
+    before.document = last = parse_document((made.first / EVIDENCE).read_bytes(), EVIDENCE)
     before.sums = (made.first / SUMS).read_bytes()
-    own = document_of((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
-    other = document_of((made.third / EVIDENCE).read_bytes(), EVIDENCE)
+    own = parse_document((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
+    other = parse_document((made.third / EVIDENCE).read_bytes(), EVIDENCE)
     assert other.learnt != last.learnt
     names = ("calibration", "expires", "machine", "learnt", "options")
     kept = {"kind": "check", **{name: getattr(last, name) for name in names}}
@@ -97,7 +97,7 @@ def test_with_its_logs_every_reading_is_replayed(made: Made, tmp_path: Path) -> 
 
     def verify_third() -> Verification:
         """It learnt no priors: half the replays."""
-        return verify(made.third, key_file=made.public, previous=made.bundle, logs=some)
+        return verify_bundle(made.third, key_file=made.public, previous=made.bundle, logs=some)
 
     found = verify_third()
     assert found.outcome is INCOMPLETE
@@ -122,8 +122,8 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_p
             log["files"][0]["sha256"] = hashlib.sha256(data).hexdigest()
 
     folder = tampered(tmp_path / "b", tmp_path / "c", honest_digest, signed=False)
-    assert verify(folder).outcome is None
-    found = verify(folder, logs=made.campaign.parent)
+    assert verify_bundle(folder).outcome is None
+    found = verify_bundle(folder, logs=made.campaign.parent)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     assert "run 'run-2', reading 1: the replay gives another" in items(found)
     assert public.exists()
@@ -181,8 +181,8 @@ def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_pat
     """Where everything else follows from them, only the logs tell."""
     relearnt = TAMPERINGS["priors made narrow throughout"].tamper
     folder = tampered(made.bundle, tmp_path / "b", relearnt, signed=False)
-    assert verify(folder).outcome is None
-    found = verify(folder, logs=made.campaign.parent)
+    assert verify_bundle(folder).outcome is None
+    found = verify_bundle(folder, logs=made.campaign.parent)
     assert IRREPRODUCIBLE in {each.outcome for each in found.findings}
     assert "learnt: load-0.csv, const: its replay says something else" in items(found)
 

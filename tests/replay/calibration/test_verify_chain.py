@@ -10,8 +10,8 @@ from estimators.errors import EvidenceError
 from recordings.calibration.bundle_folder import EVIDENCE, REPORT, STATEMENT
 from recordings.calibration.check_outcomes import BundleOutcome
 from recordings.signatures.signing import signing_key
-from replay.calibration.calibrate_campaign import before_of
-from replay.calibration.verify_bundle import verify
+from replay.calibration.calibrate_campaign import previous_evidence
+from replay.calibration.verify_bundle import verify_bundle
 from replay.calibration.verify_chain import VerifiedChain, verify_chain
 from tests.replay.attacker import Bundle, sign_with, sign_with_own_key, tampered
 from tests.replay.made_evidence import Made, items
@@ -75,7 +75,7 @@ def test_two_signed_of_one_number_are_a_fork(
 ) -> None:
     forked = resigned(made, tmp_path, made.bundle, other_id)
     # each by itself is good
-    assert verify(forked, key_file=made.public, previous=made.first).outcome is None
+    assert verify_bundle(forked, key_file=made.public, previous=made.first).outcome is None
     found = chain(made, made.first, made.bundle, forked)
     assert found.outcome is TAMPERED
     assert "machine sledge-7: number 2: a fork: " in said(found)
@@ -90,7 +90,7 @@ def test_two_signed_of_one_number_are_a_fork(
 
 def test_an_older_head_cannot_be_told_and_that_is_said(made: Made) -> None:
     for folder, number in ((made.first, 1), (made.bundle, 2)):
-        unseen = "\n".join(verify(folder).unseen)
+        unseen = "\n".join(verify_bundle(folder).unseen)
         assert f"Whether later evidence of this machine exists: this is number {number}" in unseen
 
 
@@ -103,7 +103,7 @@ def test_evidence_from_before_the_one_that_it_follows_is_found(made: Made, tmp_p
     found = chain(made, made.first, early)
     assert found.outcome is TAMPERED
     assert "made: is before the evidence that it follows was made" in said(found)
-    alone = verify(early, key_file=made.public, previous=made.first)
+    alone = verify_bundle(early, key_file=made.public, previous=made.first)
     assert "is before the evidence that it follows was made" in items(alone)
 
 
@@ -117,7 +117,7 @@ def test_evidence_of_another_machine_is_a_chain_of_its_own(made: Made, tmp_path:
     found = chain(made, made.first, sister, made.bundle, made.third)
     assert found.outcome is None
     assert any("machine sledge-8: number 2" in note for note in found.notes)
-    spliced = verify(sister, key_file=made.public, previous=made.first)
+    spliced = verify_bundle(sister, key_file=made.public, previous=made.first)
     assert "the evidence before is of another machine" in items(spliced)
 
 
@@ -125,12 +125,12 @@ def test_the_signer_of_the_evidence_before_is_named_and_checked(made: Made, tmp_
     found = made.verify(made.bundle)
     assert any("the evidence before, number 1: signed by the key given" in n for n in found.notes)
     forged = tampered(made.first, tmp_path / "forged", sign_with_own_key, signed=True)
-    found = verify(made.bundle, key_file=made.public, previous=forged)
+    found = verify_bundle(made.bundle, key_file=made.public, previous=forged)
     assert found.outcome is TAMPERED
     assert "signed by an unknown key" in "\n".join(found.notes)
     unsigned = Path(shutil.copytree(made.first, tmp_path / "unsigned"))
     (unsigned / STATEMENT).write_bytes((made.third / STATEMENT).read_bytes())
-    found = verify(made.bundle, key_file=made.public, previous=unsigned)
+    found = verify_bundle(made.bundle, key_file=made.public, previous=unsigned)
     assert found.outcome is TAMPERED
     assert "the evidence before: " in items(found)
 
@@ -155,14 +155,14 @@ def test_nothing_is_chained_to_evidence_that_does_not_verify(
     folder = Path(shutil.copytree(made.first, tmp_path / "b"))
     change(folder)
     with pytest.raises(EvidenceError, match="nothing can be chained to it"):
-        before_of(folder, "sledge-7", signing_key(made.private))
+        previous_evidence(folder, "sledge-7", signing_key(made.private))
 
 
 def test_nothing_that_is_signed_is_chained_to_what_is_unsigned(made: Made, tmp_path: Path) -> None:
     unsigned = tampered(made.first, tmp_path / "b", lambda _: None, signed=False)
     with pytest.raises(EvidenceError, match="chained to what nobody vouches for"):
-        before_of(unsigned, "sledge-7", signing_key(made.private))
-    assert before_of(unsigned, "sledge-7", None).document is not None
+        previous_evidence(unsigned, "sledge-7", signing_key(made.private))
+    assert previous_evidence(unsigned, "sledge-7", None).document is not None
 
 
 def test_bundles_that_cannot_be_read_and_wrong_usage(

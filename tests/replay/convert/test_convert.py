@@ -17,7 +17,7 @@ import payscope as api
 from analysis.simulation import Scenario
 from estimators.errors import LogError, OutputError
 from replay import load_machine, open_log, run
-from replay.convert.convert_log import convert
+from replay.convert.convert_log import convert_log
 from replay.convert.unfinished_folder import unfinished_folder
 from replay.logs import logs_in
 from replay.logs.converted import DESCRIPTION
@@ -52,7 +52,7 @@ def bag(tmp_path: Path) -> Path:
 
 def converted(path: Path, target: Path, **options: Any) -> Path:
     with open_log(path) as log:
-        convert(log, target, **options)
+        convert_log(log, target, **options)
     return target
 
 
@@ -204,12 +204,12 @@ def _contents(folder: Path) -> dict[str, bytes]:
 def test_another_log_does_not_take_up_what_is_of_this_one(bag: Path, tmp_path: Path) -> None:
     unfinished = tmp_path / "shift.unfinished"
     with open_log(bag) as log, pytest.raises(KeyboardInterrupt):
-        convert(log, tmp_path / "shift", on_span=_interrupt_third, span_messages=40)
+        convert_log(log, tmp_path / "shift", on_span=_interrupt_third, span_messages=40)
     assert len(list(unfinished.glob("span-*.json"))) == 2
     other = tmp_path / "other.mcap"
     write_mcap(other, joints(90))
     with open_log(other) as log:
-        made = convert(log, tmp_path / "shift", span_messages=40)
+        made = convert_log(log, tmp_path / "shift", span_messages=40)
     assert (made.taken_up, made.rows) == (0, 90)
     assert {each.name for each in (tmp_path / "shift").iterdir()} == {"joints", DESCRIPTION}
 
@@ -224,7 +224,7 @@ def test_a_damaged_log_is_converted_in_one_go_with_its_losses(bag: Path, tmp_pat
     torn = tmp_path / "torn.bag"
     torn.write_bytes(whole[:14_000] + whole[14_010:])
     with open_log(torn) as log:
-        made = convert(log, tmp_path / "torn", span_messages=40)
+        made = convert_log(log, tmp_path / "torn", span_messages=40)
     log = open_log(torn)
     read = log.read("/joints", ["effort[]"])
     assert (made.spans, made.taken_up) == (1, 0)

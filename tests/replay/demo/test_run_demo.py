@@ -6,7 +6,7 @@ import pytest
 
 from estimators.errors import OutputError, ReviewError
 from recordings.review.review_state import STATE
-from replay.demo.run_demo import demo
+from replay.demo.run_demo import run_demo
 
 
 class BeginsError(Exception):
@@ -17,7 +17,7 @@ def begin(folder: Path, *, force: bool) -> None:
     def stop(stage: str) -> None:
         raise BeginsError(stage)
 
-    demo(folder, seed=1, force=force, on_stage=stop)
+    run_demo(folder, seed=1, force=force, on_stage=stop)
 
 
 def test_an_earlier_demo_is_replaced_if_asked_its_review_as_well(tmp_path: Path) -> None:

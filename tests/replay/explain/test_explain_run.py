@@ -10,7 +10,7 @@ import pytest
 from analysis import Run
 from analysis.model.schema import conform
 from recordings import read_recording, write_recording
-from recordings.rrd.viewer import executable
+from recordings.rrd.viewer import viewer_executable
 from replay.explain.mended_file import Proposal, write_proposals
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
@@ -48,7 +48,7 @@ def recovered(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path)
     payscope("run", log, "-m", machine_file, "-o", whole)
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 3 // 4])
     saved = tmp_path / "recovered.rrd"
-    command = [executable(), "rrd", "optimize", cut, "-o", saved]
+    command = [viewer_executable(), "rrd", "optimize", cut, "-o", saved]
     subprocess.run(command, check=True, capture_output=True)
     return saved
 

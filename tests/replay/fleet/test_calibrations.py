@@ -13,7 +13,7 @@ from replay.calibration.calibrate_campaign import calibrate
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.gathered_tables import fleet_results
 from replay.fleet.log_sources import fleet_logs
-from replay.fleet.machine_setups import setup_on
+from replay.fleet.machine_setups import setup_of_day
 from replay.fleet.run_fleet import FleetRun, fleet_run
 from replay.fleet.write_fleet_page import report_page
 from tests.replay.sledge_campaign import campaign_folder
@@ -63,7 +63,7 @@ def test_the_setup_is_that_of_the_latest_calibration_that_holds_on_the_day(folde
         (last + dt.timedelta(days=1), False),
         (None, False),
     ):
-        assert (setup_on(setups, day).by is not None) == calibrated
+        assert (setup_of_day(setups, day).by is not None) == calibrated
     assert setups[0].basis != setups[1].basis
 
 

@@ -58,7 +58,7 @@ def test_the_first_rule_that_fits_counts_and_names_the_machine_file(tmp_path: Pa
         (RULE.replace("*.mcap", "**/*.mcap"), "name the folder before {machine}"),
         ("[limits]\nsecond = 3\n" + RULE, "did you mean 'seconds'?"),
         ("[channels.x]\n", "is a machine file"),
-        ("[[machines]\n", "is no TOML"),
+        ("[[machines]\n", "is not TOML"),
     ],
 )
 def test_a_fault_is_said_in_one_line(tmp_path: Path, text: str, part: str) -> None:

@@ -14,7 +14,7 @@ from benchmarks.fleet_logs import SerialEngine, same_results
 from estimators.errors import OutputError
 from replay.fleet.gathered_tables import fleet_results
 from replay.fleet.object_store import Store
-from replay.fleet.task_engine import Lost
+from replay.fleet.task_engine import LostTask
 
 Run = Callable[..., Any]
 
@@ -131,7 +131,7 @@ def test_a_task_that_the_engine_gives_up_is_listed_and_made_by_the_next_run(
 ) -> None:
     class Losing(SerialEngine):
         def run(self, function: Any, work: Any) -> Any:
-            yield work[0].task, Lost("its node caught fire")
+            yield work[0].task, LostTask("its node caught fire")
             yield from super().run(function, work[1:])
 
     did = run_in(tmp_path / "results", engine=Losing)
@@ -162,7 +162,7 @@ def test_other_settings_are_other_results_and_those_of_the_last_run_count(
     found = fleet_results(str(results))
     assert found.results.height == 6
     assert found.scan("loads").select(pl.col("key").n_unique()).collect().item() == 6
-    assert found.whole("results").collect().height == 8
+    assert found.all_results("results").collect().height == 8
     # back again: nothing to make, and the first ones count
     assert run_in(results).there == 6
     assert set(fleet_results(str(results)).results["basis"]) != set(found.results["basis"])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from replay.fleet.last_run import TaskLimits
-from replay.fleet.recording_task import LimitError, limited, resident_bytes
+from replay.fleet.recording_task import LimitError, interrupt_over_limits, resident_bytes
 from replay.fleet.run_fleet import FleetRun
 from tests.replay.fleet.conftest import Run
 
@@ -16,7 +16,10 @@ _MUCH = 1 << 40
 
 def test_what_takes_too_long_is_interrupted_also_in_a_system_call() -> None:
     began = time.monotonic()
-    with pytest.raises(LimitError, match=r"took longer than 0\.2 s"), limited(0.2, _MUCH):
+    with (
+        pytest.raises(LimitError, match=r"took longer than 0\.2 s"),
+        interrupt_over_limits(0.2, _MUCH),
+    ):
         time.sleep(30.0)
     assert time.monotonic() - began < 10.0
 
@@ -25,7 +28,7 @@ def test_what_needs_too_much_memory_is_interrupted() -> None:
     held: list[bytes] = []
 
     def grow() -> None:
-        with limited(60.0, 64 << 20):
+        with interrupt_over_limits(60.0, 64 << 20):
             for _ in range(200):
                 held.append(b"\1" * (8 << 20))
                 time.sleep(0.02)
@@ -38,7 +41,7 @@ def test_what_needs_too_much_memory_is_interrupted() -> None:
 def test_what_the_process_held_before_is_not_of_the_task() -> None:
     before = b"\1" * (256 << 20)
     assert resident_bytes() > len(before)
-    with limited(60.0, 128 << 20):
+    with interrupt_over_limits(60.0, 128 << 20):
         time.sleep(0.3)
     del before
 
@@ -47,7 +50,7 @@ def test_within_the_limits_nothing_happens_and_the_signal_is_given_back() -> Non
     import signal
 
     before = signal.getsignal(signal.SIGALRM)
-    with limited(60.0, _MUCH):
+    with interrupt_over_limits(60.0, _MUCH):
         time.sleep(0.01)
     assert signal.getsignal(signal.SIGALRM) == before
 

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType
 
 from analysis.simulation import Scenario
 from recordings.follow.growing_file import find_messages, is_unfinished
-from recordings.follow.growing_recording import read_end
+from recordings.follow.growing_recording import read_recording_end
 from replay.simulation.simulate_logs import simulate
 from tests.one_line import assert_one_line
 from tests.replay.follow.recorders import Recording, mcap_recorder, rosbag2_recorder
@@ -213,7 +213,7 @@ def test_a_recording_cut_anywhere_goes_on_behind_its_last_whole_second(
     kill_at("drive.mcap", 15.0)
     data = Path("out.rrd").read_bytes()
     Path("out.rrd").write_bytes(data[: int(place * len(data))])
-    end = read_end(Path("out.rrd"))
+    end = read_recording_end(Path("out.rrd"))
     assert end is not None
     rows = rows_of_cut(data, end.size)
     assert rows[-1] == end.until_ns

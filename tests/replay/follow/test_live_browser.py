@@ -26,7 +26,7 @@ TWO_STARTS = Scenario.model_validate({"campaign": {"loads_kg": [150], "runs": 2}
 #: How long a page may take to draw what the server has, in s.
 PATIENCE_S = 120
 #: The colour of the first line of a plot.
-LINE_RGB = np.array([int(colours.line(0)[k : k + 2], 16) for k in (1, 3, 5)])
+LINE_RGB = np.array([int(colours.line_colour(0)[k : k + 2], 16) for k in (1, 3, 5)])
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from analysis.online.online_report import OnlineReport, PooledEstimate, judge, judge_spin
+from analysis.online.online_report import OnlineReport, PooledEstimate, judge_mass, judge_spin
 from analysis.simulation import Scenario
 from estimators.estimate import Estimate
 from replay import load_machine, open_log
@@ -134,8 +134,8 @@ def test_a_mass_that_is_not_worth_its_name_is_not_valid(
 ) -> None:
     estimate = Estimate(np.array([mass_kg, 900.0]), np.array([u_kg, 3.0]), 60.0, 3.0)
     body = load_machine("cat262c.toml").machine
-    assert judge(PooledEstimate(0, estimate), 10**9, body, 60.0) == validity
-    assert judge(None, 10**9, body, 60.0) == "none_yet"
+    assert judge_mass(PooledEstimate(0, estimate), 10**9, body, 60.0) == validity
+    assert judge_mass(None, 10**9, body, 60.0) == "none_yet"
 
 
 @pytest.mark.parametrize(

@@ -58,9 +58,9 @@ def read(path: Path) -> list[Any]:
 
 
 def both_ways(path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[list[Any], list[Any]]:
-    monkeypatch.setattr(interpreted._Budget, "seconds", 0.0)
+    monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 0.0)
     compiled = read(path)
-    monkeypatch.setattr(interpreted._Budget, "seconds", float("inf"))
+    monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", float("inf"))
     monkeypatch.setattr(interpreted, "MOST_TURNS", 2**62)
     return compiled, read(path)
 
@@ -98,13 +98,13 @@ def test_both_ways_find_the_same_of_damaged_bytes(
 
 def test_large_work_is_compiled_though_there_is_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     loop = interpreted.Loop(len, "compiled", lambda size: size)
-    loop.__dict__["is_kept"] = True
+    loop.__dict__["is_cached"] = True
     called: list[str] = []
     loop.__dict__["compiled"] = lambda _: called.append("compiled")
     loop.__dict__["interpreted"] = lambda _: called.append("interpreted")
-    monkeypatch.setattr(interpreted._Budget, "seconds", 1.0)
+    monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 1.0)
     for turns in (interpreted.MOST_TURNS, interpreted.MOST_TURNS + 1):
         loop(turns)
-    monkeypatch.setattr(interpreted._Budget, "seconds", 0.0)
+    monkeypatch.setattr(interpreted._InterpreterBudget, "seconds", 0.0)
     loop(1)
     assert called == ["interpreted", "compiled", "compiled"]

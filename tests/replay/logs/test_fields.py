@@ -61,8 +61,8 @@ def test_a_field_resolves_to_its_kind_and_steps(
         ("angular_velocity.z.z", "no field 'angular_velocity.z.z'"),
         ("angular_velocity", "name one of angular_velocity.x, angular_velocity.y"),
         ("wrenches[0]", "'wrenches[0]' is a test_msgs/msg/Wrench"),
-        ("id[0]", "'id' is no list; ask for it without [0]"),
-        ("angular_velocity.", "no field name"),
+        ("id[0]", "'id' is not a list; ask for it without [0]"),
+        ("angular_velocity.", "not a field name"),
     ],
 )
 def test_a_field_that_is_no_single_value_is_explained(name: str, answer: str) -> None:

@@ -88,7 +88,7 @@ def test_what_is_wrong_with_metadata_is_said_in_words(split: Path, text: str, fa
 
 def test_metadata_that_is_a_pipe_is_not_waited_for(split: Path) -> None:
     os.mkfifo(split / "metadata.yaml")
-    assert open_log(split).losses()[0].what.endswith("it is no file")
+    assert open_log(split).losses()[0].what.endswith("it is not a file")
 
 
 def test_a_file_that_metadata_names_twice_is_read_once(split: Path) -> None:

@@ -29,7 +29,7 @@ def old_file(tmp_path: Path) -> Path:
 def test_every_old_name_leads_to_a_key_there_is() -> None:
     for old, new in OLD_NAMES.items():
         section, _, key = new.removeprefix("settings.").partition(".")
-        assert key in Settings.parts()[section].model_fields, new
+        assert key in Settings.stage_models()[section].model_fields, new
         assert new not in OLD_NAMES, f"{old} leads to {new}, which is old itself"
 
 
@@ -126,7 +126,7 @@ def test_what_a_file_looks_like_afterwards(old: str, new: str) -> None:
         ("[settings]\nrate_hz = 5\nalign.rate_hz = 4\n", "both are given"),
         ("settings = { rate_hz = 5 }\n", "rename it by hand"),
         ("[settings]\nsmooth_samples = 3\nsmooth = 1\n", "'smooth' is a value"),
-        ("[settings\n", "is no TOML"),
+        ("[settings\n", "is not TOML"),
     ],
 )
 def test_what_a_person_has_to_settle_is_one_line_and_the_file_stays(

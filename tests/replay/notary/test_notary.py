@@ -27,7 +27,7 @@ from recordings.notary.notary_list import (
 from recordings.signatures.keyring import KnownKey, add_key, load_keyring
 from recordings.signatures.signing import SigningKey, public_key, signing_key
 from replay.notary.list_file import STATE_VARIABLE
-from replay.notary.notarise_folder import LIST_NAME, NotarisedFolder, notarise
+from replay.notary.notarise_folder import LIST_NAME, NotarisedFolder, notarise_folder
 from tests.conftest import REPO
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line
@@ -71,7 +71,7 @@ def record(folder: Path, number: int, name: str = "") -> Path:
 
 @pytest.fixture
 def listed(folder: Path, keys: tuple[Path, Path]) -> NotarisedFolder:
-    return notarise(folder, key_file=keys[0], machine_id="sledge-7")
+    return notarise_folder(folder, key_file=keys[0], machine_id="sledge-7")
 
 
 def test_each_finished_log_is_listed_once_in_the_order_of_time(
@@ -82,15 +82,17 @@ def test_each_finished_log_is_listed_once_in_the_order_of_time(
     first = listed.added[0]
     assert first.files[0].sha256 == hashlib.sha256((folder / "log-0.csv").read_bytes()).hexdigest()
     assert (first.begins, first.ends) == ("2026-05-01T12:00:00Z", "2026-05-01T12:01:00Z")
-    again = notarise(folder, key_file=keys[0])
+    again = notarise_folder(folder, key_file=keys[0])
     assert (again.added, again.last) == ((), LOGS)
     record(folder, 9)
-    assert [entry.counter for entry in notarise(folder, key_file=keys[0]).added] == [LOGS + 1]
+    assert [entry.counter for entry in notarise_folder(folder, key_file=keys[0]).added] == [
+        LOGS + 1
+    ]
 
 
 def test_a_log_that_is_still_written_to_waits(folder: Path, keys: tuple[Path, Path]) -> None:
     os.utime(folder / "log-3.csv")
-    made = notarise(folder, key_file=keys[0])
+    made = notarise_folder(folder, key_file=keys[0])
     assert made.waiting == ("log-3.csv",)
     assert len(made.added) == LOGS - 1
 
@@ -106,7 +108,7 @@ def test_what_is_no_log_is_not_listed(folder: Path, keys: tuple[Path, Path]) -> 
     for name in ("metadata.yaml", "bag_0.mcap"):
         (bag / name).write_text("damaged")
         os.utime(bag / name, (NOON_S, NOON_S))
-    made = notarise(folder, key_file=keys[0])
+    made = notarise_folder(folder, key_file=keys[0])
     names = {entry.log: len(entry.files) for entry in made.added}
     assert names.pop("bag") == 2
     assert names.pop("inside/log-7.csv") == 1
@@ -118,7 +120,7 @@ def test_a_log_that_is_changed_after_it_was_listed_is_listed_again(
 ) -> None:
     (folder / "log-2.csv").write_text("time_s,force_N\n1.0,1.0\n2.0,1.0\n")
     os.utime(folder / "log-2.csv", (NOON_S, NOON_S))
-    (entry,) = notarise(folder, key_file=keys[0]).added
+    (entry,) = notarise_folder(folder, key_file=keys[0]).added
     assert entry.replaces == 3
     found = check_list(listed.path.read_bytes(), NOW.replace(year=2100))
     assert "'log-2.csv' was changed after it had been listed as number 3" in words(found)
@@ -188,7 +190,7 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "other format": (replace(0, b"payscope-notary/1", b"payscope-notary/2"), "line 1"),
     "replaces": (replace(2, b'"replaces":null', b'"replaces":1'), "not signed"),
     "size": (replace(2, b'"size_bytes":', b'"size_bytes":1'), "not signed"),
-    "signature gone": (replace(2, b'"signature":"', b'"signatures":"'), "no signed line"),
+    "signature gone": (replace(2, b'"signature":"', b'"signatures":"'), "not a signed line"),
     "signature of zeros": (
         lambda lines: [line[:-90] + b"A" * 86 + b'=="}' if k == 2 else line
                        for k, line in enumerate(lines)],
@@ -199,8 +201,8 @@ ATTACKS: dict[str, tuple[Change, str]] = {
     "a name twice": (replace(2, b'{"begins"', b'{"begins":"","begins"'), "comes twice"),
     "no JSON": (lambda lines: [*lines[:2], b"nonsense", *lines[3:]], "no JSON"),
     "an empty line": (lambda lines: [*lines[:3], b"", *lines[3:]], "no JSON"),
-    "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "no signed line"),
-    "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "no signed line"),
+    "null": (lambda lines: [*lines[:3], b"null", *lines[3:]], "not a signed line"),
+    "a list": (lambda lines: [*lines[:3], b"[]", *lines[3:]], "not a signed line"),
     "nested": (lambda lines: [*lines[:3], b"[" * 90_000, *lines[3:]], "nested deeper"),
     "very long": (lambda lines: [*lines[:3], b" " * (2 << 20), *lines[3:]], "is longer than"),
     "carriage returns": (lambda lines: [line + b"\r" for line in lines], "canonical|no JSON"),
@@ -300,7 +302,7 @@ def test_lines_of_another_list_by_the_same_key_are_found(
     other = tmp_path / "other"
     shutil.copytree(listed.path.parent, other)
     (other / LIST_NAME).unlink()
-    second = notarise(other, key_file=keys[0], machine_id="sledge-7")
+    second = notarise_folder(other, key_file=keys[0], machine_id="sledge-7")
     paths = (listed.path, second.path)
     own, theirs = (path.read_bytes().splitlines(keepends=True) for path in paths)
     for spliced in (
@@ -329,7 +331,7 @@ def test_wherever_a_line_breaks_off_the_next_pass_goes_on_from_the_last_whole_on
         listed.path.write_bytes(whole[:cut])
         # the second place is written after the line: it knows the line before at most
         end.unlink(missing_ok=True)
-        made = notarise(folder, key_file=keys[0])
+        made = notarise_folder(folder, key_file=keys[0])
         assert made.last == LOGS
         assert bool(made.notes) == (cut > last)
         found = check_list(listed.path.read_bytes(), NOW.replace(year=2100))
@@ -350,15 +352,15 @@ def test_a_list_that_was_cut_or_taken_away_is_not_gone_on_with(
     whole = listed.path.read_bytes().splitlines(keepends=True)
     listed.path.write_bytes(b"".join(whole[:-1]))
     with pytest.raises(EvidenceError, match="written up to number 6: it was cut or written anew"):
-        notarise(folder, key_file=keys[0])
+        notarise_folder(folder, key_file=keys[0])
     listed.path.unlink()
     with pytest.raises(EvidenceError, match="the list was taken away"):
-        notarise(folder, key_file=keys[0])
+        notarise_folder(folder, key_file=keys[0])
     listed.path.write_bytes(b"".join([*whole[:3], *whole[4:]]))
     with pytest.raises(EvidenceError, match="does not follow the line before"):
-        notarise(folder, key_file=keys[0])
+        notarise_folder(folder, key_file=keys[0])
     listed.path.write_bytes(b"".join(whole))
-    assert notarise(folder, key_file=keys[0]).last == LOGS
+    assert notarise_folder(folder, key_file=keys[0]).last == LOGS
 
 
 def test_a_list_has_one_key_one_machine_and_one_notary(
@@ -366,15 +368,15 @@ def test_a_list_has_one_key_one_machine_and_one_notary(
 ) -> None:
     other, _ = key_files(tmp_path, "other")
     with pytest.raises(EvidenceError, match="is signed with another key"):
-        notarise(folder, key_file=other)
+        notarise_folder(folder, key_file=other)
     with pytest.raises(EvidenceError, match="is of machine 'sledge-7', not of 'sledge-8'"):
-        notarise(folder, key_file=keys[0], machine_id="sledge-8")
+        notarise_folder(folder, key_file=keys[0], machine_id="sledge-8")
     import fcntl
 
     with listed.path.open("rb+") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         with pytest.raises(EvidenceError, match="another process writes it"):
-            notarise(folder, key_file=keys[0])
+            notarise_folder(folder, key_file=keys[0])
 
 
 def test_a_full_disc_leaves_the_list_as_it_was(
@@ -390,7 +392,7 @@ def test_a_full_disc_leaves_the_list_as_it_was(
 
     monkeypatch.setattr("replay.notary.list_file.os.write", full)
     with pytest.raises(OutputError, match="No space left on device"):
-        notarise(folder, key_file=keys[0])
+        notarise_folder(folder, key_file=keys[0])
     monkeypatch.undo()
     assert listed.path.read_bytes() == before
 
@@ -399,10 +401,10 @@ def test_a_clock_that_was_set_back_is_said_and_found(
     folder: Path, keys: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = time.time_ns
-    path = notarise(folder, key_file=keys[0]).path
+    path = notarise_folder(folder, key_file=keys[0]).path
     record(folder, 8)
     monkeypatch.setattr(time, "time_ns", lambda: real() - 3600 * 10**9)
-    made = notarise(folder, key_file=keys[0])
+    made = notarise_folder(folder, key_file=keys[0])
     assert any("the clock was set back" in note for note in made.notes)
     monkeypatch.undo()
     found = check_list(path.read_bytes(), dt.datetime.now(dt.UTC))
@@ -452,7 +454,7 @@ def test_a_notary_that_is_killed_loses_and_invents_nothing(
     environment = {**os.environ, "PYTHONPATH": str(REPO)}
     for after_s in (0.01, 0.1, 0.25):
         killed_at(folder, keys[0], after_s, environment)
-    made = notarise(folder, key_file=keys[0])
+    made = notarise_folder(folder, key_file=keys[0])
     found = check_list(made.path.read_bytes(), dt.datetime.now(dt.UTC))
     assert found.faults == []
     assert sorted(entry.log for entry in found.entries) == sorted(

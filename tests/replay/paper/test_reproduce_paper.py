@@ -8,7 +8,7 @@ import pytest
 from analysis.paper import printed_numbers
 from analysis.paper.replayed_campaign import regate, trial_bound_kg
 from analysis.simulation import Scenario
-from recordings.paper.paper_items import ITEMS, Found
+from recordings.paper.paper_items import ITEMS, ItemResult
 from recordings.paper.paper_page import write_reproduction
 from replay import load_machine
 from replay.paper.reproduce_paper import Reproduction, replay_simulated
@@ -29,12 +29,12 @@ def reproduction() -> Reproduction:
 
 
 @pytest.fixture(scope="module")
-def found(reproduction: Reproduction, told: list[str]) -> dict[str, Found]:
+def found(reproduction: Reproduction, told: list[str]) -> dict[str, ItemResult]:
     return {each.item.name: each for each in reproduction.find(told.append)}
 
 
 def test_every_table_figure_and_claim_is_found_in_the_papers_order(
-    found: dict[str, Found],
+    found: dict[str, ItemResult],
 ) -> None:
     assert list(found) == [
         *("table1", "table2", "table3", "table4"),
@@ -51,7 +51,7 @@ def test_every_table_figure_and_claim_is_found_in_the_papers_order(
 
 
 def test_progress_is_told_as_often_as_was_promised(
-    reproduction: Reproduction, found: dict[str, Found], told: list[str]
+    reproduction: Reproduction, found: dict[str, ItemResult], told: list[str]
 ) -> None:
     assert found
     assert told == [each.name for each in reproduction.repetitions]
@@ -70,7 +70,7 @@ def test_what_several_items_need_is_simulated_once() -> None:
 
 
 def test_an_ideal_torque_chain_has_slope_one_and_the_assumed_one_explains_table_2(
-    found: dict[str, Found],
+    found: dict[str, ItemResult],
 ) -> None:
     slopes = {
         (row["chain"], row["method"]): row for row in found["table2"].frame.iter_rows(named=True)
@@ -90,12 +90,12 @@ def test_an_ideal_torque_chain_has_slope_one_and_the_assumed_one_explains_table_
     ],
 )
 def test_tables_3_and_4_have_every_printed_value_and_no_pooled_error_below_the_bound(
-    found: dict[str, Found], name: str, setting: str, printed: dict[float, tuple[float, ...]]
+    found: dict[str, ItemResult], name: str, setting: str, printed: dict[float, tuple[float, ...]]
 ) -> None:
     table = found[name].frame
     assert table[setting].unique(maintain_order=True).to_list() == list(printed)
     for row in table.iter_rows(named=True):
-        beside = printed_numbers.by_method(printed[row[setting]]).get(row["method"])
+        beside = printed_numbers.values_by_method(printed[row[setting]]).get(row["method"])
         assert row["paper_kg"] == beside
         assert row["run_kg"] < row["run_left_out_kg"] < 30.0
     pooled = table.filter(pl.col("method") == "pooled")
@@ -109,7 +109,7 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
         short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
     )
     assert 3.0 < trial_bound_kg(replayed) < 10.0
-    refused = regate(replayed, replayed.settings.changed({"gate.threshold_nat": 50.0}))
+    refused = regate(replayed, replayed.settings.with_changes({"gate.threshold_nat": 50.0}))
     assert trial_bound_kg(refused) != trial_bound_kg(refused)
 
 
@@ -140,7 +140,7 @@ def test_a_simulation_replayed_from_memory_is_that_of_its_bags(tmp_path: Path) -
         assert found == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_long_cruise_ruins_rls_without_the_criterion_alone(found: dict[str, Found]) -> None:
+def test_a_long_cruise_ruins_rls_without_the_criterion_alone(found: dict[str, ItemResult]) -> None:
     frame = found["claims"].frame
     cruise = frame.filter(pl.col("case").str.contains("cruise"))
     errors = dict(cruise.select("case", "found_kg").iter_rows())
@@ -149,7 +149,7 @@ def test_a_long_cruise_ruins_rls_without_the_criterion_alone(found: dict[str, Fo
     assert all(error < 40.0 for error in errors.values())
 
 
-def test_rls_keeps_few_bytes_and_ols_the_window(found: dict[str, Found]) -> None:
+def test_rls_keeps_few_bytes_and_ols_the_window(found: dict[str, ItemResult]) -> None:
     frame = found["claims"].frame.drop_nulls("buffer_bytes")
     ls, rls = (frame.filter(pl.col("case").str.starts_with(name)) for name in ("LS", "RLS"))
     assert ls["buffer_bytes"].to_list() == [24 * n for n in (200, 300, 400, 500, 600, 700)]
@@ -158,7 +158,7 @@ def test_rls_keeps_few_bytes_and_ols_the_window(found: dict[str, Found]) -> None
         assert part["found_kg"].is_between(1.0, 60.0).all()
 
 
-def test_claims_are_given_of_the_payload_range_as_well(found: dict[str, Found]) -> None:
+def test_claims_are_given_of_the_payload_range_as_well(found: dict[str, ItemResult]) -> None:
     frame = found["claims"].frame
     constant = frame.filter(pl.col("case").str.contains("constant")).row(0, named=True)
     assert constant["of_mass_percent"] == pytest.approx(2.36, abs=0.01)
@@ -167,7 +167,7 @@ def test_claims_are_given_of_the_payload_range_as_well(found: dict[str, Found]) 
 
 @pytest.mark.parametrize("output_format", ["md", "csv"])
 def test_files_are_written_all_or_none(
-    found: dict[str, Found], tmp_path: Path, output_format: str
+    found: dict[str, ItemResult], tmp_path: Path, output_format: str
 ) -> None:
     files = write_reproduction(
         list(found.values()), tmp_path, output_format, "about it", force=False

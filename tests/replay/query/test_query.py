@@ -112,14 +112,14 @@ def test_a_topic_beside_its_recording_has_its_seconds(folder: Path) -> None:
 
 def test_view_opens_a_time_of_day(folder: Path) -> None:
     from recordings import read_provenance
-    from replay.recording.open_viewer import second_of
+    from replay.recording.view_recording import parse_moment
 
     recording = folder / "sledge.rrd"
     start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(
         microseconds=read_provenance(recording).t0_unix_ns / 1000 + 12_500_000
     )
-    assert second_of(recording, f"{start:%FT%T.%fZ}") == pytest.approx(12.5, abs=1e-6)
-    assert second_of(recording, "7.25") == 7.25
+    assert parse_moment(recording, f"{start:%FT%T.%fZ}") == pytest.approx(12.5, abs=1e-6)
+    assert parse_moment(recording, "7.25") == 7.25
 
 
 def test_a_ledger_is_a_table(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from recordings.plots.run_plots import FIGURES
-from replay.commands.plot import Question
+from replay.commands.plot import FigureName
 from tests.replay.sledge import Payscope, one_line
 
 
@@ -17,7 +17,7 @@ def recording(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path)
 
 
 def test_the_command_offers_the_figures_that_there_are() -> None:
-    assert [each.value for each in Question] == list(FIGURES)
+    assert [each.value for each in FigureName] == list(FIGURES)
 
 
 def test_a_moment_is_drawn_with_what_lies_around_it(

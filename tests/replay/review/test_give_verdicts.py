@@ -216,7 +216,7 @@ def test_names_of_persons_and_customers_are_on_page_and_ledger_alone(
         (["--target", "700"], "-m and -o"),
         (["--reject", "2", "--author", "x" * 201], "author"),
         (["--product", "x" * 501], "product"),
-        (["--product", "x", "--from", "noon"], "is no time"),
+        (["--product", "x", "--from", "noon"], "is not a time"),
         (["--product", "x", "--to", "03:00"], "no load is dumped"),
         (["--from", "19:20"], "--product"),
     ],

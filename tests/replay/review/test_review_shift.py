@@ -139,7 +139,7 @@ def test_a_rejected_cycle_is_listed_with_author_and_time_and_is_not_counted(
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("[[cycle]\n", "no TOML"),
+        ("[[cycle]\n", "not TOML"),
         (verdict("2001-01-01T00:00:00Z", ""), "no cycle '2001-01-01T00:00:00Z'"),
         ('[[cycle]]\nid = "x"\ntime = 2026-01-02T03:04:05Z\n', "author"),
         (verdict("nothing", "rejected = true\n"), "rejected"),

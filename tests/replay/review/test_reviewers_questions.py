@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from replay.review.give_verdicts import GivenVerdicts, count_again
+from replay.review.give_verdicts import GivenVerdicts, recount_review
 from replay.review.review_shift import ReviewOptions, review
 from tests.replay.shift_review import shift_folder
 
@@ -55,8 +55,8 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = review(logs, machine, folder / "review", ReviewOptions())
     labels = {"product": "gravel", "operator": "A. Kim"}
     said = GivenVerdicts(reject=["1"], note="bucket caught the wall", author="R. Meier")
-    count_again(made.folder, said)
-    count_again(made.folder, GivenVerdicts(labels=labels))
+    recount_review(made.folder, said)
+    recount_review(made.folder, GivenVerdicts(labels=labels))
     return made.folder / "review.html"
 
 

@@ -106,7 +106,7 @@ def test_friction_that_rises_is_dated_and_such_as_does_not_is_not(
     ("more", "says"),
     [
         (("-o", "week.txt"), "the page of a week is one file"),
-        (("-o", "notes.html"), "is no page of a week"),
+        (("-o", "notes.html"), "is not a page of a week"),
         (("--target", "700"), "--week takes folders of reviews"),
         (("nowhere",), "holds no review"),
     ],

@@ -73,8 +73,8 @@ def test_an_empty_file_is_the_papers_campaign(tmp_path):
         ),
         ("[campaign]\nmanoeuvres = [3]", "campaign.manoeuvres.0: input should be a table, not 3"),
         ('["a\\nb"]', "unknown key 'a b'"),
-        (f"[sensors]\nseed = {'9' * 5000}", "is no TOML"),
-        ("[machine\n", "is no TOML"),
+        (f"[sensors]\nseed = {'9' * 5000}", "is not TOML"),
+        ("[machine\n", "is not TOML"),
     ],
 )
 def test_a_wrong_scenario_is_refused_in_one_line_that_names_the_key(tmp_path, text, says):

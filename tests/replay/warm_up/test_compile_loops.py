@@ -74,7 +74,7 @@ def chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder that the user has chosen for compiled code."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "chosen"))
     monkeypatch.setattr(
-        compile_cache, "known_folder_of", lambda source: compile_cache.folder_of(source)
+        compile_cache, "known_folder_of", lambda source: compile_cache.make_cache_folder(source)
     )
     return tmp_path / "chosen"
 
@@ -91,8 +91,8 @@ def test_what_is_ready_is_not_gone_through_again(
         assert result.exit_code == 0
         assert result.stdout == f"everything is compiled: {chosen / 'payscope-numba'}\n"
     assert stages == ["compiled", "compiled"]
-    compile_cache.forget()
-    assert not compile_cache.are_all_kept()
+    compile_cache.clear_cache()
+    assert not compile_cache.are_all_compiled()
 
 
 def test_where_nothing_can_be_kept_it_says_so_at_once(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def points_of(y):
 def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     y = balanced(np.random.default_rng(seed))
     points, names = points_of(y), (REPEATABILITY, RUN, DAY)
-    effects = np.array([points.effect(name) for name in names])
+    effects = np.array([points.effect_covariance(name) for name in names])
     squares = mean_squares(points, names)
     found = restricted_likelihood(
         points.y_kg,
@@ -51,7 +51,7 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
         np.tensordot(squares.T, effects, 1),
         np.zeros((24, 24)),
         points.within,
-    ).transformed(squares)
+    ).transform(squares)
     within = points.within.squares / 96
     means = y.mean(2)
     of_runs = ((means - means.mean(1, keepdims=True)) ** 2).sum() / 20
@@ -62,7 +62,7 @@ def test_balanced_readings_have_the_variances_of_an_analysis_of_variance(seed):
     run_variance = 2 * of_runs**2 / 20 + 2 * within**2 / 96 / 25
     assert found.covariance[1, 1] == pytest.approx(run_variance, rel=1e-4)
     # a mean square of 20 degrees of freedom has these, made of the two that it is the sum of
-    assert found.freedom(np.array([0.2, 1.0, 0.0]), of_runs) == pytest.approx(20.0, rel=1e-4)
+    assert found.dof(np.array([0.2, 1.0, 0.0]), of_runs) == pytest.approx(20.0, rel=1e-4)
 
 
 def test_variances_are_those_that_were_drawn_on_the_average():

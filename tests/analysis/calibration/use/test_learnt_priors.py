@@ -6,9 +6,9 @@ import pytest
 
 from analysis.calibration.use.learnt_priors import (
     TermOfLog,
-    contradiction,
+    contradicted_priors,
     learnt_terms,
-    with_learnt,
+    with_learnt_priors,
     without_prior,
 )
 from replay.machines.machine_file import load_machine
@@ -69,13 +69,13 @@ def test_what_a_machine_file_states_stays():
         "cat262c.toml",
         ["settings.priors.learnt.load_transfer={mean = 0.1, std = 0.2, mean_u = 0.3}"],
     )
-    machine = with_learnt(
+    machine = with_learnt_priors(
         stated, learnt_terms(said([0.0] * 3, 0.02) + said([5.0] * 3, 9.0, "const", 50.0))
     )
     terms = machine.settings.priors.learnt
     assert list(terms) == ["const", "load_transfer"]
     assert terms["load_transfer"].mean == 0.1
-    assert with_learnt(stated, {}) is stated
+    assert with_learnt_priors(stated, {}) is stated
 
 
 def test_a_later_log_contradicts_from_four_deviations_on():
@@ -96,6 +96,8 @@ def test_a_later_log_contradicts_from_four_deviations_on():
         )
 
     limit = 4.0 * np.sqrt(40.0**2 + 5.0**2 + 16.0**2)
-    assert contradiction(nuisances(limit - 1.0)) == ""
-    assert "const is 200 N in this log and 0 in its calibration" in contradiction(nuisances(200.0))
-    assert contradiction(nuisances(200.0).select("term", "unit")) == ""
+    assert contradicted_priors(nuisances(limit - 1.0)) == ""
+    assert "const is 200 N in this log and 0 in its calibration" in contradicted_priors(
+        nuisances(200.0)
+    )
+    assert contradicted_priors(nuisances(200.0).select("term", "unit")) == ""

@@ -262,5 +262,5 @@ def test_values_that_contradict_each_other_are_refused(keys: dict[str, Any], say
 
 
 def test_a_shift_is_no_campaign() -> None:
-    with pytest.raises(ScenarioError, match="shift: is no campaign"):
+    with pytest.raises(ScenarioError, match="shift: is not a campaign"):
         simulate_campaign(shift_of())

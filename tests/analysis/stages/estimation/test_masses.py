@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.model.axes import straight
+from analysis.model.axes import straight_regressor
 from analysis.stages.estimation.masses import masses, withhold
 from analysis.stages.estimation.trace import trace
 from analysis.stages.gating.gate import accepted_samples, gate
@@ -60,7 +60,7 @@ def test_nothing_is_withheld_where_nothing_speaks_against_it(log, machine):
 def test_pooled_is_one_fit_over_every_accepted_sample_of_the_whole_log(log, machine):
     excitation, gated, estimates = log
     settings = machine().settings
-    A, f = straight(excitation, settings)
+    A, f = straight_regressor(excitation, settings)
     used = accepted_samples(excitation, gated, settings)
     whole = pooled.trace(A, f, np.where(used, 0, -1))
     row = masses(*log, machine()).row(by_predicate=pl.col("method") == "pooled", named=True)

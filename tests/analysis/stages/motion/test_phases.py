@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from analysis.model.schema import build
 from analysis.model.settings import Settings
-from analysis.stages.motion.phases import phases, speed_rate, stopping, yaw_pace
+from analysis.stages.motion.phases import phases, speed_rate, stopping_samples, yaw_speeding_sign
 
 
 def classify(speed, settings=None, **columns):
@@ -90,7 +90,7 @@ def test_a_derived_yaw_acceleration_as_noisy_as_a_gyroscope_makes_it_leaves_an_a
 def test_a_turn_speeds_up_keeps_its_rate_and_slows_down(direction):
     settings = Settings()
     yaw_rate = direction * np.interp(np.arange(600), [100, 300, 400, 600], [0.0, 1.0, 1.0, 0.0])
-    changes = yaw_pace(yaw_rate, settings)
+    changes = yaw_speeding_sign(yaw_rate, settings)
     assert set(changes[20:100]) == {0.0}
     assert set(changes[120:300]) == {1.0}
     assert set(changes[320:400]) == {0.0}
@@ -144,7 +144,7 @@ class TestStopping:
 
     def found(self, *parts, noise_m_s=0.01):
         speed = np.concatenate(parts)
-        return stopping(speed, np.abs(speed) < 0.02, noise_m_s, Settings())
+        return stopping_samples(speed, np.abs(speed) < 0.02, noise_m_s, Settings())
 
     @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forward", "reverse"])
     def test_a_gentle_stop_is_found_from_its_beginning(self, direction):

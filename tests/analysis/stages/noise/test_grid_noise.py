@@ -35,7 +35,7 @@ def noise_of(read, **settings):
     """`noise` of a car at these settings."""
     given = {name.replace("__", "."): value for name, value in settings.items()}
     machine = make_machine(settings={"acceleration": "kinematic"}, **KINEMATIC)
-    machine = machine.model_copy(update={"settings": machine.settings.changed(given)})
+    machine = machine.model_copy(update={"settings": machine.settings.with_changes(given)})
     aligned, _ = align(derive(read, machine)[0], machine)
     excitation = forces(smooth(aligned, machine.settings.smooth), machine)
     return channel_noise(aligned, excitation, machine, read), aligned

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from analysis.stages.signals.filters import (
     derivative,
     interpolate_line,
+    interpolation_ready_ns,
     low_pass,
     period_ns,
-    ready_ns,
     stretches,
 )
 
@@ -45,7 +45,7 @@ def test_a_constant_passes_and_fast_noise_does_not(causal):
 
 def known_by(function, t, times):
     """When the results are known: a central difference waits for the next sample."""
-    return ready_ns(t, t, times + 1 if function is derivative else times)
+    return interpolation_ready_ns(t, t, times + 1 if function is derivative else times)
 
 
 @settings(deadline=None)
@@ -108,7 +108,7 @@ def test_the_causal_filter_delays_a_line_alike_at_any_phase_of_its_stamps(phase_
 def test_a_value_between_samples_is_known_with_the_later_one():
     t = np.array([0, 10, 20, 30])
     np.testing.assert_array_equal(
-        ready_ns(t, t + 5, np.array([0, 1, 10, 19, 30])), [5, 15, 15, 25, 35]
+        interpolation_ready_ns(t, t + 5, np.array([0, 1, 10, 19, 30])), [5, 15, 15, 25, 35]
     )
 
 

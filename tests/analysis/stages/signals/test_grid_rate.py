@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.stages.estimation.obstacles import why_nothing_was_accepted
+from analysis.stages.estimation.masses import why_nothing_was_accepted
 from analysis.stages.signals import filters
 from analysis.stages.signals.grid_rate import at_own_rate
 from tests.analysis.conftest import make_machine
@@ -30,7 +30,7 @@ def chosen(read, settings=None):
     """The settings that come out, and the notes."""
     machine = make_machine()
     if settings:
-        changed = machine.settings.changed(settings)
+        changed = machine.settings.with_changes(settings)
         machine = machine.model_copy(update={"settings": changed})
     found, notes = at_own_rate(read, machine)
     kept = found.settings
@@ -101,7 +101,7 @@ def test_a_log_too_short_for_a_window_says_how_long_that_is():
 
 
 def test_what_is_unset_stays_so_when_other_settings_change():
-    changed = make_machine().settings.changed({"gate.threshold_nat": 0.5})
+    changed = make_machine().settings.with_changes({"gate.threshold_nat": 0.5})
     assert changed.gate.threshold_nat == 0.5
     machine = make_machine().model_copy(update={"settings": changed})
     found, _ = at_own_rate(all_at(10.0), machine)

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis.model.machine import ImuMounting
 from analysis.model.settings import AlignSettings
-from analysis.stages.signals.mounting import at_origin, inclination, rotation, to_machine_axes
+from analysis.stages.signals.mounting import inclination, move_to_origin, rotation, to_machine_axes
 from estimators.errors import DataError
 
 AXES = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
@@ -98,7 +98,7 @@ def test_the_lever_arm_is_taken_off_in_the_plane(position, rate, turn, origin):
         "yaw_rate_rad_s": np.array([rate]),
         "yaw_acc_rad_s2": np.array([turn]),
     }
-    out = at_origin(seen, ImuMounting(position_m=tuple(r)))
+    out = move_to_origin(seen, ImuMounting(position_m=tuple(r)))
     np.testing.assert_allclose(stacked(out, AXES)[0], [*origin, 9.81], atol=1e-9)
 
 
@@ -106,7 +106,7 @@ def test_the_columns_given_are_left_as_they_were():
     seen = columns(AXES, [[1.0, 2.0, 3.0]])
     imu = ImuMounting(yaw_deg=30, position_m=(1.0, 1.0, 0.0))
     turned(seen, imu)
-    at_origin(seen, imu)
+    move_to_origin(seen, imu)
     assert [x[0] for x in seen.values()] == [1.0, 2.0, 3.0]
 
 

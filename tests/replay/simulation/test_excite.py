@@ -9,8 +9,7 @@ import pytest
 from analysis.excitation import design
 from analysis.simulation import Scenario
 from estimators.errors import DataError, OutputError
-from replay.excitation.write_excitation import write_design
-from replay.simulation.scenario_file import load_scenario, scenario_text
+from replay.simulation.scenario_file import load_scenario, scenario_text, write_scenario
 from replay.simulation.simulate_logs import simulate
 
 PLANAR = Path(__file__).parents[3] / "examples" / "planar.toml"
@@ -63,7 +62,7 @@ def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(excite, des
     assert "No waveform fits the yard" in answer.out
     assert not list(tmp_path.iterdir())
     with pytest.raises(DataError, match="fits the yard"):
-        write_design(replace(designed, best=None), BASE, tmp_path / "best.toml")
+        write_scenario(replace(designed, best=None).scenario(BASE), tmp_path / "best.toml")
 
 
 @pytest.mark.parametrize(
@@ -91,5 +90,5 @@ def test_the_scenario_that_is_read_is_never_overwritten(excite, designed, tmp_pa
     before = mine.read_bytes()
     assert excite("mine.toml", "-o", "mine.toml", "--force").status == 2
     with pytest.raises(OutputError, match="exists already"):
-        write_design(designed, BASE, mine)
+        write_scenario(designed.scenario(BASE), mine)
     assert mine.read_bytes() == before

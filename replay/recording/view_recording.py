@@ -1,18 +1,24 @@
-"""The command `view`: a recording, or a stretch of it, in the viewer or in pictures."""
+"""The commands `view` and `plot`: a recording, or a stretch of it, in the viewer or as pictures."""
 
+import math
 import shutil
 import tempfile
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Final
 
 from estimators.errors import OutputError, RecordingError
-from recordings import read_provenance, write_recording
+from recordings import plot_run, read_provenance, write_recording
+from recordings.report.picture import check_picture
 from recordings.rrd.recording_window import LATEST_S, read_window
-from recordings.rrd.viewer import open_viewer, screenshots
+from recordings.rrd.viewer import open_viewer, screenshot_recording
 from recordings.rrd.writer import SUFFIX
 
+#: What is drawn around a moment, in s either way.
+AROUND_S: Final = 15.0
 
-def second_of(recording: Path, text: str) -> float:
+
+def parse_moment(recording: Path, text: str) -> float:
     """The second of a recording's run that a person means.
 
     Args:
@@ -30,7 +36,7 @@ def second_of(recording: Path, text: str) -> float:
         time = datetime.fromisoformat(text)
     except ValueError:
         raise RecordingError(
-            f"--at {text}: is no time; name seconds since the start, or 2026-11-23T06:12:03Z"
+            f"--at {text}: is not a time; name seconds since the start, or 2026-11-23T06:12:03Z"
         ) from None
     moment = time if time.tzinfo else time.replace(tzinfo=UTC)
     # in whole microseconds: a float of seconds since 1970 has steps of a quarter of one
@@ -66,7 +72,7 @@ def view(
     if tab is not None and screenshot is None:
         raise OutputError(f"--tab {tab}: is of pictures; add --screenshot FOLDER")
     if at_s is not None and not abs(at_s) <= LATEST_S:
-        raise RecordingError(f"--at {at_s}: is no time; name seconds since the start")
+        raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
         raise OutputError(f"{screenshot}: is a file; name a folder for the pictures")
     # the viewer has read a stretch when it is opened, and needs it no more
@@ -78,6 +84,44 @@ def view(
         if screenshot is None:
             open_viewer(shown, at_s)
             return []
-        drawn = screenshots(shown, folder, tab, at_s)
+        drawn = screenshot_recording(shown, folder, tab, at_s)
         screenshot.mkdir(parents=True, exist_ok=True)
         return [Path(shutil.move(each.png, screenshot / each.png.name)) for each in drawn]
+
+
+def plot(
+    recording: Path,
+    output: Path,
+    figure: str = "page",
+    *,
+    at_s: float | None = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    force: bool = False,
+) -> Path:
+    """Draw a recording.
+
+    Args:
+        recording: the recording.
+        output: the picture; its suffix says the format.
+        figure: one of `recordings.plots.run_plots.FIGURES`.
+        at_s: a moment to mark; without a stretch, what lies `AROUND_S` around it is drawn.
+        from_s: where the stretch begins, in seconds since the start.
+        to_s: where it ends.
+        force: whether to replace a picture that is there already.
+
+    Raises:
+        PayscopeError: no such recording, nothing in that stretch, or the picture cannot be written.
+    """
+    check_picture(output, force=force)
+    if at_s is not None:
+        if not math.isfinite(at_s):
+            raise RecordingError(f"--at {at_s}: is not a time; name seconds since the start")
+        if from_s is None and to_s is None:
+            from_s, to_s = at_s - AROUND_S, at_s + AROUND_S
+        elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
+            raise RecordingError(
+                f"--at {at_s:g}: lies outside of what --from and --to draw; leave one of them out"
+            )
+    run = read_window(recording, from_s, to_s, raw=False)
+    return plot_run(run, output, figure=figure, at_s=at_s, force=force)

@@ -1,0 +1,8 @@
+"""How what a person or a file states is validated."""
+
+from typing import Final
+
+from pydantic import ConfigDict
+
+#: Fixed once made, no unknown key, no infinity and no NaN.
+STRICT: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

@@ -1,0 +1,163 @@
+"""Where the equation of straight motion may be fitted: stretches from the break-away on."""
+
+import numpy as np
+import polars as pl
+
+from analysis.model.machine import Machine
+from analysis.model.schema import values
+from analysis.model.windows import flagged_windows
+from analysis.stages.gating.gate import accepted_samples, braking_within_sight
+from analysis.stages.gating.segments import manoeuvres
+from analysis.stages.motion.phases import stopping_samples
+from analysis.weighing.weighing_limits import LIMITS
+from estimators.arrays import Bools, Floats, Ints
+
+
+def path_places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> tuple[Floats, float]:
+    """Where the machine is on its path, (n,), and how long that is, in m.
+
+    What it did while the log was silent nobody knows: each record is centred on its own path.
+    """
+    place = np.cumsum(speed) / rate_hz
+    length = 0.0
+    for record in np.unique(silences[used]):
+        mine = silences == record
+        first, last = (float(edge(place[mine & used])) for edge in (np.min, np.max))
+        place[mine] -= (first + last) / 2.0
+        length = max(length, last - first)
+    return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
+
+
+def count_standstills(excitation: pl.DataFrame) -> Ints:
+    """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
+    stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
+    return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
+
+
+def count_silences(known: Bools, shortest: int) -> Ints:
+    """How often nothing was known for so many samples, up to each sample, (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
+    first, end = edges[::2], edges[1::2]
+    begun = np.zeros(known.size, np.int64)
+    begun[first[end - first >= shortest]] = 1
+    return np.cumsum(begun)
+
+
+def cut_drives(stood: Ints, longest: int) -> Ints:
+    """Number the manoeuvres: a drive of twice so many samples or more is cut into such, (n,)."""
+    cuts = np.append(True, stood[1:] != stood[:-1])
+    drive_begins = np.flatnonzero(cuts)
+    for first, end in zip(drive_begins, np.append(drive_begins[1:], stood.size), strict=True):
+        cuts[np.arange(first + longest, end - longest + 1, longest)] = True
+    return (np.cumsum(cuts) - 1 + stood[0]).astype(np.int64)
+
+
+def fitted_manoeuvres(
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    machine: Machine,
+    moves_m_s: float,
+    *,
+    braking: bool,
+) -> Ints:
+    """The manoeuvre of each sample that drives straight in a manoeuvre with an accepted window."""
+    settings = machine.settings
+    without = settings.gate.exclude_braking or not braking
+    accepted = accepted_samples(excitation, gated, settings)
+    segment_id = manoeuvres(excitation, settings)
+    informative = np.unique(segment_id[accepted & (segment_id >= 0)])
+    phase = excitation["phase"]
+    welcome = [] if without else ["braking"]
+    driving = phase.is_in(["accelerating", "cruising", *welcome]).fill_null(False).to_numpy()
+    if without:
+        brakes = (phase == "braking").fill_null(False).to_numpy()
+        stands = (phase == "standstill").fill_null(False).to_numpy()
+        brakes |= stopping_samples(values(excitation, "speed_x_m_s"), stands, moves_m_s, settings)
+        driving &= ~braking_within_sight(brakes, settings)
+    return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
+
+
+def driving_directions(group: Ints, speed: Floats) -> Floats:
+    """The sign of each manoeuvre's mean speed, (n,); 1 outside."""
+    used = group >= 0
+    ids, index = np.unique(group[used], return_inverse=True)
+    total = np.bincount(index, weights=speed[used], minlength=ids.size)
+    out = np.ones(group.size)
+    out[used] = np.where(total >= 0, 1.0, -1.0)[index]
+    return out
+
+
+def begins(group: Ints) -> Bools:
+    """Which samples are the first of their stretch, (n,)."""
+    return (group >= 0) & (np.append(-1, group[:-1]) != group)
+
+
+def ends(group: Ints) -> Bools:
+    """Which samples are the last of their stretch, (n,)."""
+    return (group >= 0) & (np.append(group[1:], -1) != group)
+
+
+def cut_stretches(group: Ints, unit: Ints) -> Ints:
+    """The stretches, each of one manoeuvre, numbered anew, (n,)."""
+    used = group >= 0
+    cut = used & (begins(group) | np.append(False, unit[1:] != unit[:-1]))
+    return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
+
+
+def trim_to_break_away(
+    group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
+) -> Ints:
+    """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
+    smooth = np.abs(_mean_of_three(speed)) > moves_m_s
+    grown = group.copy()
+    for begin in np.flatnonzero(begins(group)):
+        first = int(begin)
+        while (
+            first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
+        ):
+            first -= 1
+        if first < begin:
+            grown[first:begin] = group[begin]
+            grown[first : first + settled] = -1
+    return grown
+
+
+def number_runs(group: Ints, speed: Floats, mixed: int) -> Ints:
+    """Number the stretches of adjoining samples that move one way; at a reversal friction turns."""
+    used = group >= 0
+    forwards = _mean_of_three(speed) > 0.0
+    turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
+    near = flagged_windows(turns, mixed) | flagged_windows(turns[::-1], mixed + 1)[::-1]
+    group = np.where(used & ~near, 2 * group + forwards, -1)
+    return np.where(group >= 0, np.cumsum(begins(group)) - 1, -1).astype(np.int64)
+
+
+def drop_standing_runs(group: Ints, speed: Floats, noise_m_s: float) -> Ints:
+    """Leave out stretches whose speed never leaves its noise: the phases took that for a start.
+
+    Of a speed whose noise is less than what counts as motion, what is slow is motion.
+    """
+    used = group >= 0
+    if noise_m_s <= LIMITS.moving_speed_m_s or not used.any():
+        return group
+    first = np.flatnonzero(begins(group))
+    fastest = np.maximum.reduceat(np.where(used, np.abs(_mean_of_three(speed)), 0.0), first)
+    moves = fastest > noise_m_s
+    return np.where(used & moves[group], group, -1)
+
+
+def _mean_of_three(speed: Floats) -> Floats:
+    """Mean of each sample and its two neighbours, (n,) in m/s."""
+    return np.convolve(speed, np.ones(3) / 3.0, "same")
+
+
+def missing_rows(aligned: pl.DataFrame) -> Bools:
+    """Rows of the grid without information, (n,)."""
+    if "left_out" not in aligned.columns:
+        return np.zeros(aligned.height, np.bool_)
+    return aligned["left_out"].to_numpy()
+
+
+def centred_progress(samples: int) -> Floats:
+    """From -1/2 to 1/2 over so many samples."""
+    return np.arange(samples) / max(samples, 1) - 0.5

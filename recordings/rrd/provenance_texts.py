@@ -1,0 +1,89 @@
+"""Where a recording came from, in Markdown: settings, machine file, inputs and versions."""
+
+import json
+from typing import Any
+
+from analysis.model.physical_units import NS
+from analysis.model.run_record import Provenance, Run
+from analysis.stages.signals.timestamps import FIRST_DATE_NS
+from recordings.report.clock_text import ShiftClock
+from recordings.report.number_text import markdown_table, number_text
+
+
+def local_time(about: Provenance, t_ns: int = 0) -> str:
+    """A time since the start as the people at the machine read it; no date where there is none."""
+    stamp_ns = about.t0_unix_ns + t_ns
+    if stamp_ns < FIRST_DATE_NS:
+        return f"{stamp_ns / NS:.3f} s of the log's own clock"
+    clock = ShiftClock(timezone_text(about), stamp_ns, 0.0)
+    return f"{clock.local(0.0):%Y-%m-%d} {clock.at(0.0)} {clock.zone}"
+
+
+def settings_markdown(run: Run) -> str:
+    """Every setting, and the machine file as resolved."""
+    about = run.provenance
+    rows = [
+        (name, json.dumps(value)) for name, value in sorted(about.settings.to_flat_dict().items())
+    ]
+    machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
+    return "\n\n".join(
+        [
+            "# Settings",
+            markdown_table(("setting", "value"), rows),
+            "# Machine",
+            f"```json\n{machine}\n```",
+        ]
+    )
+
+
+def provenance_markdown(run: Run) -> str:
+    """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
+    about = run.provenance
+    inputs = [
+        (each.name, number_text(each.size_bytes), f"`{each.sha256}`") for each in about.inputs
+    ]
+    frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
+    return "\n\n".join(
+        [
+            "# Inputs",
+            markdown_table(("file", "bytes", "SHA-256"), inputs),
+            f"First aligned sample: {local_time(about)} "
+            f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
+            "# Fingerprint",
+            _fingerprint_text(about),
+            "# Stamps",
+            markdown_table(("topic", "placed by"), about.stamps.items()),
+            "# Losses",
+            markdown_table(
+                ("source", "topic", "what"),
+                [(each.source, each.topic, each.what) for each in about.losses],
+            ),
+            "# Notes",
+            "\n".join(f"- {note}" for note in about.notes) or "none",
+            "# Versions",
+            markdown_table(("what", "version"), about.versions.items()),
+            "# Stages",
+            "\n".join(frames),
+        ]
+    )
+
+
+def _fingerprint_text(about: Provenance) -> str:
+    """The digests in full, those of the frames as well."""
+    taken = about.fingerprint
+    if taken is None:
+        return "none"
+    whole = {"inputs": taken.inputs, "settings": taken.settings, "results": taken.results}
+    digests = [(name, f"`{digest}`") for name, digest in (whole | taken.frames).items()]
+    return markdown_table(("SHA-256 of", "digest"), digests)
+
+
+def machine_body(about: Provenance) -> dict[str, Any]:
+    """Table `machine` of the machine file."""
+    body = about.machine.get("machine", {})
+    return body if isinstance(body, dict) else {}
+
+
+def timezone_text(about: Provenance) -> str:
+    """The time zone of the machine file."""
+    return str(machine_body(about).get("timezone", "UTC"))

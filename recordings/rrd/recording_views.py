@@ -1,0 +1,103 @@
+"""What a view of a recording draws, and a tab of views."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from analysis.model.schema import frame_schema
+
+
+class Kind(Enum):
+    """How a view draws its series."""
+
+    LINES = "lines"
+    BANDS = "a line with ±1σ around it"
+    STATES = "a lane a series, coloured by state"
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`.
+
+    The label of a lane of states is also the last part of its entity path, which the viewer shows.
+    """
+
+    frame: str
+    column: str
+    label: str
+    std: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One plot: its series share a unit, which the title gets from the schema."""
+
+    name: str
+    kind: Kind
+    series: tuple[Series, ...]
+    threshold: str | None = None
+    """The setting that is drawn as a constant line."""
+    wild: bool = False
+    """Whether a few estimates may be off by orders of magnitude: the axis then shows the bulk."""
+
+    @property
+    def unit(self) -> str:
+        """The unit of all its series (1 for states)."""
+        first = self.series[0]
+        declared = frame_schema(first.frame).column(first.column)
+        return "1" if declared is None else declared.unit
+
+    @property
+    def title(self) -> str:
+        """Its name, with the unit where there is one."""
+        return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
+
+
+class Methods(Enum):
+    """How a tab draws the methods of a view: over each other they hide all but the last."""
+
+    ONE = "one of them, which stands for all"
+    ROWS = "a row a method, all with the same axis"
+
+
+@dataclass(frozen=True, slots=True)
+class Tab:
+    """One tab: its views from top to bottom, and the texts beside them.
+
+    Attributes:
+        name: of the tab.
+        views: from top to bottom.
+        texts: to the left of them.
+        events: whether it lists the findings as events in time.
+        context: those of the views that are not what the tab is about.
+        methods: how it draws estimates.
+        pictures: by name, below the views.
+    """
+
+    name: str
+    views: tuple[View, ...] = ()
+    texts: tuple[str, ...] = ()
+    events: bool = False
+    context: tuple[View, ...] = ()
+    methods: Methods = Methods.ONE
+    pictures: tuple[str, ...] = ()
+
+
+def line_view(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
+    """A view of columns as lines, by label; `threshold` is a setting that they cross."""
+    drawn = tuple(Series(frame, column, label) for column, label in series.items())
+    return View(name, Kind.LINES, drawn, threshold)
+
+
+def wild_view(name: str, frame: str, column: str, label: str = "") -> View:
+    """A view of one column whose scale outliers may spoil."""
+    return View(name, Kind.LINES, (Series(frame, column, label),), wild=True)
+
+
+def band_view(name: str, frame: str, column: str, std: str, label: str = "") -> View:
+    """A view of a column with a band of its standard deviation."""
+    return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
+
+
+def states_view(name: str, *series: tuple[str, str, str]) -> View:
+    """A view of states as lanes: frame, column and label of each."""
+    return View(name, Kind.STATES, tuple(Series(*each) for each in series))

@@ -1,0 +1,21 @@
+"""What is kept in a recording by name: timelines, entities of frames, components of columns."""
+
+from typing import Final
+
+TIME: Final = "time"
+SINCE_START: Final = "t"
+ROW: Final = "row"
+COMPONENT_PREFIX: Final = "payscope:"
+#: The text of a lane of states: Rerun's own name, or the viewer adds ours to the lane's title.
+STATE: Final = "StateChange:state"
+
+
+def entity_parts(frame: str) -> tuple[str, ...]:
+    """The parts of the entity path of a frame; a topic is one part, with its slashes."""
+    family, _, rest = frame.partition("/")
+    return (family, rest) if family == "raw" else tuple(frame.split("/"))
+
+
+def component_name(column: str) -> str:
+    """The component that holds a column."""
+    return column if column == STATE else COMPONENT_PREFIX + column
