@@ -47,10 +47,9 @@ def add_load_states(
     if hints[-1]:
         held = _hold_states(alike.states(hints), of)
         fits.append(_settle_states(held, of, repeatability_kg))
-    hauls = [alike.fit(each) for each in hauling_patterns(found.motion)]
+    hauls = hauling_patterns(found.motion)
     if hauls:
-        haul = min(hauls, key=lambda each: each.fit.residual_rms)
-        held = _hold_states(_find_states(haul), of)
+        held = _hold_states(alike.states(min(hauls, key=alike.unexplained)), of)
         hidden = _settle_states(held, of, repeatability_kg)
         fits += [hidden, _tell_scatter(held, of, repeatability_kg)]
     least = LIMITS.hidden_loads_max_single_probability
@@ -59,7 +58,7 @@ def add_load_states(
         for each in fits
         if each is settled or (each.count > 1 and _find_states(each).single_probability < least)
     ]
-    return min(certain, key=lambda each: alike.fit(_find_states(each).membership).fit.residual_rms)
+    return min(certain, key=lambda each: alike.unexplained(_find_states(each).membership))
 
 
 @dataclass(frozen=True)
@@ -90,18 +89,20 @@ class _SameMeans:
         """The load states of manoeuvres of these loads, (units,)."""
         return states_of(self.units, self.number, membership)
 
-    def fit(self, membership: Ints) -> JointFit:
-        """Fit with these loads, (units,)."""
-        return replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
+    def unexplained(self, membership: Ints) -> float:
+        """What a fit with these loads, (units,), leaves of the force; infinite where it has none."""
+        fitted = replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
+        return fitted.fit.residual_rms if np.isfinite(fitted.theta).all() else np.inf
 
 
 def _hold_states(states: LoadStates, of: JointFitInputs) -> JointFit:
     """Fit with these states until their loads have said where the ground acts on which."""
-    for _ in range(LIMITS.held_rounds):
-        found = joint_fit(of, states)
+    found = joint_fit(of, states)
+    for _ in range(1, LIMITS.held_rounds):
         if not np.isfinite(found.theta).all():
             break
-        states = states_of(_units_of(found, of), states.unit, states.membership)
+        units = _units_of(found, of)
+        found = joint_fit(of, states_of(units, states.unit, states.membership))
     return found
 
 

@@ -159,11 +159,11 @@ def add_correlations(log: Log, columns: Sequence[LogColumn], found: Recognition)
                 if is_force and abs(goes) < _NOTHING:
                     found.ask("column", _APART.format(each.field, speed.field, goes))
             if is_acceleration:
-                _ask_units(log, each, speed, found)
+                ask_about_units(log, each, speed, found)
             if is_force:
                 _ask_without_sign(log, each, speed, found)
         if each is speed and place is not None:
-            _ask_units(log, each, place, found)
+            ask_about_units(log, each, place, found)
             goes = slope_correlation(log, each, place)
             if goes is not None and goes < -_CLEAR:
                 found.ask("sign", _AGAINST_PLACE.format(each.field, place.field, goes))
@@ -191,7 +191,9 @@ def ask_about_mirrored_side(
             found.ask("sign", _MIRRORED.format(left.field, right.field, goes))
 
 
-def ask_about_units(log: Log, rate: ChannelProposal, other: ChannelProposal, found: Recognition) -> None:
+def ask_about_units(
+    log: Log, rate: ChannelProposal, other: ChannelProposal, found: Recognition
+) -> None:
     """Ask for the units of a column and of what it is the change of, where their sizes disagree."""
     if "?" in (rate.unit, other.unit) or not (rate.column in _SI and other.column in _SI):
         return

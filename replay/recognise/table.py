@@ -107,7 +107,7 @@ def settle_claims(log: Log, channel: str, claims: Sequence[Claim], found: Recogn
 
 def _ask_more_torques(columns: Sequence[LogColumn], found: Recognition) -> None:
     """Ask whether further wheels drive, where a left and a right torque are taken for the force."""
-    if not {"torque_left_N_m", "torque_right_N_m"} <= found.taken:
+    if not {"torque_left_N_m", "torque_right_N_m"} <= found.taken_columns:
         return
     more = [
         f"'{each.field}'"

@@ -138,4 +138,6 @@ def read_column_name(name: str) -> ColumnMeaning:
     supply = not of_motor and any(word in _SUPPLY for word in words)
     no_reading = not own.isdisjoint(_NO_READING)
     elsewhere = _ELSEWHERE.search(text) is not None
-    return ColumnMeaning(quantity, side, axis, part, linkage, without, supply, no_reading, elsewhere)
+    return ColumnMeaning(
+        quantity, side, axis, part, linkage, without, supply, no_reading, elsewhere
+    )
