@@ -90,7 +90,7 @@ class _SameMeans:
         return states_of(self.units, self.number, membership)
 
     def unexplained(self, membership: Ints) -> float:
-        """What a fit with these loads, (units,), leaves of the force; infinite where it has none."""
+        """What a fit with these loads, (units,), leaves of the force; infinite without a fit."""
         fitted = replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
         return fitted.fit.residual_rms if np.isfinite(fitted.theta).all() else np.inf
 
