@@ -42,23 +42,26 @@ def add_load_states(
         return settled
     of = _add_uneven_ground(found, of, fit_rows(found, of.noise).group)
     alike = _SameMeans.of(found, of)
-    fits = [settled]
+    fits = list[JointFit]()
     hints = np.append(0, np.cumsum(places(found.motion) > 1))
     if hints[-1]:
         held = _hold_states(alike.states(hints), of)
         fits.append(_settle_states(held, of, repeatability_kg))
     hauls = hauling_patterns(found.motion)
     if hauls:
-        held = _hold_states(alike.states(min(hauls, key=alike.unexplained)), of)
+        held = _hold_states(alike.states(min(hauls, key=alike.residual_rms_of)), of)
         hidden = _settle_states(held, of, repeatability_kg)
         fits += [hidden, _tell_scatter(held, of, repeatability_kg)]
+    likely = [settled, *(each for each in fits if _has_certain_loads(each))]
+    if len(likely) == 1:
+        return settled
+    return min(likely, key=lambda each: alike.residual_rms_of(_find_states(each).membership))
+
+
+def _has_certain_loads(found: JointFit) -> bool:
+    """Whether one load is out of the question."""
     least = LIMITS.hidden_loads_max_single_probability
-    certain = [
-        each
-        for each in fits
-        if each is settled or (each.count > 1 and _find_states(each).single_probability < least)
-    ]
-    return min(certain, key=lambda each: alike.unexplained(_find_states(each).membership))
+    return found.count > 1 and _find_states(found).single_probability < least
 
 
 @dataclass(frozen=True)
@@ -89,8 +92,8 @@ class _SameMeans:
         """The load states of manoeuvres of these loads, (units,)."""
         return states_of(self.units, self.number, membership)
 
-    def unexplained(self, membership: Ints) -> float:
-        """What a fit with these loads, (units,), leaves of the force; infinite without a fit."""
+    def residual_rms_of(self, membership: Ints) -> float:
+        """What a fit with these loads, (units,), leaves of the force; infinite if it fails."""
         fitted = replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
         return fitted.fit.residual_rms if np.isfinite(fitted.theta).all() else np.inf
 
