@@ -1,7 +1,7 @@
 """The search for load states: find them and fit a mass each by turns, until nothing changes."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -24,6 +24,10 @@ from analysis.weighing.uneven_ground import FEWEST
 from analysis.weighing.weighing_limits import LIMITS
 from estimators.joint.group_effects import GroupEffects
 from estimators.numerics.autocorrelation import pooled_autocorrelation
+
+#: So many residuals of a manoeuvre are independent: a start of three seconds, whose residuals are
+#: alike over 0.2 s. What a fit leaves while the machine cruises tells little of its mass.
+_INDEPENDENT: Final = 15
 
 
 def add_load_states(
@@ -49,13 +53,13 @@ def add_load_states(
         fits.append(_settle_states(held, of, repeatability_kg))
     hauls = hauling_patterns(found.motion)
     if hauls:
-        held = _hold_states(alike.states(min(hauls, key=alike.residual_rms_of)), of)
+        held = _hold_states(alike.states(min(hauls, key=alike.information_criterion)), of)
         hidden = _settle_states(held, of, repeatability_kg)
         fits += [hidden, _tell_scatter(held, of, repeatability_kg)]
     likely = [settled, *(each for each in fits if _has_certain_loads(each))]
     if len(likely) == 1:
         return settled
-    return min(likely, key=lambda each: alike.residual_rms_of(_find_states(each).membership))
+    return min(likely, key=lambda each: alike.information_criterion(_find_states(each).membership))
 
 
 def _has_certain_loads(found: JointFit) -> bool:
@@ -92,10 +96,16 @@ class _SameMeans:
         """The load states of manoeuvres of these loads, (units,)."""
         return states_of(self.units, self.number, membership)
 
-    def residual_rms_of(self, membership: Ints) -> float:
-        """What a fit with these loads, (units,), leaves of the force; infinite if it fails."""
+    def information_criterion(self, membership: Ints) -> float:
+        """How badly these loads, (units,), explain the force for as many as they are (Akaike 1974).
+
+        Infinite where the fit fails.
+        """
         fitted = replace(self.task, states=self.states(membership)).fit_means(self.samples, 2)
-        return fitted.fit.residual_rms if np.isfinite(fitted.theta).all() else np.inf
+        if not np.isfinite(fitted.theta).all():
+            return np.inf
+        independent = _INDEPENDENT * self.number.size
+        return independent * float(np.log(fitted.fit.residual_rms**2)) + 2.0 * fitted.count
 
 
 def _hold_states(states: LoadStates, of: JointFitInputs) -> JointFit:
