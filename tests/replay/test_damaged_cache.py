@@ -11,16 +11,16 @@ from tests.replay.sledge import MACHINE, sledge
 
 #: One compiled function, by which a run stands or falls like by all of them.
 ONE_LOOP = """
-from replay.commands.cli import compiled_anew
+from replay.commands.cli import discard_broken_cache
 import numpy as np
 from estimators.interpreted import compile_at_once
-from estimators.methods.window_mean import _weights
+from estimators.methods.window_mean import mean_weights
 try:
     with compile_at_once():
-        _weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
+        mean_weights(np.ones((4, 2)), np.ones((2, 2, 1)), np.array([3]), 2)
     print("done")
 except Exception as error:
-    print(compiled_anew(error))
+    print(discard_broken_cache(error))
 """
 
 

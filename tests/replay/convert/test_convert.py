@@ -156,7 +156,7 @@ KILLED = """
 import sys, time
 from pathlib import Path
 from replay.convert import unfinished_folder
-from replay.convert.convert_log import convert
+from replay.convert.convert_log import convert_log
 from replay.logs import open_log
 write = unfinished_folder.PartWriter.write
 def slowly(self, rows):
@@ -165,7 +165,7 @@ def slowly(self, rows):
     write(self, rows)
 unfinished_folder.PartWriter.write = slowly
 with open_log(Path(sys.argv[1])) as log:
-    made = convert(log, Path(sys.argv[2]), span_messages=40)
+    made = convert_log(log, Path(sys.argv[2]), span_messages=40)
 print("taken up", made.taken_up, "of", made.spans)
 """
 

@@ -30,7 +30,7 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = os.environ["RAY_DEDUP_LOGS"] = "0"
 import ray
 from ray.cluster_utils import Cluster
 
-from replay.fleet.task_engine import Lost, Work
+from replay.fleet.task_engine import LostTask, TaskWork
 from replay.fleet.ray_engine import ray_engine
 
 def work(what):
@@ -52,7 +52,7 @@ with ray_engine(cluster.address, None) as engine:
     assert engine.slots() == 3
     assert {n["NodeManagerAddress"] for n in ray.nodes()} == {"127.0.0.1"}
     tasks = [*range(40), "die", "raise", "threads"]
-    asked = [Work("large", 1 << 50), *(Work(task, 1 << 20) for task in tasks)]
+    asked = [TaskWork("large", 1 << 50), *(TaskWork(task, 1 << 20) for task in tasks)]
     for task, result in engine.run(work, asked):
         assert task not in done
         done[task] = result
@@ -64,7 +64,7 @@ with ray_engine(cluster.address, None) as engine:
 cluster.shutdown()
 assert all(isinstance(done[number], int) for number in range(40))
 for name in ("die", "large", "raise", "threads"):
-    print(name, done[name].reason if isinstance(done[name], Lost) else done[name])
+    print(name, done[name].reason if isinstance(done[name], LostTask) else done[name])
 """
 
 

@@ -424,9 +424,9 @@ def test_wrong_use_is_one_line(folder: Path, keys: tuple[Path, Path], payscope: 
 def killed_at(folder: Path, key: Path, after_s: float, environment: dict[str, str]) -> None:
     code = (
         "import sys; from pathlib import Path\n"
-        "from replay.notary.notarise_folder import notarise\n"
+        "from replay.notary.notarise_folder import notarise_folder\n"
         "print('ready', flush=True); sys.stdin.readline()\n"
-        "notarise(Path(sys.argv[1]), key_file=Path(sys.argv[2]))\n"
+        "notarise_folder(Path(sys.argv[1]), key_file=Path(sys.argv[2]))\n"
     )
     child = subprocess.Popen(
         [sys.executable, "-P", "-c", code, str(folder), str(key)],
