@@ -11,6 +11,7 @@ from polars.io.plugins import register_io_source
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
+from replay.frames.open_readers import READERS
 from replay.frames.shape import LOG_TIME, LOG_TIME_NS, FrameOptions
 from replay.frames.topic_source import SOURCE, TopicSource
 from replay.logs import TimeAxis, logs_in
@@ -66,7 +67,7 @@ def lazy_frame(source: TopicSource) -> pl.LazyFrame:
         batch_size: int | None,
     ) -> Iterator[pl.DataFrame]:
         del batch_size  # a hint; the size of a chunk is the log's
-        return source.batches(columns, predicate, n_rows)
+        return READERS.read(source.batches(columns, predicate, n_rows))
 
     return register_io_source(batches, schema=source.schema, explain_name=f"log {source.topic}")
 
