@@ -1,22 +1,27 @@
 """Topics of logs as lazy frames of polars, and as streams of Arrow."""
 
+import atexit
+import threading
 from collections.abc import Iterator, Sequence
 from datetime import timedelta
 from glob import glob, has_magic
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import polars as pl
 from polars.io.plugins import register_io_source
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
-from replay.frames.open_readers import READERS
 from replay.frames.shape import LOG_TIME, LOG_TIME_NS, FrameOptions
 from replay.frames.topic_source import SOURCE, TopicSource
 from replay.logs import TimeAxis, logs_in
 
 Logs = str | Path | Sequence[str | Path]
+
+#: How long the end waits for a chunk that is being read, and for what polars does with it, in s.
+_READS_S = 30.0
+_CLOSES_S = 0.5
 
 
 def scan_log(  # noqa: PLR0913 - each names one choice
@@ -57,6 +62,51 @@ def scan_log(  # noqa: PLR0913 - each names one choice
     return lazy_frame(topic_source(logs, topic, options, fields=fields, time=time, losses=losses))
 
 
+class _OpenReaders:
+    """Counts the readers of a process, and lets it end when none is at work.
+
+    A query with a limit has its rows before the chunk that is being read is through. The thread of
+    polars that reads it may not come back to an interpreter that is gone: the process would abort.
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._open, self._reading, self._ends = 0, 0, False
+        atexit.register(self._wait)
+
+    def read(self, batches: Iterator[pl.DataFrame]) -> Iterator[pl.DataFrame]:
+        """The same batches, none any more once the interpreter ends."""
+        self._count(opened=1)
+        try:
+            while not self._ends:
+                self._count(reading=1)
+                try:
+                    batch = next(batches, None)
+                finally:
+                    self._count(reading=-1)
+                if batch is None:
+                    break
+                yield batch
+        finally:
+            self._count(opened=-1)
+
+    def _count(self, opened: int = 0, reading: int = 0) -> None:
+        with self._changed:
+            self._open += opened
+            self._reading += reading
+            self._changed.notify_all()
+
+    def _wait(self) -> None:
+        with self._changed:
+            self._ends = True
+            if self._changed.wait_for(lambda: not self._reading, _READS_S):
+                # a reader that nobody asks for more is not closed, and does no harm
+                self._changed.wait_for(lambda: not self._open, _CLOSES_S)
+
+
+_READERS: Final = _OpenReaders()
+
+
 def lazy_frame(source: TopicSource) -> pl.LazyFrame:
     """A source as a lazy frame."""
 
@@ -67,7 +117,7 @@ def lazy_frame(source: TopicSource) -> pl.LazyFrame:
         batch_size: int | None,
     ) -> Iterator[pl.DataFrame]:
         del batch_size  # a hint; the size of a chunk is the log's
-        return READERS.read(source.batches(columns, predicate, n_rows))
+        return _READERS.read(source.batches(columns, predicate, n_rows))
 
     return register_io_source(batches, schema=source.schema, explain_name=f"log {source.topic}")
 
