@@ -2,7 +2,7 @@
 
 import atexit
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import timedelta
 from glob import glob, has_magic
 from pathlib import Path
@@ -20,8 +20,8 @@ from replay.logs import TimeAxis, logs_in
 Logs = str | Path | Sequence[str | Path]
 
 #: How long the end waits for a chunk that is being read, and for what polars does with it, in s.
-_READS_S = 30.0
-_CLOSES_S = 0.5
+_READS_S: Final = 30.0
+_CLOSES_S: Final = 0.5
 
 
 def scan_log(  # noqa: PLR0913 - each names one choice
@@ -107,19 +107,28 @@ class _OpenReaders:
 _READERS: Final = _OpenReaders()
 
 
-def lazy_frame(source: TopicSource) -> pl.LazyFrame:
-    """A source as a lazy frame."""
+#: Columns, predicate and number of rows that are wanted, to batches of them.
+Batches = Callable[[list[str] | None, pl.Expr | None, int | None], Iterator[pl.DataFrame]]
 
-    def batches(
+
+def lazy_batches(batches: Batches, schema: pl.Schema, name: str) -> pl.LazyFrame:
+    """Batches as a lazy frame, which a process may leave half read."""
+
+    def read(
         columns: list[str] | None,
         predicate: pl.Expr | None,
         n_rows: int | None,
         batch_size: int | None,
     ) -> Iterator[pl.DataFrame]:
-        del batch_size  # a hint; the size of a chunk is the log's
-        return _READERS.read(source.batches(columns, predicate, n_rows))
+        del batch_size  # a hint; the size of a batch is the file's
+        return _READERS.read(batches(columns, predicate, n_rows))
 
-    return register_io_source(batches, schema=source.schema, explain_name=f"log {source.topic}")
+    return register_io_source(read, schema=schema, explain_name=name)
+
+
+def lazy_frame(source: TopicSource) -> pl.LazyFrame:
+    """A source as a lazy frame."""
+    return lazy_batches(source.batches, source.schema, f"log {source.topic}")
 
 
 class LogStream:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Final
 
 import polars as pl
-from polars.io.plugins import register_io_source
 
 from analysis.model.schema import FRAMES
 from recordings.rrd.reader import open_recording
 from recordings.rrd.stored_frames import StoredFrame
+from replay.frames.scan import lazy_batches
 from replay.frames.topic_source import SOURCE
 
 #: Seconds since the start of the run, as `view --at` takes them.
@@ -55,19 +55,14 @@ class RecordingFrame:
         """The frame; it is read when its rows are taken."""
 
         def batches(
-            columns: list[str] | None,
-            predicate: pl.Expr | None,
-            n_rows: int | None,
-            batch_size: int | None,
+            columns: list[str] | None, predicate: pl.Expr | None, n_rows: int | None
         ) -> Iterator[pl.DataFrame]:
-            del batch_size  # a frame is read in one
             wanted = list(self.schema) if columns is None else columns
             needed = [*wanted, *(predicate.meta.root_names() if predicate is not None else ())]
             rows = self._read(dict.fromkeys(needed)).head(n_rows or self.stored.rows)
             yield (rows if predicate is None else rows.filter(predicate)).select(wanted)
 
-        name = f"{self.recording} {self.stored.name}"
-        return register_io_source(batches, schema=self.schema, explain_name=name)
+        return lazy_batches(batches, self.schema, f"{self.recording} {self.stored.name}")
 
     def _read(self, needed: dict[str, None]) -> pl.DataFrame:
         own = [each.name for each in self.stored.columns]
