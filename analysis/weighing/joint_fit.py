@@ -18,9 +18,7 @@ from analysis.weighing.fit_columns import (
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.force_by_place import PLACE
 from analysis.weighing.joint_result import JointFit, MotionResponses
-from analysis.weighing.load_states import (
-    LoadStates,
-)
+from analysis.weighing.load_states import LoadStates
 from analysis.weighing.log_effects import LikelyEffects
 from analysis.weighing.low_gears import LOW_GEARS
 from analysis.weighing.motion_samples import (
@@ -29,10 +27,7 @@ from analysis.weighing.motion_samples import (
     Floats,
     MotionSamples,
 )
-from analysis.weighing.nuisances import (
-    NUISANCES,
-    Nuisance,
-)
+from analysis.weighing.nuisances import NUISANCES, Nuisance
 from analysis.weighing.uneven_ground import GROUND
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics, compare_wheels

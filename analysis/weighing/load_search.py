@@ -59,13 +59,13 @@ def add_load_states(
     likely = [settled, *(each for each in fits if _has_certain_loads(each))]
     if len(likely) == 1:
         return settled
-    return min(likely, key=lambda each: alike.information_criterion(_find_states(each).membership))
+    return min(likely, key=lambda each: alike.information_criterion(_states_in(each).membership))
 
 
 def _has_certain_loads(found: JointFit) -> bool:
     """Whether one load is out of the question."""
     least = LIMITS.hidden_loads_max_single_probability
-    return found.count > 1 and _find_states(found).single_probability < least
+    return found.count > 1 and _states_in(found).single_probability < least
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def _tell_scatter(held: JointFit, of: JointFitInputs, repeatability_kg: float | 
     """Fit the same states with the scatter that they have, and how probable one load is."""
     if not np.isfinite(held.theta).all():
         return held
-    units, states = _units_of(held, of), _find_states(held)
+    units, states = _units_of(held, of), _states_in(held)
     likeliest = find_states(units, states.unit, repeatability_kg)
     scattering = states_of(units, states.unit, states.membership, usual_scatter=False)
     states = replace(scattering, single_probability=likeliest.single_probability)
@@ -132,8 +132,13 @@ def _tell_scatter(held: JointFit, of: JointFitInputs, repeatability_kg: float | 
 
 def _units_of(found: JointFit, of: JointFitInputs) -> GroupEffects:
     """What each manoeuvre says of its mass by a fit, and what tells changes between them."""
-    task = FitTask(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
-    return replace(task.units(found, fit_rows(found, of.noise)), kind=places(found.motion))
+    units = _task_of(found, of).units(found, fit_rows(found, of.noise))
+    return replace(units, kind=places(found.motion))
+
+
+def _task_of(found: JointFit, of: JointFitInputs) -> FitTask:
+    """The task that a fit was found by."""
+    return FitTask(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
 
 
 def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float | None) -> JointFit:
@@ -146,10 +151,7 @@ def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float 
         return _withhold_masses(found)
     first, tried = found, list[JointFit]()
     for _ in range(LIMITS.state_rounds):
-        task = FitTask(
-            found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
-        )
-        rows = fit_rows(found, of.noise)
+        task, rows = _task_of(found, of), fit_rows(found, of.noise)
         states = max(
             (
                 find_states(replace(task.units(found, each), kind=hints), number, repeatability_kg)
@@ -169,11 +171,11 @@ def _settle_states(found: JointFit, of: JointFitInputs, repeatability_kg: float 
         if not np.isfinite(found.theta).all():
             return _withhold_masses(first)
         if any(
-            np.array_equal(states.membership, each.membership) for each in map(_find_states, tried)
+            np.array_equal(states.membership, each.membership) for each in map(_states_in, tried)
         ):
             break
         tried.append(found)
-    return min(tried, key=lambda each: _find_states(each).misfit)
+    return min(tried, key=lambda each: _states_in(each).misfit)
 
 
 def _withhold_masses(found: JointFit) -> JointFit:
@@ -184,7 +186,7 @@ def _withhold_masses(found: JointFit) -> JointFit:
     return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 
-def _find_states(found: JointFit) -> LoadStates:
+def _states_in(found: JointFit) -> LoadStates:
     assert found.states is not None
     return found.states
 
