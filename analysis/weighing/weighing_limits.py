@@ -253,6 +253,17 @@ class WeighingLimits:
     #: and of a longer mean, which is the difference of two samples.
     mean_difference_variance: float = 2.0
 
+    # lever_arm
+    #: Differences over so much time tell the swing of a body from its grade: a cycle of springs of
+    #: 2 Hz is twice as long.
+    lever_lag_s: float = 0.25
+    #: Shortest stretch, in means.
+    lever_min_means: int = 10
+    #: Smallest swing that matters: a hundredth of a start's acceleration that comes in 0.2 s.
+    lever_min_s2: float = 0.0002
+    #: Standard uncertainty of a swing over itself: springs lag behind the acceleration.
+    lever_shape_u: float = 0.15
+
     # pitch_squat
     #: Distance in m from the start of a stretch over which the grade is a polynomial: half a hill.
     grade_reach_m: float = 8.0
