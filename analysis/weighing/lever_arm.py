@@ -4,11 +4,12 @@ A body on springs pitches by s for each m/s², as a mass on a spring and a dampe
 
     y'' + 2 ζ ω y' + ω² y = ω² a        the pitch is s · y
 
-so that an accelerometer at the height h above its axis reads h s · y'' beside the acceleration: the
-body swings with every start and brake, by several percent of them, and the more the heavier its
-load is. The wheels tell h s:
+An accelerometer at the height h above its axis reads h s · y'' beside the acceleration and the
+gravity g s · y: the body swings with every start and brake, by several percent of them, and the
+more the heavier its load is. With y = a - 2 ζ/ω y' - y''/ω² that is a squat g s · a, a delay, and
+a swing κ · y'' with κ = h s - g s/ω², which the wheels tell:
 
-    v = ∫ (1 + gain) a dt + slip · |u| F - delay · a - h s · y'
+    v = ∫ (1 + gain) a dt + slip · |u| F - delay · a - κ · y'
 
 in differences over a quarter of a second, in which grades, tilt and noise that adds up are small.
 The rate y' has noise of the accelerometer, which the integral has too; the force, whose noise is
@@ -43,7 +44,7 @@ class BodySwing:
     """What a swinging body adds to its accelerometer.
 
     Attributes:
-        lever_s2: h s, what it reads for each m/s⁴ of y'', with the mean load; 0 for none.
+        lever_s2: κ, what it reads for each m/s⁴ of y'', with the mean load; 0 for none.
         u_s2: standard uncertainty.
         frequency_hz: of the springs.
         damping_1: over the critical one.
@@ -54,8 +55,19 @@ class BodySwing:
     frequency_hz: float = 1.0
     damping_1: float = 1.0
 
+    def with_gravity(self, squat_1: float) -> "BodySwing":
+        """Add what a squat by g s has of the swing, where gravity was off by the pitch."""
+        turn_1_s = 2.0 * np.pi * self.frequency_hz
+        return replace(self, lever_s2=self.lever_s2 - squat_1 / turn_1_s**2)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether what is measured below the axis still tells the acceleration."""
+        turn_1_s = 2.0 * np.pi * self.frequency_hz
+        return self.lever_s2 * turn_1_s**2 > -LIMITS.lever_max_below_1
+
     def added(self, measured: Floats, rate_hz: float) -> Floats:
-        """Take h s · y'' from what is measured on that body, (n,) in m/s²."""
+        """Take κ · y'' from what is measured on that body, (n,) in m/s²."""
         return self._filter(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
 
     def rates(self, measured: Floats, rate_hz: float) -> Floats:
@@ -65,10 +77,11 @@ class BodySwing:
     def _filter(self, x: Floats, rate_hz: float, numerator: tuple[float, ...]) -> Floats:
         from scipy.signal import bilinear, lfilter, lfilter_zi
 
-        omega = 2.0 * np.pi * self.frequency_hz
+        turn_1_s = 2.0 * np.pi * self.frequency_hz
         # what is measured has the swing in it
-        below = (1.0 + self.lever_s2 * omega**2, 2.0 * self.damping_1 * omega, omega**2)
-        b, a = bilinear(omega**2 * np.array(numerator), below, rate_hz)
+        swings = 1.0 + self.lever_s2 * turn_1_s**2
+        below = (swings, 2.0 * self.damping_1 * turn_1_s, turn_1_s**2)
+        b, a = bilinear(turn_1_s**2 * np.array(numerator), below, rate_hz)
         return lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0]
 
 
@@ -79,6 +92,8 @@ def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
         measured: (n,) by the accelerometer, in m/s²; the pitch's gravity may be off.
         motion: the samples, the speed as it was measured.
     """
+    if motion.rate_hz < LIMITS.lever_min_rate_hz:
+        return None
     tried = [
         _estimate_lever_arm(measured, motion, BodySwing(frequency_hz=hz, damping_1=damping_1))
         for hz, damping_1 in product(_FREQUENCIES_HZ, _DAMPINGS_1)
@@ -91,14 +106,14 @@ def estimate_swing(measured: Floats, motion: MotionSamples) -> BodySwing | None:
     if found is None:
         return None
     least_s2 = max(LIMITS.lever_min_s2, LIMITS.pitch_squat_min_std * found.u_s2)
-    if not abs(found.lever_s2) > least_s2:
+    if not (abs(found.lever_s2) > least_s2 and found.is_stable):
         return None
     return replace(found, u_s2=float(np.hypot(found.u_s2, LIMITS.lever_shape_u * found.lever_s2)))
 
 
 def _search_springs(measured: Floats, motion: MotionSamples, first: BodySwing) -> BodySwing | None:
     """The springs that leave the least, of a body that is driven without its own swing."""
-    from scipy.optimize import minimize
+    from scipy.optimize import Bounds, minimize
 
     def springs(logs: Floats) -> BodySwing:
         hz, damping_1 = np.exp(logs).tolist()
@@ -110,9 +125,14 @@ def _search_springs(measured: Floats, motion: MotionSamples, first: BodySwing) -
 
     begin = np.log([first.frequency_hz, first.damping_1])
     corners = begin + _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    bounds = np.log([[_FREQUENCIES_HZ[0], _FREQUENCIES_HZ[-1]], [_DAMPINGS_1[0], 1.0]])
-    options = {"initial_simplex": corners, "xatol": _TOLERANCE, "fatol": np.inf}
-    best = minimize(left, begin, method="Nelder-Mead", bounds=bounds, options=options)
+    low, high = np.log([(tried[0], tried[-1]) for tried in (_FREQUENCIES_HZ, _DAMPINGS_1)]).T
+    best = minimize(
+        left,
+        begin,
+        method="Nelder-Mead",
+        bounds=Bounds(low, high),
+        options={"initial_simplex": corners, "xatol": _TOLERANCE, "fatol": np.inf},  # pyright: ignore[reportArgumentType] the stubs know no simplex
+    )
     found = _estimate_lever_arm(measured, motion, springs(best.x))
     return None if found is None else found[0]
 
@@ -123,13 +143,14 @@ def _estimate_lever_arm(
     """The lever arm by these springs, and the mean square that it leaves."""
     assert motion.specific_force is not None
     rate_hz = motion.rate_hz
-    step_s, lag = 1.0 / rate_hz, rows_in(LIMITS.lever_lag_s, rate_hz) // EVERY
+    step_s, lag = 1.0 / rate_hz, max(rows_in(LIMITS.lever_lag_s, rate_hz) // EVERY, 1)
+    shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
     swings = springs.rates(motion.specific_force, rate_hz)
     by_force = springs.rates(motion.force, rate_hz)
     parts: list[Floats] = []
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
     for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
-        if end - begin < LIMITS.lever_min_means * MEAN:
+        if end - begin < shortest:
             continue
         part = slice(begin, end)
         a, v, force = measured[part], motion.speed[part], motion.force[part]

@@ -139,7 +139,9 @@ def compare_wheels(
     if swing is None:
         return found
     still = _compare_bodies(subtract_swing(motion, swing), noise, priors, earlier)
-    return None if still is None else replace(still, swing=swing)
+    if still is None:
+        return None
+    return replace(still, swing=swing if level is None else swing.with_gravity(still.squat[0]))
 
 
 def _compare_bodies(
