@@ -99,12 +99,16 @@ def passes(
     parts[_refill_places(of_state, begin, end, digs, dumps, one_filling_ns)] = True
     if digs.height < LIMITS.digging_min_fraction * np.count_nonzero(parts & of_state[:-1]):
         parts[_dump_places(of_state, begin, end, dumps)] = True
+    hauls_nothing = _find_short_hauls(of_state, parts, begin, end, digs)
+    of_state = of_state & ~hauls_nothing
+    parts = (np.diff(of_state) != 0) | (parts & of_state[1:])
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
     dumping = _is_dumping(begin, end, dumps)
     spilled = _carries_spilled_load(of_state & ~dumping, of, state, mass_kg, u_kg)
-    left = np.where(dumping | spilled | ~are_possible(mass_kg)[state], 0.0, weight)
+    no_mass = dumping | spilled | hauls_nothing | ~are_possible(mass_kg)[state]
+    left = np.where(no_mass, 0.0, weight)
     # a pass that has no other keeps what it has
     weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
     total = np.bincount(of, weight)
@@ -122,6 +126,37 @@ def passes(
         one_filling_ns,
         dumps,
     )
+
+
+def _find_short_hauls(
+    loaded: Bools, parts: Bools, begin: Ints, end: Ints, digs: pl.DataFrame
+) -> Bools:
+    """(manoeuvres,) which would haul a load that nothing filled, in next to no time.
+
+    A machine that backs out of where it dumped is a load in some logs: a short manoeuvre tells
+    little of its mass, and a boom that comes down is as good as one that dumps.
+
+    Args:
+        loaded: (manoeuvres,).
+        parts: (manoeuvres - 1,) where one pass ends and another begins.
+        begin: (manoeuvres,) when each begins.
+        end: (manoeuvres,) likewise.
+        digs: `digging`.
+    """
+    found = np.zeros(loaded.size, np.bool_)
+    first = np.flatnonzero(np.append(True, parts))
+    last = np.append(first[1:] - 1, loaded.size - 1)
+    spans_ns = (end[last] - begin[first])[loaded[first]]
+    if spans_ns.size < LIMITS.filling_min_cycles:
+        return found
+    least_ns = LIMITS.short_haul_fraction * float(np.median(spans_ns))
+    dug_ns = digs["start_t_ns"].to_numpy()
+    # the first and the last load of a log may be cut off
+    for from_, to in zip(first[1:-1].tolist(), last[1:-1].tolist(), strict=True):
+        if loaded[from_] and end[to] - begin[from_] < least_ns:
+            dug = (dug_ns >= begin[from_ - 1]) & (dug_ns < end[to])
+            found[from_ : to + 1] = not dug.any()
+    return found
 
 
 def _one_filling_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> int:
