@@ -1,5 +1,6 @@
 """What every test may use."""
 
+import gc
 import os
 import time
 from pathlib import Path
@@ -30,6 +31,15 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(ProcessorTimes())
     # the keyring of whoever runs the tests vouches for nothing in them
     os.environ["PAYSCOPE_KEYRING"] = str(REPO / "no-such-folder" / "keys.toml")
+    # half of collecting 8,000 tests was looking for cycles among them
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    # tests and modules stay to the end: no collection looks at them again
+    gc.collect()
+    gc.freeze()
+    gc.enable()
 
 
 #: Files of 15 s of the processor and more, the longest first (`make test-times`): one processor

@@ -8,7 +8,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
-from scipy.ndimage import uniform_filter1d
 
 from analysis.model.windows import runs_of
 from analysis.stages.signals.clocks import RelativeDrift, clock_drifts, relative_drift
@@ -275,6 +274,8 @@ def _recurring_levels(runs: list[RepeatedReading], x: Floats) -> dict[float, flo
 
 
 def _limit_spans(limits: list[float], t: Ints, x: Floats) -> Spans:
+    from scipy.ndimage import uniform_filter1d  # slow to import
+
     near = max(round(_NEAR_S * 1e9 / period_ns(t)), _FEWEST_RUN)
     at = np.isin(x, limits).astype(np.float64)
     first, last = runs_of(uniform_filter1d(at, near, mode="nearest") >= _AT_LIMIT)

@@ -42,10 +42,12 @@ def to_si(unit: str, si: str) -> tuple[float, float]:
     Raises:
         MachineError: an unknown unit, or one of another dimension.
     """
+    target = si.replace("·", "*").replace("²", "**2").replace("°", "degree")
+    if unit in (si, target):
+        return 1.0, 0.0  # pint takes half a second to load its units
     import pint
 
     registry = _registry()
-    target = si.replace("·", "*").replace("²", "**2").replace("°", "degree")
     try:
         zero, one = (registry.Quantity(x, unit).to(target).magnitude for x in (0.0, 1.0))
     except pint.DimensionalityError as error:

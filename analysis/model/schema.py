@@ -719,9 +719,12 @@ def _declared_frame(name: str, given: Mapping[str, pl.Series]) -> pl.DataFrame:
 
 def _series(name: str, column: NDArray[Any] | pl.Series) -> pl.Series:
     if isinstance(column, np.ndarray):
-        return pl.Series(name, column, nan_to_null=True)
+        has_nan = column.dtype.kind == "f" and bool(np.isnan(column).any())
+        return pl.Series(name, column, nan_to_null=has_nan)
     named = column.alias(name)
-    return named.fill_nan(None) if named.dtype.is_float() and named.is_nan().any() else named
+    # a null is NaN for numpy, which asks sooner than a query of polars would
+    may_have_nan = named.dtype.is_float() and bool(np.isnan(named.to_numpy()).any())
+    return named.fill_nan(None) if may_have_nan else named
 
 
 def values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
 import polars as pl
 
 from analysis.model.physical_units import NS
@@ -81,7 +82,7 @@ def _has_numbers(series: Series, frame: pl.DataFrame) -> bool:
     # a log in which nothing is dumped, as a calibration's, has no cycles but what is left over
     if series.frame == "cycles" and not (frame["quality"] != "not dumped").any():
         return False
-    return bool(column.is_not_null().any())
+    return column.null_count() < column.len()
 
 
 def drawn_columns_of_view(
@@ -210,11 +211,12 @@ _SHORT_LINE: Final = 3
 
 def draws_as_points(numbers: pl.Series) -> bool:
     """Whether most numbers have no neighbour to draw a line to, or few, in many short lines."""
-    there = numbers.is_not_null()
-    begins = (there & ~there.shift(1, fill_value=False)).sum()
-    alone = (there & ~there.shift(1, fill_value=False) & ~there.shift(-1, fill_value=False)).sum()
-    short = begins > _MANY_LINES and there.sum() <= _SHORT_LINE * begins
-    return 2 * alone > there.sum() or short
+    there = numbers.is_not_null().to_numpy()
+    edges = np.diff(there, prepend=False, append=False)
+    begins, ends = edges[:-1] & there, edges[1:] & there
+    count, lines, alone = (int(each.sum()) for each in (there, begins, begins & ends))
+    short = lines > _MANY_LINES and count <= _SHORT_LINE * lines
+    return 2 * alone > count or short
 
 
 def _period_ns(run: Run) -> int:

@@ -48,7 +48,8 @@ def drawn_batches(
         starts = pa.array(np.arange(part.height + 1, dtype=np.int32))
         for column in part.drop("t_ns").get_columns():
             # Rerun draws a line across a null, and none across a NaN
-            drawn = column.fill_null(float("nan")) if column.dtype.is_float() else column
+            has_gaps = column.dtype.is_float() and column.null_count()
+            drawn = column.fill_null(float("nan")) if has_gaps else column
             values = drawn.to_arrow()
             if pa.types.is_large_string(values.type):
                 values = values.cast(pa.string())

@@ -103,7 +103,7 @@ def _judge_axis(
 def phase_codes(excitation: pl.DataFrame) -> Codes:
     """The phases as their places in `PHASES`, (rows,)."""
     codes = excitation["phase"].cast(PHASE).to_physical().cast(pl.UInt8)
-    return codes.fill_null(UNKNOWN).to_numpy()
+    return (codes.fill_null(UNKNOWN) if codes.null_count() else codes).to_numpy()
 
 
 def accepted_samples(

@@ -267,13 +267,26 @@ def yaw_noise():
     return plane.replayed(plane.sensors(plane.spins()))["noise"]
 
 
-@given(log=drives_in_the_plane(), settings=choices(), known=st.booleans())
-@examples(8)
-def test_spins_and_straight_motion_of_one_drive_equal_the_replays(yaw_noise, log, settings, known):
+def assert_both_axes_as_in_replay(log, settings, noise):
     said, holes = log
     excitation = holes_in(plane.excitation(said), holes)
     for axis in (X, Z):
-        assert_as_in_replay(excitation, settings, yaw_noise if known else None, axis)
+        assert_as_in_replay(excitation, settings, noise, axis)
+
+
+@given(log=drives_in_the_plane(), settings=choices(), known=st.booleans())
+@examples(4)
+def test_spins_and_straight_motion_of_one_drive_equal_the_replays(yaw_noise, log, settings, known):
+    assert_both_axes_as_in_replay(log, settings, yaw_noise if known else None)
+
+
+@pytest.mark.slow
+@given(log=drives_in_the_plane(), settings=choices(), known=st.booleans())
+@examples(24)
+def test_spins_and_straight_motion_of_many_drives_equal_the_replays(
+    yaw_noise, log, settings, known
+):
+    assert_both_axes_as_in_replay(log, settings, yaw_noise if known else None)
 
 
 def test_spins_give_the_inertia_on_board(yaw_noise):

@@ -19,6 +19,12 @@ DRAWN_S = (36.0, 60.0)
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
 
+@pytest.fixture(autouse=True)
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody looks at the pixels, of which each takes its time."""
+    monkeypatch.setattr("recordings.report.picture._DPI", 40)
+
+
 @pytest.fixture(scope="module")
 def pages(drives) -> dict[float, Figure]:
     """The page of a run of so many seconds, to be looked at."""
