@@ -310,8 +310,8 @@ def _make_columns(
     if found.swing.lever_s2 and motion.specific_force is not None:
         # springs give way in proportion to the mass
         by_load = 1.0 if loads is None else 1.0 + loads.at(motion.unit)
-        added = found.swing.added(motion.specific_force, motion.rate_hz)
-        acceleration = acceleration - by_load * added
+        swing_m_s2 = found.swing.swing_m_s2(motion.specific_force, motion.rate_hz)
+        acceleration = acceleration - by_load * swing_m_s2
     wheels, zeros = motion.wheel_acceleration, np.zeros(speed.size)
     force_std = float(np.sqrt(noise.covariance(1)[2, 2]))
     raw = Moments(

@@ -1,5 +1,6 @@
 """What the joint fit found: masses, nuisances, and what their uncertainty is made of."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -248,14 +249,10 @@ class JointFit:
             "other_effects": 0.0
             if self.effects is None
             else self.effects.model_choice_u_kg(weights),
-            "squat": float(
-                np.linalg.norm(
-                    [
-                        self._pitch_parts_kg(weights),
-                        self._squat_parts_kg(weights),
-                        0.0 if self.by_motion is None else weights @ self.by_motion.swing_kg,
-                    ]
-                )
+            "squat": math.hypot(
+                self._pitch_parts_kg(weights),
+                self._squat_parts_kg(weights),
+                0.0 if self.by_motion is None else float(weights @ self.by_motion.swing_kg),
             ),
             "misfit": root(fit.misfit),
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,

@@ -66,11 +66,11 @@ class BodySwing:
         turn_1_s = 2.0 * np.pi * self.frequency_hz
         return self.lever_s2 * turn_1_s**2 > -LIMITS.lever_max_below_1
 
-    def added(self, measured: Floats, rate_hz: float) -> Floats:
+    def swing_m_s2(self, measured: Floats, rate_hz: float) -> Floats:
         """Take κ · y'' from what is measured on that body, (n,) in m/s²."""
         return self._filter(measured, rate_hz, (self.lever_s2, 0.0, 0.0))
 
-    def rates(self, measured: Floats, rate_hz: float) -> Floats:
+    def pitch_rate_m_s3(self, measured: Floats, rate_hz: float) -> Floats:
         """Take y' likewise, (n,) in m/s³."""
         return self._filter(measured, rate_hz, (0.0, 1.0, 0.0))
 
@@ -119,7 +119,7 @@ def _search_springs(measured: Floats, motion: MotionSamples, first: BodySwing) -
         hz, damping_1 = np.exp(logs).tolist()
         return replace(first, frequency_hz=hz, damping_1=damping_1)
 
-    def left(logs: Floats) -> float:
+    def cost(logs: Floats) -> float:
         found = _estimate_lever_arm(measured, motion, springs(logs))
         return np.inf if found is None else found[1]
 
@@ -127,7 +127,7 @@ def _search_springs(measured: Floats, motion: MotionSamples, first: BodySwing) -
     corners = begin + _STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     low, high = np.log([(tried[0], tried[-1]) for tried in (_FREQUENCIES_HZ, _DAMPINGS_1)]).T
     best = minimize(
-        left,
+        cost,
         begin,
         method="Nelder-Mead",
         bounds=Bounds(low, high),
@@ -145,8 +145,8 @@ def _estimate_lever_arm(
     rate_hz = motion.rate_hz
     step_s, lag = 1.0 / rate_hz, max(rows_in(LIMITS.lever_lag_s, rate_hz) // EVERY, 1)
     shortest = MEAN + EVERY * max(2 * lag, LIMITS.lever_min_rows)
-    swings = springs.rates(motion.specific_force, rate_hz)
-    by_force = springs.rates(motion.force, rate_hz)
+    swings = springs.pitch_rate_m_s3(motion.specific_force, rate_hz)
+    by_force = springs.pitch_rate_m_s3(motion.force, rate_hz)
     parts: list[Floats] = []
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
     for begin, end in zip(first.tolist(), (last + 1).tolist(), strict=True):
@@ -183,11 +183,14 @@ def _estimate_lever_arm(
 def subtract_swing(motion: MotionSamples, swing: BodySwing) -> MotionSamples:
     """The same without what the swinging body adds to the accelerometer."""
     assert motion.specific_force is not None
-    added, level = swing.added(motion.specific_force, motion.rate_hz), motion.without_gravity
+    swing_m_s2, level = (
+        swing.swing_m_s2(motion.specific_force, motion.rate_hz),
+        motion.without_gravity,
+    )
     return replace(
         motion,
-        specific_force=motion.specific_force - added,
-        without_gravity=None if level is None else level - added,
+        specific_force=motion.specific_force - swing_m_s2,
+        without_gravity=None if level is None else level - swing_m_s2,
     )
 
 

@@ -150,11 +150,9 @@ def _compare_bodies(
     priors: PriorSettings,
     earlier: WheelKinematics | None,
 ) -> WheelKinematics | None:
-    """Compare wheels with an accelerometer on a body that may squat.
+    """Compare them, gravity taken off by the pitch where hills change it within a manoeuvre.
 
-    Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
-    goes better without it, it is taken off by the pitch; not elsewhere, since a body that squats
-    pitches as well, and its gravity, which follows the acceleration, must be seen as gain.
+    Not elsewhere: the gravity of a body that squats, which pitches as well, must be seen as gain.
     """
     if motion.specific_force is None:
         return None
