@@ -321,7 +321,10 @@ class Machine(BaseModel):
                 "channels.torque_right_N_m"
             )
         if "force_x_N" not in self.channels and self.machine.wheel_radius_m is None:
-            raise ValueError("wheel torques need machine.wheel_radius_m to become a force (17)")
+            raise ValueError(
+                "wheel torques need machine.wheel_radius_m to become a force "
+                "(equation 17 of the paper)"
+            )
         if "speed_x_m_s" not in self.channels:
             raise ValueError(
                 "no speed: give channels.speed_x_m_s, if need be derived: "

@@ -29,7 +29,7 @@ _PARTS: Final = {
     "scatter": _FitPart(
         "random",
         "manoeuvres of one load that disagree with each other",
-        "more starts, and alike",
+        "more starts, driven alike",
     ),
     "other_reading": _FitPart(
         "common",

@@ -120,7 +120,7 @@ class OpenRecording:
         if not self.manifest.frames:
             notes = "; ".join(self.provenance.notes) or "it was written to be looked at"
             raise RecordingError(
-                f"{self.path}: keeps no stages ({notes}); name a recording of `payscope run`"
+                f"{self.path}: keeps no frames ({notes}); name a recording of `payscope run`"
             )
 
     def read(self, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
@@ -131,7 +131,7 @@ class OpenRecording:
         """
         stored = self.manifest.frame(name)
         if stored is None:
-            raise RecordingError(f"{self.path}: no stage '{name}'; {nearest(name, self.stages)}")
+            raise RecordingError(f"{self.path}: no frame '{name}'; {nearest(name, self.stages)}")
         known = self.stages[name]
         for column in columns or ():
             if column not in known:

@@ -40,7 +40,11 @@ def command(
         ),
     ] = None,
     apply: Annotated[
-        bool, typer.Option("--apply", help="Write the machine file with the proposals that pay.")
+        bool,
+        typer.Option(
+            "--apply",
+            help="Write the machine file of -m with the proposals that pay.",
+        ),
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
@@ -112,6 +116,7 @@ def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Pa
         manoeuvre_line,
         verdict_sentence,
     )
+    from replay.commands.print_checks import print_failed_checks
     from replay.commands.print_tables import console, print_line
 
     screen = console()
@@ -123,9 +128,13 @@ def _print(explained: "Explanation", mended: "MendedMachine | None", picture: Pa
         for line in listed:
             print_line(screen, line)
 
+    if mended is not None and mended.path is None:
+        print_line(screen, "no proposal pays, so no machine file was written")
     print_line(screen, verdict_sentence(explained))
     failed = explained.said.verdict.failed("mass")
-    part("checks that failed:", (f"{c.check}: {c.meaning} ({c.limit})" for c in failed))
+    if failed:
+        screen.print("\nfailed checks:", markup=False)
+        print_failed_checks(screen, failed)
     part("causes, the likeliest first:", finding_lines(explained))
     if explained.manoeuvre is not None:
         part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
@@ -155,7 +164,6 @@ def _print_mended(screen: "Console", mended: "MendedMachine") -> None:
         key, cause = tried.proposal.key, name_of(tried.proposal.cause)
         print_line(screen, f"not {key} ({cause}): {tried.why}")
     if mended.path is None:
-        print_line(screen, "no proposal pays, so no machine file was written")
         return
     before, after = _mass_text(mended.before), _mass_text(mended.after)
     print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")

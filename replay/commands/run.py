@@ -9,6 +9,7 @@ import typer
 
 from replay.commands import print_tables
 from replay.commands.common_options import Calibration, RequireSigned, SignerKey, read_calibration
+from replay.commands.print_checks import check_table, print_remedies
 from replay.commands.print_tables import plain_table, print_line, print_table
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
     from analysis.compare.run_comparison import ValueChange
     from analysis.model.answer import Answer, AnswerRow
-    from analysis.model.verdict import Check, Verdict
+    from analysis.model.verdict import Verdict
     from replay.runs.run_logs import RecordTo
 
 #: Findings, losses and notes that are printed without -v; the others are counted.
@@ -309,10 +310,8 @@ def _print_verdict(screen: "Console", answer: "Answer", verbose: int) -> None:
     near = verdict.near_checks if verdict.can_weigh else ()
     shown = (*failed, *verdict.remarks, *near) if verdict.can_weigh else failed
     if shown or verbose > 1:
-        print_table(screen, _check_table(verdict.checks if verbose > 1 else shown))
-    for check in failed:
-        if check.remedy and check.value is not None:
-            print_line(screen, f"{check.check}: {check.remedy}")
+        print_table(screen, check_table(verdict.checks if verbose > 1 else shown))
+    print_remedies(screen, failed)
     if verdict.has_spins and not verdict.can_tell_inertia:
         screen.print(
             "No inertia estimate: the checks of the spins, or of the force's sign, failed."
@@ -336,18 +335,3 @@ def _value_text(row: "AnswerRow", method: str, name: str, std_name: str | None) 
     if value is None:
         return "–"
     return f"{value:,.2f}" + ("" if std is None else f" ± {std:.2f}")
-
-
-def _check_table(checks: "Sequence[Check]") -> "Table":
-    """A row a check: its number, its limit, what it led to."""
-    from recordings.report.number_text import outcome_text
-
-    table = plain_table("check", "value", "limit")
-    table.add_column("")
-    table.add_column("meaning", overflow="fold")
-    for check in checks:
-        value = "–" if check.value is None else f"{check.value:.3g}"
-        passed = "near" if check.is_near else "ok"
-        state = outcome_text(check, passed=passed, failed="[red]failed[/]", absent="n/a")
-        table.add_row(check.check, value, check.limit, state, check.meaning)
-    return table

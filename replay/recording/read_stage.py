@@ -1,4 +1,4 @@
-"""The command `show`: a stage of a recording, between two seconds of the run."""
+"""The command `show`: a frame of a recording, between two seconds of the run."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordedStage:
-    """A stage of a recording.
+    """A frame of a recording.
 
     Attributes:
         recording: the recording.
-        name: of the stage.
+        name: of the frame.
         rows: as they are stored.
         t0_unix_ns: the unix time of the run's start.
         timezone: that a person reads times in.
@@ -37,14 +37,14 @@ class RecordedStage:
 
     @classmethod
     def read(cls, recording: Path, name: str) -> Self:
-        """Read a stage.
+        """Read a frame.
 
         Raises:
-            RecordingError: no recording, or it has no such stage.
+            RecordingError: no recording, or it has no such frame.
         """
         held = stage_columns(recording)
         if name not in held:
-            raise RecordingError(f"{recording}: no stage '{name}'; {nearest(name, held)}")
+            raise RecordingError(f"{recording}: no frame '{name}'; {nearest(name, held)}")
         about = read_provenance(recording)
         zone = str(about.machine.get("machine", {}).get("timezone", "UTC"))
         return cls(recording, name, read_frame(recording, name), about.t0_unix_ns, zone)
@@ -61,12 +61,12 @@ class RecordedStage:
         """The loads with their calibrated masses.
 
         Raises:
-            RecordingError: another stage.
+            RecordingError: another frame.
             EvidenceError: the evidence is refused.
         """
         if self.name != "loads":
             raise RecordingError(
-                f"{self.recording}: a calibration is of stage 'loads', not of '{self.name}'"
+                f"{self.recording}: a calibration applies to frame 'loads', not to '{self.name}'"
             )
         from analysis.calibration.use.later_log import FRAMES as NEEDED
         from replay.calibration.apply_evidence import calibrated_frame
@@ -79,7 +79,7 @@ class RecordedStage:
         """The rows from one second of the run to another, both included.
 
         Raises:
-            RecordingError: the stage has no time, or that is no stretch.
+            RecordingError: the frame has no time, or that is no stretch.
         """
         if start_s is None and end_s is None:
             return self
@@ -97,7 +97,7 @@ class RecordedStage:
         """The rows that held at a second of the run: those whose span has it in it, or the last.
 
         Raises:
-            RecordingError: the stage has no time, or that is no second.
+            RecordingError: the frame has no time, or that is no second.
         """
         if not math.isfinite(second):
             raise RecordingError(f"--at {second}: is not a time; name seconds since the start")
@@ -131,7 +131,7 @@ class RecordedStage:
     def _time_to_cut_by(self) -> str:
         column = self.time_column
         if column is None:
-            raise RecordingError(f"{self.recording}: stage '{self.name}' has no time to cut by")
+            raise RecordingError(f"{self.recording}: frame '{self.name}' has no time to cut by")
         return column
 
     def _since_start_ns(self, column: str) -> pl.Expr:

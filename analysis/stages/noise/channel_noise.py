@@ -46,12 +46,13 @@ from analysis.stages.noise.noise_spectra import (
 from analysis.stages.signals.mounting import Series
 from estimators.arrays import Bools, Floats, Ints
 
-#: What is said of a source that is not the usual one.
+#: Where a noise comes from that the grid does not show, in words.
 _INSTEAD: Final[Mapping[str, str]] = {
-    "samples": "the grid does not show it, so the channels' own samples tell it, through what is "
-    "done to them",
-    RESIDUALS: "its fast changes are motion too, so it is what force and motion leave over at most",
-    SPREAD: "its fast changes are more than it varies by, so it is taken for noise alone",
+    "samples": "estimated from the raw samples and propagated through filter and derivative, "
+    "because the grid is too coarse to show it",
+    RESIDUALS: "limited to the residual of force and motion, because its fast changes contain "
+    "motion",
+    SPREAD: "limited to the variation of the whole column, because its fast changes exceed that",
 }
 
 #: The machine rocks after it has stopped, and its torque rises before it starts.

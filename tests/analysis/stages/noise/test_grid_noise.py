@@ -139,8 +139,9 @@ def test_noise_is_never_more_than_the_channel_varies():
 def test_a_note_says_what_tells_the_noise():
     noise, _ = noise_of(readings(100.0), filter__cutoff_hz=2.0)
     assert notes(noise) == [
-        "noise of regressor_acc_x_m_s2, speed_x_m_s, force_x_N: the grid does not show it, so the "
-        "channels' own samples tell it, through what is done to them"
+        "noise of regressor_acc_x_m_s2, speed_x_m_s, force_x_N: estimated from the raw "
+        "samples and propagated through filter and derivative, because the grid is too coarse to "
+        "show it"
     ]
     assert notes(noise_of(readings(100.0))[0]) == []
 
