@@ -13,7 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.cycles import cycles
-from analysis.cycles.load_passes import Passes, passes
+from analysis.cycles.load_passes import Passes, find_load_passes
 from analysis.cycles.shift_totals import shift
 from analysis.model.schema import build
 from analysis.model.verdict import Verdict
@@ -175,7 +175,7 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
     )
     table = cycles(weighing, frames, machine, Verdict(()), known).cycles
     summary = shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
-    found = known or passes(frames["loads"], frames["manoeuvres"], frames["digging"])
+    found = known or find_load_passes(frames["loads"], frames["manoeuvres"], frames["digging"])
     return _compared(truth, table, summary, found, hat)
 
 

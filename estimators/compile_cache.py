@@ -125,15 +125,17 @@ def _sources_digest(source: Path) -> str:
         path = left.pop()
         if path not in found and path.relative_to(_HOUSE).parts[0] in packages:
             found.add(path)
-            left += _read_module(path)[1]
+            left += _read_source_and_imports(path)[1]
     digest = hashlib.sha256()
     for path in sorted(found):
-        digest.update(path.relative_to(_HOUSE).as_posix().encode() + b"\0" + _read_module(path)[0])
+        digest.update(
+            path.relative_to(_HOUSE).as_posix().encode() + b"\0" + _read_source_and_imports(path)[0]
+        )
     return digest.hexdigest()[:16]
 
 
 @cache
-def _read_module(source: Path) -> tuple[bytes, tuple[Path, ...]]:
+def _read_source_and_imports(source: Path) -> tuple[bytes, tuple[Path, ...]]:
     """Read a module: its source, and the files of those that it imports from beside it."""
     text = source.read_bytes()
     modules: set[Path] = set()

@@ -118,7 +118,7 @@ def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Co
     return Comparison(
         settings=tuple(_setting_changes(mine, theirs)),
         inputs=tuple(_input_changes(mine, theirs)),
-        versions=tuple(_changed_values(mine.versions, theirs.versions)),
+        versions=tuple(_iter_changed_entries(mine.versions, theirs.versions)),
         provenance=tuple(_provenance_changes(mine, theirs)) if rows else (),
         only_a=tuple(name for name in a.stages if name not in b.stages),
         only_b=tuple(name for name in b.stages if name not in a.stages),
@@ -138,7 +138,7 @@ def _flatten(section: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any
             yield prefix + name, value
 
 
-def _changed_values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
+def _iter_changed_entries(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[ValueChange]:
     for name in dict.fromkeys((*a, *b)):
         if a.get(name) != b.get(name):
             yield ValueChange(name, a.get(name), b.get(name))
@@ -151,7 +151,7 @@ def changed_settings(a: Machine, b: Machine) -> list[ValueChange]:
         plain = machine.model_dump(mode="json")
         del plain["settings"]
         flat.append(_keys_by_stage(machine.settings, plain))
-    return list(_changed_values(flat[0], flat[1]))
+    return list(_iter_changed_entries(flat[0], flat[1]))
 
 
 def _keys_by_stage(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def _keys_by_stage(settings: Settings, machine: Mapping[str, Any]) -> dict[str, 
 
 
 def _setting_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _changed_values(
+    yield from _iter_changed_entries(
         _keys_by_stage(a.settings, a.machine), _keys_by_stage(b.settings, b.machine)
     )
 
@@ -175,7 +175,7 @@ def _input_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
 
 
 def _provenance_changes(a: Provenance, b: Provenance) -> Iterator[ValueChange]:
-    yield from _changed_values(
+    yield from _iter_changed_entries(
         {f"stamps of {topic}": kind for topic, kind in a.stamps.items()},
         {f"stamps of {topic}": kind for topic, kind in b.stamps.items()},
     )
@@ -264,4 +264,4 @@ def check_changes(a: Replay, b: Replay) -> Iterator[ValueChange]:
     passed = [
         {row["check"]: row["passed"] for row in _stage_rows(each, "verdict")} for each in (a, b)
     ]
-    yield from _changed_values(passed[0], passed[1])
+    yield from _iter_changed_entries(passed[0], passed[1])

@@ -27,7 +27,7 @@ from analysis.cycles.empty_machine import (
     pass_weights_by_state,
 )
 from analysis.cycles.haul_spillage import subtract_spillage
-from analysis.cycles.load_passes import NO_PASSES, Passes, passes
+from analysis.cycles.load_passes import NO_PASSES, Passes, find_load_passes
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
@@ -107,7 +107,9 @@ def cycles(
     """
     digs = frames["digging"]
     motion = frames["aligned"], frames["excitation"]
-    found = known or passes(frames["loads"], frames["manoeuvres"], digs, *motion) or NO_PASSES
+    found = (
+        known or find_load_passes(frames["loads"], frames["manoeuvres"], digs, *motion) or NO_PASSES
+    )
     twice = known is None and digging_contradicts(found, digs)
     found = NO_PASSES if twice else found
     parts = cycle_parts(found, digs)

@@ -157,7 +157,7 @@ class LostCycles(NamedTuple):
     payload_u_kg: float
 
 
-def holes(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, int]]:
+def find_channel_gaps_ns(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, int]]:
     """Stretches of a second or more in which a channel is missing, in ns, between its samples.
 
     Args:

@@ -128,7 +128,9 @@ def empty_machine(
     )
 
 
-def find_mixed_machine(manoeuvres: pl.DataFrame, begins_ns: Sequence[int]) -> MixedMachines | None:
+def find_empty_mass_jump(
+    manoeuvres: pl.DataFrame, begins_ns: Sequence[int]
+) -> MixedMachines | None:
     """Look for a log from which on the empty machine weighs otherwise.
 
     Args:

@@ -83,11 +83,11 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     """Take samples, masses and force of a log as the joint fit has them."""
     grids = frames["aligned"], frames["excitation"], frames["digging"]
     cycles, manoeuvres = frames["cycles"], frames["manoeuvres"]
-    mass_kg = _sample_masses(energy_samples(*grids, machine), cycles, manoeuvres)
+    mass_kg = _machine_and_load_mass_kg(energy_samples(*grids, machine), cycles, manoeuvres)
     model, model_u = fitted_force(frames, mass_kg, machine.settings.priors)
     errors, errors_u = fitted_motion_errors(frames["nuisances"], model, machine)
     samples = energy_samples(*grids, machine, model.offset)
-    mass_kg = _sample_masses(samples, cycles, manoeuvres)
+    mass_kg = _machine_and_load_mass_kg(samples, cycles, manoeuvres)
     samples = drive_as_it_acts(samples, errors.force_late_s)
     friction = model.viscous, model.direction
     by_accelerometer = machine.settings.forces.acceleration == "specific_force"
@@ -107,7 +107,7 @@ def fit_drive(frames: Mapping[str, pl.DataFrame], machine: Machine) -> FittedDri
     )
 
 
-def _sample_masses(
+def _machine_and_load_mass_kg(
     samples: EnergySamples, cycles: pl.DataFrame, manoeuvres: pl.DataFrame
 ) -> Floats:
     """(n,) mass of machine and load: of the nearest start with that load, growing while it digs."""

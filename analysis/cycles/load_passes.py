@@ -56,7 +56,7 @@ NO_PASSES: Final = Passes(
 )
 
 
-def passes(
+def find_load_passes(
     loads: pl.DataFrame,
     manoeuvres: pl.DataFrame,
     digs: pl.DataFrame,

@@ -12,7 +12,12 @@ import polars as pl
 
 from analysis.cycles.boom_dumps import standing
 from analysis.cycles.cycle_parts import IDLE_S
-from analysis.cycles.cycles_without_mass import holes, lost_cycles, price_kg, uncounted_cycles
+from analysis.cycles.cycles_without_mass import (
+    find_channel_gaps_ns,
+    lost_cycles,
+    price_kg,
+    uncounted_cycles,
+)
 from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.schema import FRAMES, build
@@ -51,7 +56,7 @@ def shift(
         aligned: where nothing was recorded.
         scale: of the payloads.
     """
-    gaps = holes(excitation, aligned)
+    gaps = find_channel_gaps_ns(excitation, aligned)
     lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / NS_PER_S if t_ns.size else 0.0

@@ -187,12 +187,12 @@ class CheckInputs:
         return self.excitation["phase"].is_in(names).fill_null(False).to_numpy()
 
     @cached_property
-    def force_by_place(self) -> Floats | None:
+    def position_dependent_force_N(self) -> Floats | None:
         """A spring, say, as far as the answer's fit knows it, (n,): it hides the mass from others.
 
         None where there is none.
         """
-        return None if self.weighing is None else self.weighing.fit.force_by_place
+        return None if self.weighing is None else self.weighing.fit.position_dependent_force_N
 
     @cached_property
     def empty_mass(self) -> EmptyMassDifference | None:
@@ -209,8 +209,8 @@ class CheckInputs:
         """Straight motion, without a force that depends on the place."""
         settings = self.machine.settings
         A, f = straight_regressor(self.excitation, settings)
-        if self.force_by_place is not None:
-            f = f - self.force_by_place
+        if self.position_dependent_force_N is not None:
+            f = f - self.position_dependent_force_N
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         welcome = () if settings.gate.exclude_braking else ("braking",)
         return AxisMotion(

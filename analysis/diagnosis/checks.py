@@ -21,7 +21,7 @@ from analysis.model.schema import build, values
 from analysis.model.verdict import EvidenceSubject, Verdict
 from analysis.stages.estimation import fit_quality
 from analysis.stages.gating.gate import accepted_samples
-from analysis.stages.motion.phases import average_like_speed_rate, rows_of_rate_span
+from analysis.stages.motion.phases import average_like_speed_rate, speed_rate_span_rows
 from analysis.stages.noise.column_noise import ColumnNoise
 from analysis.stages.signals.grid_rate import FEWEST_READINGS, rows_in
 
@@ -113,7 +113,7 @@ def rate_noise_variance(inputs: CheckInputs) -> float:
         return 0.0
     # both ends of its span are moving means
     of_mean = float(known.covariance(settings.smooth.samples)[1, 1])
-    return 2.0 * of_mean * (settings.align.rate_hz / rows_of_rate_span(settings)) ** 2
+    return 2.0 * of_mean * (settings.align.rate_hz / speed_rate_span_rows(settings)) ** 2
 
 
 def _accepted_stretches(inputs: CheckInputs, _: AxisMotion) -> float:
@@ -131,7 +131,7 @@ def _empty_mass_shortfall_u(inputs: CheckInputs, _: AxisMotion) -> float:
     return np.nan if found is None else -found.difference_in_u
 
 
-def _empty_mass_difference_u(inputs: CheckInputs, _: AxisMotion) -> float:
+def _empty_mass_difference_in_u(inputs: CheckInputs, _: AxisMotion) -> float:
     found = inputs.empty_mass
     if found is None or not found.is_informative:
         return np.nan
@@ -263,7 +263,7 @@ CHECKS: Final = (
     CheckRow(
         "empty_mass",
         "mass",
-        _empty_mass_difference_u,
+        _empty_mass_difference_in_u,
         "lightest load from the machine's empty mass, likewise; where it may be a payload, "
         "only the part beyond one",
         maximum="empty_mass_max_u",

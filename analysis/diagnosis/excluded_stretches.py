@@ -17,7 +17,7 @@ from analysis.model.machine import Machine
 from analysis.model.verdict_limits import VerdictLimits
 from analysis.model.windows import flagged_windows
 from analysis.stages.gating.gate import refuse_windows
-from analysis.stages.motion.phases import rows_of_rate_span
+from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.weighing.weigh import Weighing, mean_difference_kg
 from estimators.arrays import Bools
 
@@ -108,7 +108,7 @@ def refit_without_stretches(
             rows |= held
             # the moving mean and the phase look back
             seen = flagged_windows(
-                held, rows_of_rate_span(machine.settings) + machine.settings.smooth.samples
+                held, speed_rate_span_rows(machine.settings) + machine.settings.smooth.samples
             )
             gated = refuse_windows(gated, seen, why, machine.settings)
     return RefitWithoutStretches(weighing, gated, named)

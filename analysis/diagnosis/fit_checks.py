@@ -10,7 +10,7 @@ from analysis.diagnosis.check_row import CheckRow
 from analysis.diagnosis.method_disagreement import disagreements
 from analysis.model.schema import values
 from analysis.weighing.mass_budget import relative_u
-from analysis.weighing.other_motion import motion_disagreement
+from analysis.weighing.other_motion import wheel_imu_disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 from analysis.weighing.wheel_kinematics import WheelKinematics
 
@@ -38,7 +38,7 @@ def _is_fitted(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None
 
 
-def _has_wheels(inputs: CheckInputs, _: AxisMotion) -> bool:
+def _has_wheel_kinematics(inputs: CheckInputs, _: AxisMotion) -> bool:
     return inputs.weighing is not None and inputs.weighing.fit.kinematics is not None
 
 
@@ -99,7 +99,7 @@ def _contradicted_methods(inputs: CheckInputs, _: AxisMotion) -> float:
 
 def _gating_bias_u(inputs: CheckInputs, motion: AxisMotion) -> float:
     """Deviations between the gated and the ungated pooled mass; NaN where both miss a spring."""
-    if inputs.totals is None or inputs.force_by_place is not None:
+    if inputs.totals is None or inputs.position_dependent_force_N is not None:
         return np.nan
     pooled = inputs.totals.filter(inputs.totals["method"] == "pooled")
     mass_kg, std_kg = (values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
@@ -191,7 +191,7 @@ FIT_CHECKS: Final = (
         _value_of_wheels(lambda wheels: abs(wheels.delay_s[0])),
         "estimated delay of the speed against the accelerometer, s, of either sign",
         maximum="lag_max_s",
-        applies=_has_wheels,
+        applies=_has_wheel_kinematics,
         remedy="channels.speed_x_m_s.delay_s",
     ),
     CheckRow(
@@ -200,17 +200,17 @@ FIT_CHECKS: Final = (
         _value_of_wheels(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
         "gain difference of wheel speed and accelerometer; either may be wrong",
         maximum="gain_max",
-        applies=_has_wheels,
+        applies=_has_wheel_kinematics,
         consequence="widen",
         remedy="machine.wheel_radius_m, machine.imu, or channels.specific_force_x_m_s2.scale",
     ),
     CheckRow(
         "wheels",
         "mass",
-        _value_of_weighing(lambda weighing: motion_disagreement(weighing.fit)),
+        _value_of_weighing(lambda weighing: wheel_imu_disagreement(weighing.fit)),
         "residual of wheel speed against accelerometer beyond noise, as a fraction of the speed",
         maximum="wheels_max",
-        applies=_has_wheels,
+        applies=_has_wheel_kinematics,
         names=_other_motion_text,
         moved_u=_shift_by_other_motion,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",

@@ -231,7 +231,7 @@ def score_causes(
         square = sum(part.information_about(name) for part in parts)
         if not square > 0.0:
             continue
-        value = sum(part.score_of(name) for part in parts) / square
+        value = sum(part.remaining_score(name) for part in parts) / square
         out[name] = PickedCause(name, value, square**-0.5, value**2 * square, ())
     return out
 

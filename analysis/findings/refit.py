@@ -106,7 +106,7 @@ def _mass_kg(inputs: FindingInputs, motion: MotionSamples) -> float | None:
     if known:
         inputs.kept["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    found = refit_from_parameters(begun, noise, priors, known=known).mass_kg
+    found = refit_warm_started(begun, noise, priors, known=known).mass_kg
     return found if np.isfinite(found) else None
 
 
@@ -134,7 +134,7 @@ def _differ_by_constant(old: Floats, new: Floats) -> bool:
     return float(np.ptp(new - old)) < LIMITS.zero_shift_m_s2
 
 
-def refit_from_parameters(
+def refit_warm_started(
     begun: JointFit, noise: ColumnNoiseModel, priors: PriorSettings, *, known: bool
 ) -> JointFit:
     """Fit from another one's parameters on; its lag by the first stretches where there are more.

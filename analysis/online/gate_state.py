@@ -15,7 +15,7 @@ from analysis.model.schema import PHASES
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import slipping, without_gravity
 from analysis.stages.gating.gate_rules import UNKNOWN, decide, is_braking, row_flags
-from analysis.stages.motion.phases import TURNS, rows_of_rate_span, yaw_speeding_sign
+from analysis.stages.motion.phases import TURNS, speed_rate_span_rows, yaw_speeding_sign
 from estimators.arrays import Bools, Floats, Ints
 from estimators.methods.incremental import WindowState, window_statistics
 from estimators.methods.ls import WindowStatistics
@@ -105,12 +105,12 @@ def start_gate(axis: Axis, settings: Settings) -> GateState:
         row=-1,
         first_whole=None,
         last=dict.fromkeys(("gap", *reasons), _NEVER),
-        accelerations=(float("nan"),) * rows_of_rate_span(settings) if axis is X else (),
-        yaw_rates=(float("nan"),) * (rows_of_rate_span(settings) + 1) if axis is Z else (),
+        accelerations=(float("nan"),) * speed_rate_span_rows(settings) if axis is X else (),
+        yaw_rates=(float("nan"),) * (speed_rate_span_rows(settings) + 1) if axis is Z else (),
         known=False,
         kind=None,
         segment_id=-1,
-        braking_lag=rows_of_rate_span(settings) + settings.smooth.samples
+        braking_lag=speed_rate_span_rows(settings) + settings.smooth.samples
         if settings.gate.exclude_braking
         else 1,
     )

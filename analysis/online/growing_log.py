@@ -16,7 +16,7 @@ import polars as pl
 from analysis.model.machine import Machine
 from analysis.model.schema import HINTS
 from analysis.stages.motion.forces import forces
-from analysis.stages.motion.phases import rows_of_rate_span
+from analysis.stages.motion.phases import speed_rate_span_rows
 from analysis.stages.motion.smooth import smooth
 from analysis.stages.signals.align import Origin, align_on, find_origin
 from analysis.stages.signals.derive import derive, read_measured
@@ -194,7 +194,7 @@ class GrowingLog:
         read, _ = read_measured(self._raw, machine)
         channels, _ = derive(read, machine)
         # the mean, the speed rate over it, and an acceleration averaged over the span of that
-        looks_back = settings.smooth.samples + 2 * rows_of_rate_span(settings) + 2
+        looks_back = settings.smooth.samples + 2 * speed_rate_span_rows(settings) + 2
         step_ns = 1e9 / settings.align.rate_hz
         after_ns = self._last_t_ns - round(looks_back * step_ns)
         aligned = align_on(channels, machine, self.basis.origin, after_ns, is_whole=is_whole)

@@ -17,7 +17,7 @@ import numpy as np
 from analysis.weighing.fit_columns import RelativeLoads
 from analysis.weighing.fitted_stretches import begins, ends
 from analysis.weighing.motion_samples import Floats, MotionSamples, rolling_fraction
-from analysis.weighing.pitch_squat import fit_instrumental_variables, squat_products
+from analysis.weighing.pitch_squat import fit_instrumental_variables, pitch_squat_cross_products
 from analysis.weighing.weighing_limits import LIMITS
 from analysis.weighing.wheel_kinematics import WheelKinematics
 from estimators.numerics.autocorrelation import student_factor
@@ -157,7 +157,7 @@ def _estimate_by_pitch(motion: MotionSamples, loads: RelativeLoads) -> tuple[flo
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
-    squats = squat_products(gravity, motion)
+    squats = pitch_squat_cross_products(gravity, motion)
     relative = loads.at(motion.unit)[squats.first]
     if relative.size < LIMITS.squat_min_stretches or np.ptp(relative) == 0.0:
         return None

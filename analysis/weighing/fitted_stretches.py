@@ -13,7 +13,9 @@ from analysis.weighing.weighing_limits import LIMITS
 from estimators.arrays import Bools, Floats, Ints
 
 
-def path_places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> tuple[Floats, float]:
+def path_positions(
+    speed: Floats, used: Bools, silences: Ints, rate_hz: float
+) -> tuple[Floats, float]:
     """Where the machine is on its path, (n,), and how long that is, in m.
 
     What it did while the log was silent nobody knows: each record is centred on its own path.
@@ -28,7 +30,7 @@ def path_places(speed: Floats, used: Bools, silences: Ints, rate_hz: float) -> t
     return np.where(np.abs(place) <= length, place, 0.0) / (length or 1.0), length
 
 
-def count_standstills(excitation: pl.DataFrame) -> Ints:
+def running_standstill_count(excitation: pl.DataFrame) -> Ints:
     """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)

@@ -170,7 +170,7 @@ def find_growing_loads(
     )
     # what no machine carries is no load, however surely the manoeuvre misses the model
     carried = np.abs(kg) < LIMITS.max_growth_fraction * abs(fit.mass_kg)
-    carried &= kg > -_most_lost_kg(fit)
+    carried &= kg > -_max_plausible_loss_kg(fit)
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
         LoadGrowth(
@@ -183,7 +183,7 @@ def find_growing_loads(
     )
 
 
-def _most_lost_kg(fit: JointFit) -> float:
+def _max_plausible_loss_kg(fit: JointFit) -> float:
     """What a load may fall by: by what is carried, as far as other loads of the log tell it."""
     if fit.count == 1:
         return float("inf")

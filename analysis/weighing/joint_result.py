@@ -119,7 +119,7 @@ class JointFit:
         return max(resistance_slope(self.theta, self.terms, self.motion), 0.0)
 
     @property
-    def force_by_place(self) -> Floats | None:
+    def position_dependent_force_N(self) -> Floats | None:
         """The force that depends on the place, (n,) in N; None where there likely is none."""
         own = [k for k, term in enumerate(self.terms) if term.source == BY_PLACE]
         if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):

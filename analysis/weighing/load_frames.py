@@ -60,12 +60,12 @@ def _state_times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    of = states.membership[_state_indices(fit, states)]
+    of = states.membership[_manoeuvre_of_samples(fit, states)]
     inside = (used[of == state] for state in range(fit.count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
 
 
-def _state_indices(fit: JointFit, states: LoadStates) -> Ints:
+def _manoeuvre_of_samples(fit: JointFit, states: LoadStates) -> Ints:
     """Of each fitted sample, the place of its manoeuvre among those of the states."""
     return np.searchsorted(states.unit, sample_units(fit.motion))
 
@@ -75,7 +75,7 @@ def load_change_rows(weighing: Weighing | None) -> list[int]:
     if weighing is None or weighing.fit.states is None:
         return []
     fit, states = weighing.fit, weighing.fit.states
-    of = states.membership[_state_indices(fit, states)]
+    of = states.membership[_manoeuvre_of_samples(fit, states)]
     used = np.flatnonzero(fit.motion.used)
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
@@ -289,7 +289,7 @@ def manoeuvre_frame(
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    place = _state_indices(fit, states)
+    place = _manoeuvre_of_samples(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well

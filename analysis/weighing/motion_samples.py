@@ -22,7 +22,6 @@ from analysis.weighing.fitted_stretches import (
     begins,
     centred_progress,
     count_silences,
-    count_standstills,
     cut_drives,
     cut_stretches,
     driving_directions,
@@ -31,7 +30,8 @@ from analysis.weighing.fitted_stretches import (
     fitted_manoeuvres,
     missing_rows,
     number_runs,
-    path_places,
+    path_positions,
+    running_standstill_count,
     trim_to_break_away,
 )
 from analysis.weighing.weighing_limits import LIMITS
@@ -339,7 +339,7 @@ def motion_samples(
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
-    stood = count_standstills(excitation)
+    stood = running_standstill_count(excitation)
     unit = cut_drives(stood, rows_in(LIMITS.longest_manoeuvre_s, settings.align.rate_hz))
     silences = count_silences(known, rows_in(LIMITS.record_break_s, settings.align.rate_hz))
     group = cut_stretches(group, unit)
@@ -356,7 +356,7 @@ def motion_samples(
         _grid_column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
         centred_progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
-        *path_places(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
+        *path_positions(np.where(known, speed, 0.0), group >= 0, silences, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _empty_weight(machine, acceleration, force, group >= 0),

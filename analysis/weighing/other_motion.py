@@ -33,7 +33,7 @@ class AlternativeMotion:
         return abs(self.kg) / self.u_kg if np.isfinite(self.kg) else float("inf")
 
 
-def motion_disagreement(fit: JointFit) -> float:
+def wheel_imu_disagreement(fit: JointFit) -> float:
     """What wheels and accelerometer do not agree about, as a share of the speed; NaN: no telling.
 
     What the noise of the speed explains is no disagreement, so that its size does not matter.

@@ -40,8 +40,8 @@ from analysis.weighing.motion_samples import (
 from analysis.weighing.nuisances import CURVATURE, FILLING
 from analysis.weighing.other_motion import (
     AlternativeMotion,
-    motion_disagreement,
     refit_with_other_motion,
+    wheel_imu_disagreement,
 )
 from analysis.weighing.record_places import align_records
 from analysis.weighing.weighing_limits import LIMITS
@@ -256,7 +256,7 @@ def _weigh_with_priors(
         fit_filling(own, columns, own_priors, rows if own is fit else None),
         grown,
         refit_with_other_motion(fit, columns, priors)
-        if motion_disagreement(fit) > settings.verdict.wheels_max
+        if wheel_imu_disagreement(fit) > settings.verdict.wheels_max
         else None,
         alone,
         None

@@ -210,7 +210,7 @@ def _fit_comparison(
         return None
     lines = loss = None
     if earlier is not None:
-        lines = _line_columns(rows[2])
+        lines = _stretch_trend_columns(rows[2])
         loss = autocovariance_loss(rows[2], lines)
     wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     for number in range(LIMITS.slip_passes):
@@ -227,7 +227,7 @@ def _fit_comparison(
         rows = _comparison_rows(measured, motion.shift_speed(delay_s), noise, slip_1_N) or rows
         # only the last one's deviations count
         if lines is None and number == LIMITS.slip_passes - 1:
-            lines = _line_columns(rows[2])
+            lines = _stretch_trend_columns(rows[2])
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(LIMITS.gain_search_std_1, about), delay_s, lines, loss)
     # a speed without noise is known to its last digit
@@ -307,7 +307,7 @@ def _least_std(rows: _Rows, noise: ColumnNoiseModel, prior_std: Floats, step_s: 
     return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
-def _line_columns(group: Ints) -> Floats:
+def _stretch_trend_columns(group: Ints) -> Floats:
     """A constant and a slope for each stretch, (rows, 2)."""
     return np.concatenate([_orthonormal_line(part.size) for part in group_rows(group)])
 

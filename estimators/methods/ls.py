@@ -266,10 +266,10 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    return trace_windows(A, f, window, index, solve_windows(A, f, window, index))
+    return estimate_window_stds(A, f, window, index, solve_windows(A, f, window, index))
 
 
-def trace_windows(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
+def estimate_window_stds(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
     """Give solved windows their deviations, from the residuals' autocorrelation over the log."""
     theta, grams, rss, condition = solved
     residual, owner = window_residuals(A, f, theta, index, window)

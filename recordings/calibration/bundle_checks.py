@@ -245,7 +245,7 @@ def check_signature(
     """
     named = document.signer if document is not None else None
     if STATEMENT not in held:
-        _add_unsigned(checked, document, key)
+        _add_unsigned_findings(checked, document, key)
         return
     checked.signed_by = SignedBy("broken")
     try:
@@ -268,7 +268,7 @@ def check_signature(
         identify_signer(checked, stated, document, key, keyring)
 
 
-def _add_unsigned(
+def _add_unsigned_findings(
     checked: CheckedBundle, document: EvidenceDocument | None, key: PublicKey | None
 ) -> None:
     """Add the findings of a bundle that has no signed statement."""

@@ -27,7 +27,7 @@ _NO_PART_STAGES: Final = ("loads", "planar")
 _WHOLE_FORMATS: Final = tuple(f"payscope-calibration-evidence/{number}" for number in (1, 2, 3))
 
 
-def estimator_of(
+def estimator_with_digest(
     campaign: CalibrationCampaign,
     machine: Machine,
     absent: Container[str] = (),

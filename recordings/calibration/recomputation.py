@@ -28,7 +28,11 @@ from recordings.calibration.campaign_faults import (
     machine_faults,
 )
 from recordings.calibration.check_outcomes import BundleFinding, BundleOutcome
-from recordings.calibration.derived_values import estimator_of, reference_loads, rms_error_kg
+from recordings.calibration.derived_values import (
+    estimator_with_digest,
+    reference_loads,
+    rms_error_kg,
+)
 from recordings.calibration.evidence_document import EvidenceDocument
 
 #: Another processor or library has other last bits.
@@ -68,10 +72,10 @@ def compare_recomputed(
     notes = [_LATER.format(", ".join(named))] if named else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
-        (EVIDENCE, lambda: compare_files_of_campaign(document)),
+        (EVIDENCE, lambda: check_evidence_against_campaign(document)),
         (READINGS, lambda: check_runs(document, readings)),
         (f"{EVIDENCE}: calibration", lambda: compare_fit(document, readings, points, notes)),
-        (REPORT, lambda: compare_page(document, readings, points, report)),
+        (REPORT, lambda: compare_report_page(document, readings, points, report)),
     )
     for item, step in steps:
         found += _run_step(item, step)
@@ -90,7 +94,7 @@ def _run_step(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[Bu
         return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
 
 
-def compare_page(
+def compare_report_page(
     document: EvidenceDocument,
     readings: pl.DataFrame,
     points: pl.DataFrame | None,
@@ -147,7 +151,7 @@ def _irreproducible_finding(place: str, what: str) -> BundleFinding:
     return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {place}", what)
 
 
-def compare_files_of_campaign(document: EvidenceDocument) -> Findings:
+def check_evidence_against_campaign(document: EvidenceDocument) -> Findings:
     """What follows from the campaign and machine files."""
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
@@ -164,7 +168,7 @@ def compare_files_of_campaign(document: EvidenceDocument) -> Findings:
     for fault in machine_faults(campaign.machine.id, machine, document.logs):
         yield _irreproducible_finding("campaign.machine.id", fault)
     yield from compare_learnt_priors(document)
-    if document.estimator != estimator_of(
+    if document.estimator != estimator_with_digest(
         campaign, document.weighing, document.settings_at_default, document.format
     ):
         yield _irreproducible_finding("estimator", "is not that of the settings")

@@ -66,7 +66,7 @@ def released_defaults() -> Mapping[str, Mapping[str, Any]]:
     return json.loads(text)
 
 
-def first_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> tuple[bool, Any]:
+def first_released_default(name: str, kept: Mapping[str, Mapping[str, Any]]) -> tuple[bool, Any]:
     """The default that a setting had when it came; evidence from before it is to take that.
 
     Args:
@@ -130,19 +130,22 @@ def changed_defaults(
     """
     found: dict[str, Any] = {}
     for name, default in absent.items():
-        first = _first_default(name, default, kept)
+        first = _first_released_default(name, default, kept)
         if first != default:
             found[name] = first
     return found
 
 
-def _first_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
+def _first_released_default(name: str, default: Any, kept: Mapping[str, Mapping[str, Any]]) -> Any:
     """The first default of a setting, or of a whole part of them."""
-    known, first = first_default(name, kept)
+    known, first = first_released_default(name, kept)
     if known:
         return first
     if isinstance(default, dict):
-        return {key: _first_default(f"{name}.{key}", value, kept) for key, value in default.items()}
+        return {
+            key: _first_released_default(f"{name}.{key}", value, kept)
+            for key, value in default.items()
+        }
     return default
 
 

@@ -65,7 +65,7 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     draw_force_acceleration(scatter, run if explained.at_s is None else near, explained.at_s)
     left.suptitle("Force against acceleration", x=0.01, ha="left", fontsize=9)
     settles = right.subplots()
-    settling = run if explained.at_s is None else _run_of_load_at(run, explained.at_s)
+    settling = run if explained.at_s is None else _restrict_run_to_load_at(run, explained.at_s)
     draw_convergence(settles, settling, explained.at_s)
     right.suptitle("How the mass settles", x=0.01, ha="left", fontsize=9)
     if at_s is not None:
@@ -109,7 +109,7 @@ def _rows_between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
     return frame.slice(int(first), int(last - first))
 
 
-def _run_of_load_at(run: Run, at_s: float | None) -> Run:
+def _restrict_run_to_load_at(run: Run, at_s: float | None) -> Run:
     """The rows of the load at a moment; the whole run where there is none."""
     loads = run.frames.get("loads")
     if at_s is None or loads is None:

@@ -75,7 +75,7 @@ def fleet_html(page: FleetPage) -> str:
     machines = sum_results(page.results, ["machine"])
     total = sum_machines(machines)
     flagged = sorted(
-        (chart for chart in page.charts if chart.chart.flagged is not None), key=_by_size
+        (chart for chart in page.charts if chart.chart.flagged is not None), key=_significance_order
     )
     by_week = _fleet_weeks(page.weeks)
     drawn = [tonnes_picture(by_week)] if by_week.height else []
@@ -211,7 +211,7 @@ def cell_text(value: float | None, form: str) -> tuple[str, str]:
     return f"{value:{form}}", f"{value:.6g}"
 
 
-def _by_size(chart: MachineChart) -> tuple[float, str, str]:
+def _significance_order(chart: MachineChart) -> tuple[float, str, str]:
     """The change that is largest beside its deviation comes first."""
     change, std = abs(chart.change), chart.change_std
     known = math.isfinite(change) and std > 0.0

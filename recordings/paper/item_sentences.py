@@ -319,7 +319,7 @@ def figure_5(found: Figure5) -> ItemSentences:
     )
 
 
-def figure_6(found: Figure6) -> ItemSentences:
+def raw_mass_figure_sentences(found: Figure6) -> ItemSentences:
     """Say what Figure 6 shows."""
     first_kg, last_kg = found.implied_kg
     return ItemSentences(

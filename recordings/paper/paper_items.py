@@ -159,7 +159,7 @@ ITEMS: Final[tuple[Item[Any], ...]] = (
         "Figure 6: masses before calibration",
         (campaign_figures.LOADS,),
         campaign_figures.figure_6,
-        item_sentences.figure_6,
+        item_sentences.raw_mass_figure_sentences,
         picture=paper_pictures.FIGURE_6,
     ),
     Item(

@@ -19,10 +19,10 @@ LEADS_TO: Final = {
 def findings_of(run: Run) -> tuple[Finding, ...]:
     """The findings of a run, the likeliest first; none of a run that was not looked at."""
     frame = run.frames.get("findings")
-    return () if frame is None else findings_from(frame.iter_rows(named=True))
+    return () if frame is None else findings_of_rows(frame.iter_rows(named=True))
 
 
-def findings_from(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
+def findings_of_rows(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
     """The findings of rows of the frame `findings`."""
     return tuple(Finding.of(row) for row in rows)
 

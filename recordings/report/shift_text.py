@@ -10,7 +10,7 @@ from recordings.report.number_text import SCALE_NOT_KNOWN
 K: Final = 2.0
 
 
-def shift_sentence(shift: Mapping[str, Any]) -> str:
+def shift_payload_sentence(shift: Mapping[str, Any]) -> str:
     """The tonnes of a shift of which a cycle counts.
 
     Args:

@@ -49,7 +49,7 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
             _payload_text(load),
-            *(calibrated_interval(load) if _is_calibrated(said) else ()),
+            *(calibrated_mass_cells(load) if _is_calibrated(said) else ()),
             _load_remark(load),
         )
         for load in said.loads
@@ -224,7 +224,7 @@ def _payload_text(load: Mapping[str, Any]) -> str:
     return plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
-def calibrated_interval(load: Mapping[str, Any]) -> tuple[str, ...]:
+def calibrated_mass_cells(load: Mapping[str, Any]) -> tuple[str, ...]:
     """Calibrated mass and the ends of its interval."""
     names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
     return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
@@ -236,7 +236,7 @@ def calibrated_line(load: Mapping[str, Any]) -> str:
         return ""
     if load["calibrated_kg"] is None:
         return f"not calibrated: {load['calibrated_reason']}"
-    mass, low, high = calibrated_interval(load)
+    mass, low, high = calibrated_mass_cells(load)
     unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
     # less is lost in the rounding of the whole
     tells = unlike_kg > _TELLS * load["calibrated_u_kg"]

@@ -21,7 +21,7 @@ FUEL: Final = "fuel_L"
 FUEL_U: Final = "fuel_u_L"
 
 
-def value_column(name: str) -> str:
+def energy_column_name(name: str) -> str:
     """The ledger's column of an energy."""
     return f"{name}_kWh"
 
@@ -41,7 +41,7 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     by_cycle: dict[int, dict[str, EnergyAmount]] = {}
     for row in state.energy.rows:
         if row.cycle is not None:
-            by_cycle.setdefault(row.cycle, {}).update(amounts_by_name(row))
+            by_cycle.setdefault(row.cycle, {}).update(energy_amounts_by_column(row))
     found: list[dict[str, EnergyAmount]] = []
     for ledger_row in rows.iter_rows(named=True):
         amounts = by_cycle.get(ledger_row["cycle"], {})
@@ -51,7 +51,7 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     columns: list[pl.Series] = []
     for name in ENERGIES:
         pairs = [each.get(name, (None, None)) for each in found]
-        columns.append(pl.Series(value_column(name), [p[0] for p in pairs], dtype=pl.Float64))
+        columns.append(pl.Series(energy_column_name(name), [p[0] for p in pairs], dtype=pl.Float64))
         columns.append(pl.Series(u_column(name), [p[1] for p in pairs], dtype=pl.Float64))
     burnt = {row.cycle: row.fuel_L for row in state.energy.rows if row.phase == WHOLE}
     fuel_L = [burnt.get(number) for number in rows["cycle"]]
@@ -61,7 +61,7 @@ def with_energy(rows: pl.DataFrame, state: ReviewState) -> pl.DataFrame:
     return rows.with_columns(columns)
 
 
-def amounts_by_name(row: EnergyRow) -> dict[str, EnergyAmount]:
+def energy_amounts_by_column(row: EnergyRow) -> dict[str, EnergyAmount]:
     """What a row of the energy says, by the ledger's names."""
     if row.phase != WHOLE:
         return {row.phase: row.work}

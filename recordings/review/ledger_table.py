@@ -13,7 +13,7 @@ from analysis.model.physical_units import NS
 from analysis.stages.signals.timestamps import FIRST_DATE_NS
 from recordings.report.clock_text import ShiftClock
 from recordings.report.shift_text import K
-from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, u_column, value_column
+from recordings.review.energy_columns import ENERGIES, FUEL, FUEL_U, energy_column_name, u_column
 from recordings.review.reviewer_verdicts import LABELS
 from recordings.review.shift_ledger import remark, safe_cell
 
@@ -82,7 +82,7 @@ def _energy_columns(name: str) -> tuple[TableColumn, TableColumn]:
     head = own.get(name, f"energy, {name}")
     unit = "kWh/t" if name == "energy_per_t" else "kWh"
     return (
-        TableColumn(head, unit, _scale_column(value_column(name)), 4),
+        TableColumn(head, unit, _scale_column(energy_column_name(name)), 4),
         TableColumn(f"± {head}", unit, _scale_column(u_column(name), K), 4),
     )
 

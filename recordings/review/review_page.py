@@ -62,7 +62,7 @@ class CycleColumn(NamedTuple):
     digits: int = 0
 
 
-def _scale_column(factor: float, name: str) -> Callable[[Row], float | None]:
+def _make_unit_getter(factor: float, name: str) -> Callable[[Row], float | None]:
     """A column of the ledger in another unit."""
 
     def value(row: Row) -> float | None:
@@ -73,23 +73,23 @@ def _scale_column(factor: float, name: str) -> Callable[[Row], float | None]:
 
 #: The answer, beside which quality and verdict stand.
 PAYLOAD: Final = (
-    CycleColumn("payload kg", _scale_column(1.0, "payload_kg")),
-    CycleColumn("± kg", _scale_column(K, "payload_u_kg")),
+    CycleColumn("payload kg", _make_unit_getter(1.0, "payload_kg")),
+    CycleColumn("± kg", _make_unit_getter(K, "payload_u_kg")),
 )
 #: What else is known of a cycle.
 DETAILS: Final = (
-    CycleColumn("carried back kg", _scale_column(1.0, "carry_back_kg")),
-    CycleColumn("haul m", _scale_column(1.0, "haul_m")),
-    CycleColumn("top km/h", _scale_column(_KM_H, "top_speed_m_s"), 1),
-    CycleColumn("moving s", _scale_column(1.0, "moving_s")),
-    CycleColumn("standing s", _scale_column(1.0, "standing_s")),
-    CycleColumn("return s", _scale_column(1.0, "return_s")),
-    CycleColumn("load s", _scale_column(1.0, "load_s")),
-    CycleColumn("haul s", _scale_column(1.0, "haul_s")),
-    CycleColumn("dump s", _scale_column(1.0, "dump_s")),
-    CycleColumn("kWh", _scale_column(1.0, "energy_kWh"), 4),
-    CycleColumn("± kWh", _scale_column(K, "energy_u_kWh"), 4),
-    CycleColumn("kWh/t", _scale_column(1.0, "energy_per_t_kWh"), 3),
+    CycleColumn("carried back kg", _make_unit_getter(1.0, "carry_back_kg")),
+    CycleColumn("haul m", _make_unit_getter(1.0, "haul_m")),
+    CycleColumn("top km/h", _make_unit_getter(_KM_H, "top_speed_m_s"), 1),
+    CycleColumn("moving s", _make_unit_getter(1.0, "moving_s")),
+    CycleColumn("standing s", _make_unit_getter(1.0, "standing_s")),
+    CycleColumn("return s", _make_unit_getter(1.0, "return_s")),
+    CycleColumn("load s", _make_unit_getter(1.0, "load_s")),
+    CycleColumn("haul s", _make_unit_getter(1.0, "haul_s")),
+    CycleColumn("dump s", _make_unit_getter(1.0, "dump_s")),
+    CycleColumn("kWh", _make_unit_getter(1.0, "energy_kWh"), 4),
+    CycleColumn("± kWh", _make_unit_getter(K, "energy_u_kWh"), 4),
+    CycleColumn("kWh/t", _make_unit_getter(1.0, "energy_per_t_kWh"), 3),
 )
 
 

@@ -15,7 +15,7 @@ from analysis.cycles.cycle_parts import (
     summarise_cycle_motion,
     summarise_shift_motion,
 )
-from analysis.cycles.cycles_without_mass import holes
+from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
 from analysis.cycles.friction_trend import FrictionPart, friction_parts
 from analysis.model.physical_units import NS
 from analysis.model.run_record import InputFile, Run
@@ -24,7 +24,7 @@ from estimators.errors import counted
 from recordings.report.clock_text import ShiftClock
 from recordings.report.finding_text import finding_line, findings_of
 from recordings.review.torn_logs import TornLog
-from recordings.rrd.provenance_texts import local_time, machine_body
+from recordings.rrd.provenance_texts import local_time, machine_table
 from recordings.rrd.recording_texts import machine_name
 
 STATE: Final = "review.json"
@@ -148,9 +148,9 @@ def state_of(
     verdict = Verdict.of(frames["verdict"])
     gate = frames["gate"]
     shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
-    gaps = holes(frames["excitation"], frames["aligned"])
+    gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     load = frames["loads"].row(0, named=True)
-    body = machine_body(about)
+    body = machine_table(about)
     timezone, duration_s = str(body.get("timezone", "UTC")), float(frames["shift"]["duration_s"][0])
     clock = ShiftClock(timezone, about.t0_unix_ns, duration_s)
     return ReviewState(
@@ -211,7 +211,7 @@ def read_state(folder: Path) -> ReviewState | None:
     return state if state.format == FORMAT else None
 
 
-def changed_values(
+def changed_settings_of_review(
     before: ReviewState | None, resolved: dict[str, Any]
 ) -> list[tuple[str, str, str]]:
     """What differs from the review before: name, was, is.

@@ -10,7 +10,7 @@ from analysis.cycles.payload_target import TargetCheck
 from estimators.errors import counted
 from recordings.report.clock_text import duration_text
 from recordings.report.number_text import plus_minus
-from recordings.report.shift_text import K, shift_sentence, tonnes
+from recordings.report.shift_text import K, shift_payload_sentence, tonnes
 from recordings.review.energy_columns import energy_facts
 from recordings.review.review_state import ReviewState
 from recordings.review.shift_ledger import HOLE_S
@@ -34,7 +34,7 @@ def headline(shift: Mapping[str, Any], why_not: str, state: ReviewState) -> str:
         why_not: see `no_tonnes_reason`.
         state: of the review: a torn last log leaves the end open.
     """
-    answer = f"No tonnes: {why_not}" if why_not else shift_sentence(shift)
+    answer = f"No tonnes: {why_not}" if why_not else shift_payload_sentence(shift)
     end = torn_last_log(state.torn)
     if end is None or why_not:
         return answer

@@ -78,7 +78,7 @@ def _fingerprint_text(about: Provenance) -> str:
     return markdown_table(("SHA-256 of", "digest"), digests)
 
 
-def machine_body(about: Provenance) -> dict[str, Any]:
+def machine_table(about: Provenance) -> dict[str, Any]:
     """Table `machine` of the machine file."""
     body = about.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
@@ -86,4 +86,4 @@ def machine_body(about: Provenance) -> dict[str, Any]:
 
 def timezone_text(about: Provenance) -> str:
     """The time zone of the machine file."""
-    return str(machine_body(about).get("timezone", "UTC"))
+    return str(machine_table(about).get("timezone", "UTC"))

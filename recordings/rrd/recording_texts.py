@@ -20,7 +20,7 @@ from recordings.report.number_text import (
     plus_minus,
 )
 from recordings.report.planar_text import planar_fit_lines, planar_markdown
-from recordings.report.shift_text import shift_sentence
+from recordings.report.shift_text import shift_payload_sentence
 from recordings.report.worth_text import (
     answer_lines,
     best_known_load,
@@ -32,7 +32,7 @@ from recordings.report.worth_text import (
 from recordings.rrd.display_frames import span_ns
 from recordings.rrd.provenance_texts import (
     local_time,
-    machine_body,
+    machine_table,
     provenance_markdown,
     settings_markdown,
     timezone_text,
@@ -75,7 +75,7 @@ def recording_name(about: Provenance) -> str:
 
 def machine_name(about: Provenance) -> str:
     """The name that the machine file gives, or nothing."""
-    return str(machine_body(about).get("name", ""))
+    return str(machine_table(about).get("name", ""))
 
 
 #: What the times on the axes of the viewer are.
@@ -95,7 +95,7 @@ def headline(said: Answer) -> str:
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
     if len(said.loads) > 1:
-        return shift_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
+        return shift_payload_sentence(said.shift) if is_shift(said) else _several_loads_text(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""

@@ -138,7 +138,7 @@ class MachineCalibration:
         body = weighing.machine.model_copy(update={"id": self.machine_id})
         return weighing.model_copy(update={"machine": body})
 
-    def check_day(self, start_ns: int | None, what: object) -> None:
+    def refuse_after_expiry(self, start_ns: int | None, what: object) -> None:
         """Refuse a log of a day after the last of the evidence; without a date, today counts.
 
         Args:
@@ -173,7 +173,9 @@ class MachineCalibration:
         logged = logged_id(logs, self.machine_id)
         starts = [log.topics()["start_ns"].min() for log in logs]
         known = [start for start in starts if isinstance(start, int)]
-        self.check_day(max(known) if known else None, ", ".join(str(log.path) for log in logs))
+        self.refuse_after_expiry(
+            max(known) if known else None, ", ".join(str(log.path) for log in logs)
+        )
         return logged
 
     def calibrate_loads_frame(
@@ -288,7 +290,7 @@ def calibrated_frame(
             f"{by.folder}: {other} ({recording}); record it with `payscope run --calibration "
             f"{by.folder}`"
         )
-    by.check_day(about.t0_unix_ns, recording)
+    by.refuse_after_expiry(about.t0_unix_ns, recording)
     return by.calibrate_loads_frame(frames)
 
 

@@ -12,7 +12,7 @@ from analysis.calibration.campaign.campaign_fit import (
     CampaignFit,
     fit_campaign,
     fit_options,
-    stated_scale,
+    stated_force_scale_parts,
 )
 from analysis.calibration.campaign.campaign_plan import CalibrationCampaign
 from analysis.calibration.line.calibration import CalibrationOptions
@@ -25,7 +25,11 @@ from recordings.calibration.bundle_checks import check_bundle
 from recordings.calibration.bundle_folder import STATEMENT
 from recordings.calibration.calibration_recording import write_calibration
 from recordings.calibration.checked_bundle import CheckedBundle
-from recordings.calibration.derived_values import check_earlier_line, estimator_of, reference_loads
+from recordings.calibration.derived_values import (
+    check_earlier_line,
+    estimator_with_digest,
+    reference_loads,
+)
 from recordings.calibration.evidence_document import (
     FORMAT,
     NOTICE,
@@ -172,7 +176,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
     check_folder(folder, force=force)
     stretch = load_stretch(campaign_file, campaign)
     if timestamp_request_file is not None:
-        check_timestamp_request(timestamp_request_file, key, force=force)
+        check_can_request_timestamp(timestamp_request_file, key, force=force)
     with atomic_files([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -195,7 +199,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
-        options = fit_options(campaign, stated_scale(campaign, replayed.budgets))
+        options = fit_options(campaign, stated_force_scale_parts(campaign, replayed.budgets))
         fitted = fit_campaign(
             campaign, machine.machine, replayed.readings, options, replayed.responses
         )
@@ -211,7 +215,7 @@ def calibrate(  # noqa: PLR0913  each is an option of the command
     return replace(calibrated, remarks=(*calibrated.remarks, remark))
 
 
-def check_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
+def check_can_request_timestamp(file: Path, key: SigningKey | None, *, force: bool) -> None:
     """Refuse a query to a time-stamp authority before the work that it is for.
 
     Raises:
@@ -325,7 +329,7 @@ def _make_document(
     loads, covariance = reference_loads(campaign, machine)
     learnt = evidence.learnt
     weighing = machine if learnt is None else with_learnt_priors(machine, learnt.terms)
-    estimator = estimator_of(campaign, weighing)
+    estimator = estimator_with_digest(campaign, weighing)
     last = None if before is None else before.document
     document = EvidenceDocument(
         format=FORMAT,
@@ -359,7 +363,7 @@ def _make_document(
 
 def estimator_of_this_version(last: EvidenceDocument | None) -> Estimator | None:
     """The estimator of the evidence before, digested as this version does."""
-    return None if last is None else estimator_of(last.campaign, last.weighing)
+    return None if last is None else estimator_with_digest(last.campaign, last.weighing)
 
 
 def _signer_of_campaign(campaign: CalibrationCampaign, key: SigningKey) -> Signer:

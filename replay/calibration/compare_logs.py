@@ -44,7 +44,7 @@ _LONGEST: Final = 120
 _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
 
 
-def compare_logs(
+def replay_and_compare_logs(
     checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
 ) -> None:
     """Replay every log, and compare reading by reading."""

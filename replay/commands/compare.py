@@ -193,7 +193,9 @@ def _column_table(found: "Comparison") -> "Table":
             about = ""
         by_change = sorted(stage.columns, key=_extent_key, reverse=True)
         for column in by_change[:_COLUMNS_SHOWN]:
-            table.add_row(escape(about), escape(column.name), *_extent_texts(column, stage.common))
+            table.add_row(
+                escape(about), escape(column.name), *_column_change_cells(column, stage.common)
+            )
             about = ""
         if len(by_change) > _COLUMNS_SHOWN:
             table.add_row("", f"… and {len(by_change) - _COLUMNS_SHOWN} more")
@@ -204,7 +206,7 @@ def _extent_key(column: "ColumnChange") -> tuple[float, int]:
     return column.largest_relative or 0.0, column.rows
 
 
-def _extent_texts(column: "ColumnChange", common: int) -> tuple[str, ...]:
+def _column_change_cells(column: "ColumnChange", common: int) -> tuple[str, ...]:
     if column.fault:
         return (column.fault,)
     rows = f"{column.rows:,} ({column.rows / common:.1%})"

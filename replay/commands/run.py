@@ -238,9 +238,9 @@ def further_lines(answer: "Answer", goal: float | None, verbose: int) -> "Iterat
 
 
 def _finding_lines(answer: "Answer", verbose: int) -> "Iterator[str]":
-    from recordings.report.finding_text import finding_line, findings_from, may_change_mass
+    from recordings.report.finding_text import finding_line, findings_of_rows, may_change_mass
 
-    found = findings_from(answer.findings)
+    found = findings_of_rows(answer.findings)
     shown = found if verbose else [each for each in found if may_change_mass(each)][:_MOST_LINES]
     yield from (f"finding: {finding_line(each)}" for each in shown)
     left = len(found) - len(shown)

@@ -210,14 +210,15 @@ def try_all_proposals(before: Run, replays: Replays) -> Progress:
     ]
     if tried.changes and not answer(tried.run).verdict.can_weigh:
         tried.taken_back += [
-            RejectedProposal(each, "the mass stays withheld") for each in _first_keys(tried.changes)
+            RejectedProposal(each, "the mass stays withheld")
+            for each in _first_proposal_of_each_cause(tried.changes)
         ]
         return Progress(before, taken_back=tried.taken_back)
     take_back_needless(tried, replays)
     return tried
 
 
-def _first_keys(changes: Sequence[Proposal]) -> list[Proposal]:
+def _first_proposal_of_each_cause(changes: Sequence[Proposal]) -> list[Proposal]:
     """The first key of each cause."""
     return list({each.cause: each for each in reversed(changes)}.values())[::-1]
 

@@ -47,7 +47,7 @@ class ConvertedTopics:
         return pl.Schema(pl.read_parquet_schema(self._folder / self.topic.parts[0].file))
 
     @cached_property
-    def leaves(self) -> dict[str, LeafField]:
+    def leaf_fields_by_name(self) -> dict[str, LeafField]:
         """Every field, by its name."""
         return {
             field.name: LeafField(
@@ -66,8 +66,8 @@ class ConvertedTopics:
         Raises:
             ConvertedFieldError: there is no such field.
         """
-        if name in self.leaves:
-            return self.leaves[name]
+        if name in self.leaf_fields_by_name:
+            return self.leaf_fields_by_name[name]
         picked = pl.DataFrame(schema=self.schema).select(self._column(name))
         return LeafField(name, picked.dtypes[0])
 
@@ -102,11 +102,13 @@ class ConvertedTopics:
             raise ConvertedFieldError(
                 f"'{name}' is a column of every topic; a field of that name is not read"
             )
-        if name in self.leaves:
+        if name in self.leaf_fields_by_name:
             return pl.col(name)
         whole = _ELEMENT.sub("[]", name)
-        if whole not in self.leaves:
-            raise ConvertedFieldError(f"no field {name!r}; {nearest(name, self.leaves)}")
+        if whole not in self.leaf_fields_by_name:
+            raise ConvertedFieldError(
+                f"no field {name!r}; {nearest(name, self.leaf_fields_by_name)}"
+            )
         elements = _ELEMENT.findall(name)
         values, depth = pl.col(whole), 0
         for number, element in enumerate(elements):
@@ -136,7 +138,7 @@ class ConvertedTopics:
         parent = before.rpartition(".")[0]
         names = f"{parent}.name[]".lstrip(".")
         whole = _ELEMENT.sub("[]", names)
-        if whole not in self.leaves or not isinstance(self.schema[whole], pl.List):
+        if whole not in self.leaf_fields_by_name or not isinstance(self.schema[whole], pl.List):
             raise ConvertedFieldError(
                 f"'{name}' picks by name, but there is no list '{names}'; use an index"
             )
@@ -147,7 +149,7 @@ class ConvertedTopics:
         return pl.when(first.any()).then(first.arg_max())
 
     def _length(self, name: str, number: int) -> int | None:
-        lengths = self.leaves[_ELEMENT.sub("[]", name)].lengths
+        lengths = self.leaf_fields_by_name[_ELEMENT.sub("[]", name)].lengths
         return lengths[number] if number < len(lengths) else None
 
 
@@ -206,7 +208,7 @@ class ConvertedLog(Log):
         self._check_open()
         columns = self._usable(topic)
         if fields is None:
-            return tuple(columns.leaves.values())
+            return tuple(columns.leaf_fields_by_name.values())
         try:
             return tuple(columns.leaf(name) for name in dict.fromkeys(fields))
         except ConvertedFieldError as error:
@@ -259,7 +261,7 @@ class ConvertedLog(Log):
             if not columns.topic.parts:
                 continue
             try:
-                for rows in self._scan(topic, list(columns.leaves), None, None):
+                for rows in self._scan(topic, list(columns.leaf_fields_by_name), None, None):
                     messages += rows.height
                     message_bytes += int(rows.estimated_size())
             except LogError as error:

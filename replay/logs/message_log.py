@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.model.loss import Loss
 from estimators.errors import LogError, nearest
-from replay.logs.decoding.decoder import Tally, schema_of
+from replay.logs.decoding.decoder import Tally, frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import decoder_name, make_decoder
 from replay.logs.log import Log, LogCheck
 from replay.logs.machine_ids import machine_ids
@@ -167,7 +167,7 @@ class MessageLog(Log):
         kind = self._usable(topic).kind
         assert kind is not None, "it is usable"
         picked = self._resolve(topic, fields, kind)
-        return Stream(make_decoder(kind, picked), schema_of(picked))
+        return Stream(make_decoder(kind, picked), frame_schema_of_fields(picked))
 
     def _take_all(self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "Stream"]) -> None:
         # numba is slow to import, and a log can be described without it

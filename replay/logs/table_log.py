@@ -134,7 +134,7 @@ class TableLog(Log):
                 f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
         try:
-            found = find_times(self._columns.columns, self._columns.head, given)
+            found = find_times(self._columns.columns, self._columns.first_text_cells, given)
         except DialectError as error:
             raise LogError(f"{self.path}: {error} {_WHERE}") from error
         if found is None:
@@ -161,7 +161,7 @@ class TableLog(Log):
         times = [column for axis, _ in self._parts.values() for column in axis.columns]
         once, self._expected = [*self._expected, *fields], []
         try:
-            self._columns.check(times, once, partial(self._losses.note, self.path))
+            self._columns.find_ragged_rows(times, once, partial(self._losses.note, self.path))
         except BrokenBytesError as error:
             raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
@@ -207,7 +207,7 @@ class TableLog(Log):
         is_told = self._is_time_given or axis.time is None or len(self._parts) > 1
         if is_told or not isinstance(columns, CsvColumns):
             return
-        first = partial(columns.head, count=_FIRST)
+        first = partial(columns.first_text_cells, count=_FIRST)
         said = disagreement(columns.columns, first, axis.columns[-1], times.head(columns.first))
         if said:
             raise LogError(

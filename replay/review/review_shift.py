@@ -15,8 +15,8 @@ from analysis.calibration.use.later_log import FRAMES as NEEDED
 from analysis.calibration.use.learnt_priors import contradicted_priors
 from analysis.cycles.calibrated_payloads import calibrate_cycles
 from analysis.cycles.cycle_energy import ShiftEnergy, shift_energy
-from analysis.cycles.cycles_without_mass import holes
-from analysis.cycles.empty_machine import find_mixed_machine
+from analysis.cycles.cycles_without_mass import find_channel_gaps_ns
+from analysis.cycles.empty_machine import find_empty_mass_jump
 from analysis.model.machine import Machine
 from analysis.model.physical_units import NS_PER_S
 from analysis.model.run_record import Provenance, Run
@@ -29,7 +29,7 @@ from recordings.review.review_state import (
     FORMAT,
     RECORDING,
     ReviewState,
-    changed_values,
+    changed_settings_of_review,
     read_state,
     state_of,
 )
@@ -201,14 +201,14 @@ def _replay_shift(
 def mixed_machines_text(made: Run, opened: list[Log], machine: Machine) -> str:
     """That these may be logs of two machines; empty where nothing says so."""
     begins = begins_ns(opened, channel_fields(machine), made.provenance.t0_unix_ns)
-    found = find_mixed_machine(made.frames["manoeuvres"], list(begins.values()))
+    found = find_empty_mass_jump(made.frames["manoeuvres"], list(begins.values()))
     return "" if found is None else found.text(list(begins)[found.log].path.name)
 
 
 def _shift_energy(made: Run, machine: Machine) -> ShiftEnergy:
     """The energy of the shift, by the settings that it was replayed with."""
     frames, settings = made.frames, made.provenance.settings
-    gaps = holes(frames["excitation"], frames["aligned"])
+    gaps = find_channel_gaps_ns(frames["excitation"], frames["aligned"])
     return shift_energy(frames, machine.model_copy(update={"settings": settings}), gaps)
 
 
@@ -294,7 +294,7 @@ def _changes_since(before: ReviewState, state: ReviewState) -> list[tuple[str, s
     was, now = ({f"{x.name}: {x.sha256[:12]}" for x in s.inputs} for s in (before, state))
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
-    return [*logs, *changed_values(before, state.resolved)]
+    return [*logs, *changed_settings_of_review(before, state.resolved)]
 
 
 def torn_logs(

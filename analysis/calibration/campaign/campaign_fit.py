@@ -133,7 +133,7 @@ def fit_options(campaign: CalibrationCampaign, stated: Iterable[StatedPart]) -> 
     )
 
 
-def stated_scale(
+def stated_force_scale_parts(
     campaign: CalibrationCampaign, budgets: Iterable[pl.DataFrame]
 ) -> tuple[StatedPart, ...]:
     """The factors of the force that no log tells, from the budgets of the replays.

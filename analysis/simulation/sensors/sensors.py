@@ -190,7 +190,7 @@ def _torque(
         )
         readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
     readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain
-    return _split_by_side(scenario, "torque_{}_N_m", readings)
+    return _swap_sides_if_defective(scenario, "torque_{}_N_m", readings)
 
 
 def _torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
@@ -218,7 +218,7 @@ def _speed(
     # the mean of both sides has the scenario's noise
     white = WhiteNoise(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
     readings = {name: _measure(value, streams, name, white) for name, value in signals.items()}
-    return _split_by_side(scenario, "speed_{}_m_s", readings)
+    return _swap_sides_if_defective(scenario, "speed_{}_m_s", readings)
 
 
 def _speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
@@ -243,7 +243,9 @@ def _speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     return signals
 
 
-def _split_by_side(scenario: Scenario, name: str, readings: dict[str, Floats]) -> dict[str, Floats]:
+def _swap_sides_if_defective(
+    scenario: Scenario, name: str, readings: dict[str, Floats]
+) -> dict[str, Floats]:
     left, right = name.format("left"), name.format("right")
     if scenario.defects.sides_swapped:
         return {left: readings[right], right: readings[left]}

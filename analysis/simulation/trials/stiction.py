@@ -133,7 +133,9 @@ class Stiction:
         )
         assert solution.sol is not None
         last_s = float(solution.t[-1])
-        phase = MotionPhase(name, start_s, last_s, self._states(full, solution.sol))
+        phase = MotionPhase(
+            name, start_s, last_s, self._states_with_stiction_function(full, solution.sol)
+        )
         found: Sequence[Floats] = solution.t_events or ()
         changed = [axis for axis, at in zip(changes, found, strict=True) if at.size]
         return phase, full(solution.sol(np.array([last_s])))[:, 0], changed
@@ -161,7 +163,7 @@ class Stiction:
 
         return rates
 
-    def _states(
+    def _states_with_stiction_function(
         self, full: Callable[[Floats], Floats], solved: Callable[[Floats], Floats]
     ) -> Callable[[Floats], MotionState]:
         def states(time_s: Floats) -> MotionState:

@@ -21,7 +21,7 @@ from analysis.model.machine import Machine
 from analysis.model.schema import build
 from analysis.model.settings import Settings
 from analysis.stages.gating.gate import refuse_windows
-from analysis.stages.motion.phases import rows_of_rate_span
+from analysis.stages.motion.phases import speed_rate_span_rows
 from estimators.arrays import Bools, Floats, Ints
 
 #: A resistance that grows by this share of the force that the log drives with, over one start,
@@ -185,7 +185,7 @@ def without_digging(
     if digs.is_empty():
         return gated
     # the phase sees a start late, and its end
-    dug = _is_digging(excitation["t_ns"].to_numpy(), digs, rows_of_rate_span(machine.settings))
+    dug = _is_digging(excitation["t_ns"].to_numpy(), digs, speed_rate_span_rows(machine.settings))
     return refuse_windows(gated, dug, "digging", machine.settings)
 
 

@@ -10,7 +10,7 @@ from analysis.model.windows import flagged_windows, samples_in_windows
 from analysis.stages.gating.gate_rules import UNKNOWN, Codes, decide, is_braking, row_flags
 from analysis.stages.motion.phases import (
     average_like_speed_rate,
-    rows_of_rate_span,
+    speed_rate_span_rows,
     yaw_speeding_sign,
 )
 from analysis.stages.noise.column_noise import axis_noise
@@ -154,7 +154,7 @@ def settled_windows(
 
 def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
     """The samples that brake, and those before them that may brake unseen."""
-    return flagged_windows(braking[::-1], rows_of_rate_span(settings) + settings.smooth.samples)[
+    return flagged_windows(braking[::-1], speed_rate_span_rows(settings) + settings.smooth.samples)[
         ::-1
     ]
 

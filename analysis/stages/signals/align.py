@@ -138,7 +138,7 @@ def aligned_rows(
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, each in series.items():
-        instants, stale = chosen.of(name) if chosen else (grid, np.False_)
+        instants, stale = chosen.sample_instants(name) if chosen else (grid, np.False_)
         x = each.at(instants)
         if each is not raw[name]:
             # between two stamps of the slowest channel, a faster one may have a gap
@@ -153,7 +153,7 @@ def aligned_rows(
 def alignment_notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
     """Say what `align` does to these channels that a reader of the answer should know."""
     raw = {n: rates.series_of(n, frame, machine.settings.align) for n, frame in channels.items()}
-    said = [str(each) for each in rates.find_reduced_regressors(raw, machine)]
+    said = [str(each) for each in rates.find_rate_limited_regressors(raw, machine)]
     if machine.settings.filter.causal:
         late_s = latency_ns(_reduce_channels(raw, machine), machine) / 1e9
         said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
@@ -164,7 +164,7 @@ def _reduce_channels(
     raw: Mapping[str, ChannelSeries], machine: Machine
 ) -> dict[str, ChannelSeries]:
     series = dict(raw)
-    for each in rates.find_reduced_regressors(raw, machine):
+    for each in rates.find_rate_limited_regressors(raw, machine):
         series |= rates.reduce(raw, each)
     return series
 
@@ -205,7 +205,7 @@ class KnownInstants:
         for name in self.names:
             self.shared = np.minimum(self.shared, self.newest[name])
 
-    def of(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
+    def sample_instants(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
         """The instants (rows,) of a channel, and where its newest sample is too old."""
         each = self.series[name]
         newest = self.newest[name]

@@ -149,7 +149,7 @@ class ReducedRegressor:
         )
 
 
-def find_reduced_regressors(
+def find_rate_limited_regressors(
     series: Mapping[str, ChannelSeries], machine: Machine
 ) -> list[ReducedRegressor]:
     """The regressors of which one channel is slower than another one, or a slow derivative.

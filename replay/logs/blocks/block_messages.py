@@ -120,13 +120,13 @@ class BlockStore:
     def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
         """Note that a block, whose messages are known, cannot be read."""
         described, _ = describe_block(block, times)
-        self.damage.lose(described, why)
+        self.damage.note_lost_block(described, why)
 
     def survey(self, blocks: Iterable[Block]) -> None:
         """Add blocks that no index describes: they are unpacked to see what they hold."""
         for slab in read_slabs(self.file, blocks, self.grammar):
             for block, why in slab.damaged:
-                self.damage.lose(block, why)
+                self.damage.note_lost_block(block, why)
             for block, first, last, unread in slab.parts:
                 self.add_rows(block, slab.data, slab.rows[:, first:last])
                 self._judge_unread(block, unread)
@@ -217,7 +217,7 @@ class BlockStore:
 
     def _judge(self, slab: Slab) -> None:
         for block, why in slab.damaged:
-            self.damage.lose(block, why)
+            self.damage.note_lost_block(block, why)
         # compiled code, which describing a log does not wait for
         from replay.logs.blocks.select_messages import chunk_stats
 

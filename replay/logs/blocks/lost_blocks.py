@@ -20,7 +20,7 @@ class BlockDamage(Damage):
         #: stretches that hold no records: from, to
         self._gaps: dict[int, int] = {}
 
-    def lose(self, block: Block, why: str) -> None:
+    def note_lost_block(self, block: Block, why: str) -> None:
         """Note that a block is not used."""
         self._blocks[block.record_offset] = (block, why)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Bytes, Ints
 from replay.logs.decoding.arrays import of_times
 from replay.logs.decoding.decode_program import Program, Wanted, compile_program
-from replay.logs.decoding.decoder import DecodedBatch, Submit, at_once, schema_of
+from replay.logs.decoding.decoder import DecodedBatch, Submit, at_once, frame_schema_of_fields
 from replay.logs.decoding.direct_fields import DirectFields, direct_fields
 from replay.logs.decoding.field_columns import Columns
 from replay.logs.decoding.one_pass import one_pass, room_for
@@ -199,7 +199,10 @@ class Plan:
             for kind, at in zip(self._wires, chosen, strict=True)
             if at.size
         ]
-        frames = [pl.DataFrame(schema=schema_of(self._fields)), *(part.frame for _, part in parts)]
+        frames = [
+            pl.DataFrame(schema=frame_schema_of_fields(self._fields)),
+            *(part.frame for _, part in parts),
+        ]
         # back into the order of the batch
         rows = [at[part.whole] for at, part in parts]
         order = np.argsort(np.concatenate([np.empty(0, np.int64), *rows]))
@@ -217,7 +220,7 @@ class Plan:
             program, direct, places = self._program(wire)
         except NoPlanError as error:
             faulty = _Part(
-                pl.DataFrame(schema=schema_of(self._fields)),
+                pl.DataFrame(schema=frame_schema_of_fields(self._fields)),
                 np.empty(0, np.int64),
                 np.arange(batch.rows),
                 str(error),

@@ -51,7 +51,7 @@ class Decoder(Protocol):
         ...
 
 
-def schema_of(fields: Sequence[Field]) -> pl.Schema:
+def frame_schema_of_fields(fields: Sequence[Field]) -> pl.Schema:
     """The columns that reading `fields` gives."""
     return pl.Schema(
         {**dict.fromkeys(OWN_COLUMNS, pl.Int64()), **{field.name: field.dtype for field in fields}}

@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 
 from replay.logs.decoding.decode_program import compile_program
-from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, schema_of
+from replay.logs.decoding.decoder import DecodedBatch, Decoder, Submit, frame_schema_of_fields
 from replay.logs.decoding.spans import NoPlanError
 from replay.logs.decoding.wire import CDR
 from replay.logs.messages.broken_bytes import BrokenBytesError
@@ -38,7 +38,7 @@ class PerMessageDecoder:
                 rows.append((time, *self._values(data)))
             except BrokenBytesError as error:
                 faults.append(str(error))
-        frame = pl.DataFrame(rows, schema=schema_of(self._fields), orient="row")
+        frame = pl.DataFrame(rows, schema=frame_schema_of_fields(self._fields), orient="row")
         return DecodedBatch(frame, len(faults), faults[0] if faults else "")
 
     def _values(self, data: bytes) -> tuple[Any, ...]:

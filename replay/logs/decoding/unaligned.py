@@ -61,7 +61,7 @@ def _widen(_: Any, bits: Any) -> tuple[Any, Any]:
     return types.int64(bits), generate
 
 
-def _fetch(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
+def _prefetch_cache_line(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         address = _address(context, builder, signature.args[0], *arguments)
         word = ir.IntType(32)
@@ -83,4 +83,4 @@ copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_cop
 #: (the bits of a number of single precision) -> those of the double that equals it
 widened: Callable[[int], int] = cast("Any", intrinsic(_widen))
 #: (data, at): the processor may bring what lies there nearer
-fetch: Callable[[Bytes, int], None] = cast("Any", intrinsic(_fetch))
+fetch: Callable[[Bytes, int], None] = cast("Any", intrinsic(_prefetch_cache_line))

@@ -17,10 +17,10 @@ from replay.logs.tables.hints import TableHints
 from replay.logs.tables.text import (
     Utf8Text,
     as_utf8,
+    copy_with_tabs,
     drop_torn_quote,
     head_lines,
     with_ascii_digits,
-    with_tabs,
 )
 
 #: Stands in no text: a line is one cell.
@@ -58,7 +58,7 @@ class CsvColumns:
             self._replace_text(with_ascii_digits(self._text))
             self._dialect = sniff(head_lines(self._text.path), hints)
             if self._dialect.separator == BLANKS:
-                self._replace_text(with_tabs(self._text))
+                self._replace_text(copy_with_tabs(self._text))
             whole = drop_torn_quote(self._text, self._dialect.separator)
             self._is_torn = whole is not None
             self._replace_text(whole)
@@ -106,11 +106,13 @@ class CsvColumns:
         """Rows that `head` is taken from."""
         return len(self._dialect.rows)
 
-    def head(self, place: int, count: int = 50) -> list[str]:
+    def first_text_cells(self, place: int, count: int = 50) -> list[str]:
         """Some first cells of a column, those that are not empty."""
         return some_cells(self._dialect, place, count)
 
-    def check(self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]) -> None:
+    def find_ragged_rows(
+        self, keep: Sequence[str], once: Sequence[str], note: Callable[[str], None]
+    ) -> None:
         """Look for rows that are too long, too short or torn, and read some columns on the way.
 
         Rows with too few cells end in nulls; the last one, where no line end follows it, is torn

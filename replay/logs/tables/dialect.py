@@ -199,12 +199,12 @@ def _readings(
     is_quoted = any('"' in line for line in lines)
     # without quotes no cell holds the sign between the cells
     for decimal in [d for d in decimals if d != separator or is_quoted] or decimals:
-        reading = _reading(rows, later, width, (separator, decimal), below)
+        reading = _try_separators(rows, later, width, (separator, decimal), below)
         if reading is not None:
             yield reading
 
 
-def _reading(
+def _try_separators(
     rows: list[TextRow], later: list[TextRow], width: int, signs: tuple[str, str], below: int
 ) -> _Reading | None:
     separator, decimal = signs

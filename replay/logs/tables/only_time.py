@@ -63,14 +63,14 @@ def disagreement(
     Returns:
         A sentence, None where the times agree.
     """
-    taken_s = _span_s(stamps)
+    taken_s = _rising_span_s(stamps)
     if taken_s is None:
         return None
     for place, column in enumerate(columns):
         own = cells(place) if column.name != name else []
         if len(own) != stamps.len() or not _may_be_time(column, own):
             continue
-        other_s = _other_span_s(column, own)
+        other_s = _rising_span_of_column_s(column, own)
         if other_s is None:
             continue
         if abs(other_s - taken_s) > _APART_S + _APART * max(other_s, taken_s):
@@ -86,17 +86,17 @@ def _may_be_time(column: ColumnName, cells: list[str]) -> bool:
     return named or _is_clock_column(cells)
 
 
-def _other_span_s(column: ColumnName, cells: list[str]) -> float | None:
+def _rising_span_of_column_s(column: ColumnName, cells: list[str]) -> float | None:
     text = pl.Series(column.name, cells, dtype=pl.String)
     try:
         if _is_clock_column(cells):
-            return _span_s(clock_times(None, text, None)[0])
-        return _span_s(nanoseconds(text, column.unit or "s")) if _rises(cells) else None
+            return _rising_span_s(clock_times(None, text, None)[0])
+        return _rising_span_s(nanoseconds(text, column.unit or "s")) if _rises(cells) else None
     except TimeError:
         return None
 
 
-def _span_s(stamps: pl.Series) -> float | None:
+def _rising_span_s(stamps: pl.Series) -> float | None:
     """Seconds from the first to the last; None where they do not rise."""
     there = stamps.drop_nulls()
     if there.len() < _FEWEST or (there.diff() < 0).any():

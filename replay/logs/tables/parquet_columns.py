@@ -60,7 +60,7 @@ class ParquetColumns:
             self._footer = file.metadata
             return file.schema_arrow
 
-    def head(self, place: int) -> list[str]:  # noqa: ARG002 as of a text
+    def first_text_cells(self, place: int) -> list[str]:  # noqa: ARG002 as of a text
         """None: a column of a Parquet file has a type."""
         return []
 

@@ -117,7 +117,7 @@ def _ends_in_returns(path: Path) -> bool:
     return b"\n" not in head and head.count(b"\r") > 1
 
 
-def with_tabs(text: Utf8Text) -> Utf8Text:
+def copy_with_tabs(text: Utf8Text) -> Utf8Text:
     """A copy in which each run of blanks is a tab."""
     lines = ("\t".join(line.split()) + "\n" for line in _lines(text.path, "utf-8-sig"))
     return _copy_lines(text.path, lines, text.notes)

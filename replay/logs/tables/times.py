@@ -38,7 +38,7 @@ def nanoseconds(values: pl.Series, unit: str) -> pl.Series:
         values = _parse_text(values)
     dtype = values.dtype
     if dtype.is_temporal():
-        return _temporal(values)
+        return _datetimes_to_ns(values)
     if dtype.is_integer():
         largest = (2**63 - 1) // NS_PER_UNIT[unit]
         _check_range((values.min(), values.max()), largest, unit)
@@ -81,7 +81,7 @@ def _parse_text(values: pl.Series) -> pl.Series:
         raise TimeError(f"its text is no time ('{present[0]}')") from error
 
 
-def _temporal(values: pl.Series) -> pl.Series:
+def _datetimes_to_ns(values: pl.Series) -> pl.Series:
     if isinstance(values.dtype, pl.Datetime):
         return values.dt.timestamp("ns")
     if isinstance(values.dtype, pl.Duration):

@@ -141,7 +141,7 @@ class ColumnMcap:
         self.statistics.schema_count = self.statistics.channel_count = len(self.channels)
         self.file.write(_MAGIC)
         self._put(Header("ros2", "payscope"))
-        preamble = b"".join(_bytes(record) for each in self.channels for record in each)
+        preamble = b"".join(_serialise_record(record) for each in self.channels for record in each)
         for chunk, done in self._pack(cut_chunks(blocks_in_order(topics), preamble, _CHUNK_BYTES)):
             counts = self._write_chunk(chunk, done.result())
             _count(self.statistics, counts, chunk)
@@ -155,7 +155,7 @@ class ColumnMcap:
         self._summary([schemas, channels, [self.statistics], self._indexes, [], indexes])
 
     def _put(self, record: McapRecord) -> None:
-        self.file.write(_bytes(record))
+        self.file.write(_serialise_record(record))
 
     def _pack(
         self, whole: Iterator[FullChunk]
@@ -229,7 +229,7 @@ class ColumnMcap:
         data = b""
         offsets: list[SummaryOffset] = []
         for kind, records in zip(_GROUPS, groups, strict=True):
-            made = b"".join(map(_bytes, records))
+            made = b"".join(map(_serialise_record, records))
             offsets.append(
                 SummaryOffset(
                     group_opcode=kind, group_start=begins + len(data), group_length=len(made)
@@ -237,11 +237,11 @@ class ColumnMcap:
             )
             data += made
         offsets_at = begins + len(data)
-        data += b"".join(map(_bytes, offsets))
+        data += b"".join(map(_serialise_record, offsets))
         footer = Footer(summary_start=begins, summary_offset_start=offsets_at, summary_crc=0)
         # all but the CRC itself, with which the footer ends
-        footer.summary_crc = zlib.crc32(_bytes(footer)[:-4], zlib.crc32(data))
-        self.file.write(data + _bytes(footer) + _MAGIC)
+        footer.summary_crc = zlib.crc32(_serialise_record(footer)[:-4], zlib.crc32(data))
+        self.file.write(data + _serialise_record(footer) + _MAGIC)
 
 
 _GROUPS: Final = (
@@ -254,7 +254,7 @@ _GROUPS: Final = (
 )
 
 
-def _bytes(record: McapRecord) -> bytes:
+def _serialise_record(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()

@@ -47,7 +47,7 @@ class RaggedColumn:
 def shape_numbers(column: Column) -> Ints | None:
     """Numbers (n,) that are equal where all lengths in a column are; None: they are everywhere."""
     if isinstance(column, RaggedColumn):
-        return _shapes_of_lists(column)
+        return _list_shape_ids(column)
     if isinstance(column, Mapping):
         return _joint_numbers([shape_numbers(each) for each in column.values()])
     if isinstance(column, list | tuple):
@@ -62,7 +62,7 @@ def _joint_numbers(found: Sequence[Ints | None]) -> Ints | None:
     return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def _shapes_of_lists(column: RaggedColumn) -> Ints:
+def _list_shape_ids(column: RaggedColumn) -> Ints:
     inside, lengths = shape_numbers(column.content), column.lengths
     if inside is None:
         return lengths

@@ -89,7 +89,7 @@ def _rows(
         if isinstance(part, bytes):
             before.put_bytes(part)
         else:
-            before.put(np.dtype(part[0]), part[1][chosen])
+            before.append_numeric_column(np.dtype(part[0]), part[1][chosen])
     first = before.size
     base = first + len(layout.head)
     template = np.zeros(base + layout.size, np.uint8)
@@ -146,7 +146,7 @@ class _Layout:
         self.constants.append((self.size, data))
         self.size += len(data)
 
-    def put(self, dtype: np.dtype[Any], values: NDArray[Any]) -> None:
+    def append_numeric_column(self, dtype: np.dtype[Any], values: NDArray[Any]) -> None:
         """Numbers (k,), or arrays of them (k, length), of every message."""
         if values.ndim == 2:
             dtype = np.dtype((dtype, values.shape[1:]))
@@ -160,7 +160,7 @@ class _Layout:
         elif node == Nodetype.BASE and detail[0] == "string":
             self._text(column, chosen)
         elif node == Nodetype.BASE:
-            self._numbers(_dtype(detail[0]), column, chosen, 1)
+            self._append_numbers(_dtype(detail[0]), column, chosen, 1)
         else:
             element, limit = detail
             self._list(element, limit if node == Nodetype.ARRAY else None, column, chosen)
@@ -171,7 +171,9 @@ class _Layout:
             length = _length(column, chosen)
             self._count(length + len(end))
             if length:
-                self.put(np.dtype("u1"), elements_of_length(column, chosen, length))
+                self.append_numeric_column(
+                    np.dtype("u1"), elements_of_length(column, chosen, length)
+                )
             self.put_bytes(end)
         else:
             data = str(column or "").encode() + end
@@ -185,7 +187,7 @@ class _Layout:
         is_number = element[0] == Nodetype.BASE and element[1][0] != "string"
         if is_number:
             if length or fixed is not None:
-                self._numbers(_dtype(element[1][0]), column, chosen, length)
+                self._append_numbers(_dtype(element[1][0]), column, chosen, length)
             return
         for number in range(length):
             if isinstance(column, RaggedColumn):
@@ -195,12 +197,14 @@ class _Layout:
                 one = column[number] if isinstance(column, list | tuple) else None
                 self._value(element, one, chosen)
 
-    def _numbers(self, dtype: np.dtype[Any], column: Column, chosen: _Chosen, length: int) -> None:
+    def _append_numbers(
+        self, dtype: np.dtype[Any], column: Column, chosen: _Chosen, length: int
+    ) -> None:
         self._align(dtype.itemsize)
         if isinstance(column, RaggedColumn):
-            self.put(dtype, elements_of_length(column, chosen, length))
+            self.append_numeric_column(dtype, elements_of_length(column, chosen, length))
         elif isinstance(column, np.ndarray):
-            self.put(dtype, column[chosen])
+            self.append_numeric_column(dtype, column[chosen])
         elif column is None:
             self.put_bytes(bytes(dtype.itemsize * length))
         else:

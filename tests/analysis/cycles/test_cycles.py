@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.cycles.cycles import cycles
-from analysis.cycles.cycles_without_mass import holes, lost_cycles
+from analysis.cycles.cycles_without_mass import find_channel_gaps_ns, lost_cycles
 from analysis.cycles.payload_target import check_target
 from analysis.cycles.shift_totals import recount_shift, shift
 from analysis.model.schema import FRAMES
@@ -147,7 +147,7 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
     t_s = aligned["t_ns"].to_numpy() / NS
     for length, expected in ((10.0, 0.0), (427.0, 4.0)):
         gap = pl.Series("gap", (t_s > 500.0) & (t_s < 500.0 + length))
-        gaps = holes(frames["excitation"], aligned.with_columns(gap))
+        gaps = find_channel_gaps_ns(frames["excitation"], aligned.with_columns(gap))
         lost = lost_cycles(table, gaps)
         assert lost.cycles == pytest.approx(expected, abs=0.02)
         assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)

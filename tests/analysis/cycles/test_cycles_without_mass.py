@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from recordings.report.shift_text import shift_sentence
+from recordings.report.shift_text import shift_payload_sentence
 from recordings.review.shift_facts import missing_loads
 from tests.analysis.cycles.drawn import NS, drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
@@ -57,7 +57,7 @@ def test_a_cycle_of_which_no_start_tells_the_load_is_dated_by_the_boom_and_price
     assert table["dump_t_ns"][3] == pytest.approx(383.5 * NS, abs=NS)
     assert (row["uncounted_cycles"], row["uncounted_cycles_u"]) == (1.0, 0.0)
     assert abs(row["total_kg"] - sum(LOADS)) < 2.0 * row["total_u_kg"]
-    assert "in the shift" in shift_sentence(row)
+    assert "in the shift" in shift_payload_sentence(row)
 
 
 def test_a_dump_of_the_boom_without_digging_is_worth_less_where_the_others_are_dug() -> None:

@@ -10,7 +10,7 @@ import pytest
 from analysis.calibration.use.learnt_priors import machine_for_later_log
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
-from recordings.calibration.derived_values import estimator_of
+from recordings.calibration.derived_values import estimator_with_digest
 from recordings.calibration.evidence_document import parse_document
 from recordings.signatures.canonical_json import canonical_bytes
 from replay.calibration.apply_evidence import CalibrationRequest, load_calibration
@@ -149,9 +149,9 @@ def test_what_is_no_calibration_calibrates_nothing(
 def test_evidence_expires_by_the_day_of_the_log(made: CalibrationOutcome) -> None:
     held = load_calibration(CalibrationRequest(made.folder))
     last = int(pl.Series([held.document.expires]).cast(pl.Datetime("ns", "UTC"))[0].timestamp())
-    held.check_day(last * 10**9, "a.bag")
+    held.refuse_after_expiry(last * 10**9, "a.bag")
     with pytest.raises(EvidenceError, match=r"expired on .* a\.bag is of"):
-        held.check_day((last + 3 * 86_400) * 10**9, "a.bag")
+        held.refuse_after_expiry((last + 3 * 86_400) * 10**9, "a.bag")
 
 
 def test_a_recording_made_without_it_is_of_other_priors(
@@ -183,7 +183,7 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
         for log in bundle.evidence["logs"]:
             del log["machine_id"]
         document = made.document
-        estimator = estimator_of(document.campaign, document.weighing, (), form)
+        estimator = estimator_with_digest(document.campaign, document.weighing, (), form)
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
@@ -201,7 +201,9 @@ def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
     def before(bundle: Bundle) -> None:
         del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
         document = parse_document(canonical_bytes(bundle.evidence), "evidence.json")
-        estimator = estimator_of(document.campaign, document.weighing, document.settings_at_default)
+        estimator = estimator_with_digest(
+            document.campaign, document.weighing, document.settings_at_default
+        )
         bundle.evidence["estimator"] = estimator.model_dump(mode="json")
 
     earlier = tampered(made.folder, tmp_path / "earlier", before, signed=True)

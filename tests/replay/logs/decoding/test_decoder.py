@@ -16,7 +16,7 @@ from replay.commands.info import show
 from replay.init.describe_log import describe
 from replay.logs.decoding.batch_stream import Stream, take_all
 from replay.logs.decoding.decode_plan import Plan
-from replay.logs.decoding.decoder import schema_of
+from replay.logs.decoding.decoder import frame_schema_of_fields
 from replay.logs.decoding.decoder_choice import PerMessageDecoder, decoder_name, make_decoder
 from replay.logs.message_definitions import compile_type
 from replay.logs.messages.message_fields import resolve
@@ -105,7 +105,7 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
         yield RawBatch(0, whole, many, many + len(good), np.arange(5007, 5007 + many.size))
 
     fields = [resolve("effort[left]", kind.record)]
-    stream = Stream(make_decoder(kind, fields), schema_of(fields))
+    stream = Stream(make_decoder(kind, fields), frame_schema_of_fields(fields))
     take_all(([batch] for batch in batches()), {0: stream})
     frame, tally = stream.finish(), stream.tally
     assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
